@@ -82,7 +82,7 @@ class Study:
 
     @property
     def name(self) -> str:
-        """Name of the study and of its report folder."""
+        """Name of the study."""
         return self.file.study
 
     @property
@@ -142,10 +142,9 @@ class Study:
         return f"{self.name}: {words or 'no mistakes'}"
 
     def check(self) -> str:
-        """Check that the program can compute the study to its tolerances.
+        """Check that the declared tolerances can be met with the models that the study forces.
 
-        If the study declares an accuracy, or forces a model of an effect other than calibration, the models are chosen
-        as in `plan`; otherwise, nothing is left to check after `load`. The time of the run is not predicted.
+        The time of the run is not predicted.
 
         Returns
         -------
@@ -171,8 +170,8 @@ class Study:
 
         Parameters
         ----------
-        values
-            New value for each dotted path, such as ``{"stereo-short.baseline": "50 mm"}``.
+        values : Mapping
+            New value, as in a study file, for each dotted path, such as ``{"stereo-short.baseline": "50 mm"}``.
 
         Returns
         -------
@@ -218,8 +217,8 @@ class Study:
         progress
             Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
         budget
-            Wall time for all measurements [s]. Measurements that do not fit are left out and listed in the result.
-            Calibrations from targets or corners are fitted first, which takes extra time.
+            Wall time for all measurements [s]; by default 120. Measurements that would exceed it are left out and
+            listed in the result. Calibrations from targets or corners are fitted first, which takes extra time.
         executor
             Executor from `tradestudy.execution`, for the calibrations that are fitted first. Default: this
             process.
@@ -261,10 +260,10 @@ class Study:
         progress
             Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
         executor
-            Executor from `tradestudy.execution`, which computes independent points on threads, processes or a cluster.
-            Default: this process. Every executor gives the same results, to the last bit.
+            Executor from `tradestudy.execution`, which computes independent parts of the study on threads, processes or
+            a cluster. Default: this process. Every executor gives the same results, to the last bit.
         checkpoints
-            Where finished points are stored, so that an interrupted run can resume. Default: nowhere.
+            Where finished parts are stored, so that an interrupted run can resume. Default: nowhere.
         planned
             Function called with the plan before the computation starts.
         pictures

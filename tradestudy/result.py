@@ -26,7 +26,7 @@ class Result:
     Parameters
     ----------
     data
-        All results, as groups of variables; the attributes of each variable state its SI unit.
+        All results, as groups of variables; the attributes of each variable state its unit.
     run_record
         Record of the run, as in ``run.json``: inputs, versions, machine and times.
     """
@@ -85,8 +85,8 @@ class Result:
           - its ``name``, ``says`` and ``priority``, as declared;
           - whether it is ``met`` (null if undecided), the title of the ``camera`` that decides the verdict, and
             the ``reason`` in words;
-          - the ``margin``, the fraction by which the worst value could worsen within its bound (negative if it
-            violates the bound), and the ``place`` of the worst value, a distance [m];
+          - the ``margin``, by which the worst value could worsen before it reaches its bound, as a fraction of the
+            value (negative if it violates the bound), and the ``place`` of the worst value, a distance [m];
           - the ``conformity``, the probability that the true worst value meets the bound;
           - ``rests_on``, the input or limit that decides the answer, in words;
           - the ``probability`` that the requirement is met, as a fraction of the random draws of the values that the
@@ -95,8 +95,8 @@ class Result:
             ``designs``;
           - in a sweep of one number, ``met_with``: the ranges of this ``parameter`` in which a ``camera`` meets the
             requirement, ``from`` one value ``to`` another, with the ``error`` of these two values;
-          - if a matcher makes a difference, ``bound_alone``: ``met``, ``camera`` and ``reason`` for a matcher as
-            precise as the Cramér–Rao bound.
+          - if the value depends on the error of a matcher, ``bound_alone``: ``met``, ``camera`` and ``reason`` for a
+            matcher as precise as the Cramér–Rao bound.
 
         - ``designs``, in a sweep with requirements: the ``count`` of all designs, the number of ``feasible`` ones, and
           the ``best`` design, with its ``values`` by dotted path and its smallest ``margin``.
@@ -105,17 +105,19 @@ class Result:
           the number of ``solutions``.
         - ``trade_off``: for each ``camera``, the fraction of all possible weights that rank it ``first``, and the
           ``error`` of this fraction.
-        - ``measured``: for each ``camera``, the ``spread`` and the ``bias`` [m] of the depth that it measured in
-          simulated pictures ``of`` the ``scene`` or of a ``plane`` (for a plane, with its ``distance`` [m],
-          ``contrast`` and ``electrons``); their standard errors ``spread_error`` and ``bias_error`` [m]; the
-          ``predicted`` spread [m]; and the fraction ``filled`` of the measurable points at which it measured a depth.
+        - ``measured``: for each ``camera``, the ``spread`` (half the width of the central 68.27 % interval) and the
+          ``bias`` (median) of the depth errors [m] in simulated pictures ``of`` the ``scene`` or of a ``plane`` (for a
+          plane, with its ``distance`` [m], ``contrast`` and ``electrons``); their standard errors ``spread_error`` and
+          ``bias_error`` [m]; the ``predicted`` spread [m]; and the fraction ``filled`` of the measurable points at
+          which the camera measured a depth.
         - ``light_spot``: for each picture of the light spot, its ``method``, its stated relative ``error``, and its
           ``difference`` from the picture by the method ``reference``: the sum of the absolute differences of the
           pixels, as a fraction of the light in the reference (null for the reference itself).
-        - ``fresnel_validity``: for each lens, its ``element``, and each ``lens_phase``, the smallest ``f_number`` from
-          which spots by Fresnel's integral differ from those by Kirchhoff's by at most ``limit``; 0 if they do at every
-          f-number of the study, null if at none. Their difference is the integral of the absolute difference over a
-          disc with the radius ``window`` [Airy radii], relative to the integral of the intensity.
+        - ``fresnel_validity``: for each ``element`` (a lens) and ``lens_phase``, the ``f_number`` above which the spot
+          by Fresnel's integral differs from that by Kirchhoff's by less than ``limit``; 0 if it does so at every
+          f-number of the study, null if it does not even at the largest. The difference of the spots is the integral of
+          the absolute difference of their intensities over a disc with the radius ``window`` [Airy radii], relative to
+          the integral of the intensity.
         - ``hard_cases``: the number of ``cases`` with known answers, and the number ``met`` that the program gets
           right; empty if the study computed none.
         - ``rests_on``: the inputs and limits that decide the answers, in words.
@@ -159,6 +161,11 @@ class Result:
         -------
         matplotlib.figure.Figure
             The figure.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the name is not one of `figure_names`.
         """
         from tradestudy import figures
 
@@ -182,7 +189,7 @@ class Result:
         Returns
         -------
         pandas.DataFrame
-            The table; its ``attrs["units"]`` gives the SI unit of each column.
+            The table; its ``attrs["units"]`` gives the unit of each column.
 
         Raises
         ------

@@ -5,9 +5,9 @@ Start here:
 * `point_spread` computes the point-spread function of a lens from focal length, f-number and wavelength. Its result has
   methods for width, encircled energy, Strehl ratio, MTF and a plot. `Pupil` adds a transmission and aberrations
   (Zernike coefficients, a function or a map) to the lens; `FocalLengths` adds field curvature and axial colour.
-* `aperture_field` computes the complex field and the intensity of a point source anywhere behind a lens. Metrics
-  such as `encircled_energy` and `modulation_transfer` accept the result of `point_spread`, and that of `aperture_field`
-  on a regular grid.
+* `aperture_field` computes the complex field and the intensity that a point source produces anywhere behind a lens.
+  Metrics such as `encircled_energy` and `modulation_transfer` accept the result of `point_spread`, and that of
+  `aperture_field` on a regular grid.
 * `microlens_image` computes the image of a point or a disc on the pixels behind a main lens and a microlens array, from
   the numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`, that is, with any positions and
   focal lengths of the microlenses.
@@ -16,11 +16,12 @@ Functions take and return NumPy arrays. Lengths are in metres, angles in radians
 and targets (the points at which a field is computed) share the same x and y axes: a source at x > 0 has its real image
 at x < 0.
 
-Every field, image and metric comes with an estimate of its numerical error, except the fields of `propagate_samples`. A
-function whose result misses the tolerance raises ``NotConvergedError``, with two exceptions: the functions that take a
-`LightPath` return the image with ``within_tolerance`` False, and `aperture_field` with node counts of your own returns
-the field with the error that they cause. A relative L2 error is the root of the sum of the squared errors, divided by
-the root of the sum of the squared values; both sums extend over all targets, samples or pixels.
+Every field, image and metric comes with an estimate of its numerical error, except the fields of `propagate_samples`
+and the closed form of `diffraction_limited_peak`. A function whose result misses the tolerance raises
+``NotConvergedError``, with two exceptions: the functions that take a `LightPath` return the image with
+``within_tolerance`` False, and `aperture_field` with node counts of your own returns the field with the error that they
+cause. A relative L2 error is the root of the sum of the squared errors, divided by the root of the sum of the squared
+values; both sums extend over all targets, samples or pixels.
 
 Examples
 --------

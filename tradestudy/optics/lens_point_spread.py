@@ -53,8 +53,8 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 class LensPointSpread(PointSpread):
     """Point-spread function of a lens, as `point_spread` computes it: a `PointSpread` with data of the lens.
 
-    The methods of this class return their numbers with errors. The inherited `at` returns intensities without errors.
-    The square that the samples cover is called the window.
+    Its own methods return numbers with errors; the inherited `at` and `moments` return numbers without. The square that
+    the samples cover is called the window.
 
     Attributes
     ----------

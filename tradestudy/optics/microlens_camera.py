@@ -38,18 +38,19 @@ class MicrolensCamera:
     focal_length
         Focal length f of the main lens [m], > 0, or a table of it over field angle and wavelength.
     f_number
-        f-number of the main lens [1], > 0: f divided by the diameter of the pupil.
+        f-number of the main lens [1], > 0: f divided by the diameter of the pupil. For a table, f is its reference
+        focal length.
     array_distance
         Distance z from the main lens to the microlens array [m], > 0.
     microlens_focal_lengths
         Focal length of all microlenses [m]; or three focal lengths, for a hexagonal array with three types of microlens
         in which neighbours are always of different types.
     microlens_pitch
-        Distance between the centres of neighbouring microlenses [m], > 0.
+        Distance between the centres of neighbouring microlenses [m], > 0 and at most z divided by the f-number.
     gap
         Distance b_L from the microlens array to the detector [m], > 0.
     pixel_pitch
-        Side of a pixel [m], > 0.
+        Side of a pixel [m], in the same range as `microlens_pitch`.
     layout
         Lattice of the microlenses: ``hexagonal``, with rows along x, or ``square``. One microlens is centred on the
         axis.
@@ -149,7 +150,7 @@ class MicrolensCamera:
         return np.atleast_1d(np.asarray(self.microlens_focal_lengths, dtype=np.float64))
 
     def light_path(self, source: PointSource | DiscSource, *, wavelength: float) -> LightPath:
-        """Return the main lens, the microlenses that a source lights and those around them, and the pixels behind.
+        """Return the light path of a source through this camera.
 
         Parameters
         ----------
@@ -161,7 +162,7 @@ class MicrolensCamera:
         Returns
         -------
         LightPath
-            Main lens, lit microlenses with a ring of unlit ones, and the pixels behind all of them.
+            Main lens, the microlenses that the source lights and a ring around them, and the pixels behind all of them.
 
         Raises
         ------

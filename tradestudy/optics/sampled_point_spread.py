@@ -27,7 +27,7 @@ _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic s
 class Measured:
     """A number or an array of numbers, each with its numerical error.
 
-    ``str`` shows each value to the digits that its error supports; ``repr`` summarises large arrays.
+    ``str`` shows each value to the digits that its error supports.
 
     Attributes
     ----------
@@ -96,8 +96,8 @@ class PointSpread:
     pupil_power
         Power through the pupil [W], > 0. Metrics such as the encircled energy are fractions of this power.
     relative_error
-        Stated relative L2 error of the intensity over the samples [1]. Every number computed from the samples takes it
-        into account in its own error. Default: 0, for exact samples.
+        Stated relative L2 error of the intensity over the samples [1]. The errors of all metrics take it into account.
+        Default: 0, for exact samples.
 
     Raises
     ------
@@ -106,7 +106,8 @@ class PointSpread:
 
     Examples
     --------
-    A Gaussian spot with a standard deviation of 2 µm, its width along x, and its intensity 2 µm from the centre:
+    A Gaussian spot with a standard deviation of 2 µm: its width along x, its intensity 2 µm from the centre, and the
+    power within 2 µm:
 
     >>> import numpy as np
     >>> from tradestudy import optics
@@ -116,8 +117,9 @@ class PointSpread:
     >>> width = optics.full_width_at_half_maximum(psf, angle=0.0)
     >>> print(f"{width.value:.4e} m, numerical error below 1e-12 m: {width.error < 1e-12}")
     4.7096e-06 m, numerical error below 1e-12 m: True
-    >>> print(f"{psf.at(2e-6, 0.0):.5f} W/m², {psf.moments((0.0, 0.0), 5e-6)}")
-    0.60653 W/m², DiscMoments(radii up to 5e-06 m)
+    >>> moment = psf.moments((0.0, 0.0), 5e-6)
+    >>> print(f"{psf.at(2e-6, 0.0):.5f} W/m²; {moment(2e-6, 0):.3e} W")
+    0.60653 W/m²; 9.889e-12 W
     """
 
     x: FloatArray
@@ -248,8 +250,6 @@ class PointSpread:
 
     def moments(self, centre: tuple[float, float], reach: float) -> DiscMoments:
         """Moments ∫ rⁿ I dA of the intensity over discs about one centre, where r is the distance from the centre.
-
-        The result is kept: a second call with the same centre and reach does not evaluate the spline again.
 
         Parameters
         ----------

@@ -17,7 +17,8 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     Parameters
     ----------
     name
-        Name of the study.
+        Name of the study, at most 80 characters: letters, digits and ``_``; after the first character also ``.``,
+        ``+`` and ``-``.
     kind
         ``stereo`` or ``plenoptic`` for two cameras of this kind. Default: a plenoptic camera and a stereo rig.
     calibration_files
@@ -33,7 +34,7 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     Raises
     ------
     OutOfRangeError
-        If the name is not allowed, or there is no such kind.
+        If the name is not of this form, or there is no such kind.
     """
     if not re.fullmatch(NAME_PATTERN, name) or len(name) > LONGEST_NAME:
         raise OutOfRangeError(

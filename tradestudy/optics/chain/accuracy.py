@@ -30,17 +30,17 @@ _KNOBS = (
 class ChainAccuracy:
     """Tolerance of an image by `chain_image`, and factors on its sampling.
 
-    The tolerance determines the sampling of a computation. Each factor multiplies one part of this sampling: 2 makes it
-    twice as fine.
+    The tolerance determines the sampling of a computation. Each factor, > 0, changes one part of this sampling; a
+    larger one makes it finer or wider.
 
     Parameters
     ----------
     tolerance
         Relative L2 error over the pixels that the sampling should achieve [1], in 1e-6 … 0.2.
     pupil_nodes
-        Factor on the phase variation that the quadrature nodes in the pupil of the main lens are chosen to resolve.
+        Factor on the phase variation from which the number of quadrature nodes in the pupil of the main lens follows.
     microlens_nodes
-        Factor on the phase variation that the quadrature nodes on a microlens are chosen to resolve.
+        Factor on the phase variation from which the number of quadrature nodes on a microlens follows.
     field_sampling
         Factor on the density of the samples of the main lens's field on the array.
     diffraction_reach
@@ -49,8 +49,8 @@ class ChainAccuracy:
         Factor on the number of samples of the field along a pixel.
     source_sampling
         Factor on the density of the points that represent a disc source, and on the number of distances from the axis
-        at which the main lens's field is computed for such a source. If the light is ``geometric`` both to the array
-        and to the sensor, factor on the density of the rays.
+        at which the main lens's field is computed for such a source. If both legs are ``geometric``, it is a factor on
+        the density of the rays.
     memory_limit
         Memory that the arrays of one computation may take [bytes]. The error estimate (`compared`) needs a second
         computation at the same time, which may take as much again.
@@ -105,10 +105,8 @@ class ChainAccuracy:
     def compared(self) -> ChainAccuracy:
         """Settings of a second computation, whose difference from the first gives the stated error.
 
-        They are coarser, with two exceptions. A factor below 1 becomes 1, because undersampled light could alias in the
-        same way on even fewer samples. `diffraction_reach` becomes larger: light beyond the reach comes from the edges
-        of further microlenses, and a shorter reach could exclude the same edges, so that no difference showed what is
-        missing.
+        `tolerance` and `diffraction_reach` become larger; `pupil_nodes`, `microlens_nodes` and `field_sampling` become
+        smaller, or 1 if they are below 1.
 
         Returns
         -------

@@ -70,8 +70,8 @@ class Microlenses:
     ...     pitch=26e-6,
     ...     layout="square", gaps="opaque", lens_phase="parabolic",
     ... )
-    >>> print(f"{lenses.fill_factor:.3f}, {lenses.only(0, 4).count} of {lenses.count} lenses")
-    0.669, 2 of 9 lenses
+    >>> print(f"fill factor {lenses.fill_factor:.3f}; {lenses.only(0, 4).count} of {lenses.count} microlenses kept")
+    fill factor 0.669; 2 of 9 microlenses kept
     >>> print(f"aperture radius {lenses.lens(4).radius * 1e6:.1f} µm")
     aperture radius 12.0 µm
     """

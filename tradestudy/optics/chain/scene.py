@@ -29,7 +29,7 @@ class Legs:
     * ``fresnel``: Fresnel's integral, see `FresnelKernel`.
     * ``kirchhoff``: Kirchhoff's integral, see `KirchhoffKernel`.
     * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
-      Kirchhoff's integral; where either is singular, the integral itself.
+      Kirchhoff's integral; the integral itself where rays or edge wave are singular.
 
     The constants `GEOMETRIC`, `EXACT_RAYS`, `FRESNEL` and `KIRCHHOFF` of this package use one method on both legs;
     `KIRCHHOFF_FRESNEL` uses ``kirchhoff`` to the array and ``fresnel`` to the detector.
@@ -108,8 +108,8 @@ class PixelGrid:
     >>> from tradestudy import optics
     >>> grid = optics.PixelGrid(pitch=4e-6, shape=(9, 23))
     >>> part = grid.part(slice(0, 9), slice(10, 13))
-    >>> print(f"first column at {grid.edges_x[0]:.2g} m, of a part at {part.edges_x[0]:.2g} m")
-    first column at -4.6e-05 m, of a part at -6e-06 m
+    >>> print(f"the grid begins at x = {grid.edges_x[0] * 1e6:.0f} µm, the part at {part.edges_x[0] * 1e6:.0f} µm")
+    the grid begins at x = -46 µm, the part at -6 µm
     """
 
     pitch: float
@@ -209,8 +209,8 @@ class LightPath:
     ...     pixels=optics.PixelGrid(pitch=4e-6, shape=(21, 21)),
     ... )
     >>> source = optics.PointSource(x=1e-3, distance=20e-3)
-    >>> print("main image {2:.3g} m in front of the array".format(*path.image_at_array(source)))
-    main image 0.000278 m in front of the array
+    >>> print("image {2:.3g} m in front of the array".format(*path.image_at_array(source)))
+    image 0.000278 m in front of the array
     >>> middle = path.object_before(4, source)
     >>> print(f"object at x = {middle.x * 1e6:.1f} µm; chief ray at x = {path.chief_point(source)[0] * 1e6:.1f} µm")
     object at x = -111.1 µm; chief ray at x = -125.0 µm
@@ -250,8 +250,8 @@ class LightPath:
         Returns
         -------
         tuple
-            x and y of the image [m], and its distance in front of the array, a_L = z − b [m]. Here, z is
-            `array_distance` and b the distance of the image behind the main lens; a_L < 0 behind the array.
+            x and y of the image [m], and its distance in front of the array, a_L = z − b [m]; a_L < 0 for an image
+            behind the array. Here, z is `array_distance` and b the distance of the image behind the main lens.
 
         Raises
         ------

@@ -24,16 +24,15 @@ class KirchhoffKernel:
       References. The paper calls the integral Kirchhoff's; in the literature it is the far-zone form of the first
       Rayleigh–Sommerfeld integral.
     * ``textbook``: (c + z/s)/2, the Fresnel–Kirchhoff obliquity, where c is the cosine of the angle between the axis
-      and the direction of the wave at q, directly behind the lens. With this factor, the method ``boundary_wave`` is
-      exact for a spherical wave, apart from terms of the order of the wavelength divided by the distances; otherwise,
-      it approximates the integral.
+      and the direction of the wave at q, directly behind the lens. For this factor and a spherical wave, the method
+      ``boundary_wave`` is exact, apart from terms of the order of the wavelength divided by the distances; for other
+      factors and waves, it is an approximation.
     * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), which is exact if the field in the aperture is known exactly.
 
     The differences are small. In the image plane of an f/3.8 microlens, the intensity by ``textbook`` differs from that
     by ``paper`` by 1e-5, and the intensity by ``rayleigh-sommerfeld-1`` by 1e-7 (relative L2 difference). At 1.25
-    times the image distance, the differences are 5e-4 and 2e-7. The phase by ``rayleigh-sommerfeld-1`` differs by
-    1/(k s), here 2e-4 rad. If c were taken in front of the lens, the intensity by ``textbook`` in the image plane would
-    be 0.4 % higher than that by ``paper``.
+    times the image distance, the differences are 5e-4 and 2e-7. The phase by ``rayleigh-sommerfeld-1`` differs from
+    that by ``paper`` by 1/(k s), here 2e-4 rad.
 
     Parameters
     ----------
@@ -60,14 +59,17 @@ class KirchhoffKernel:
     >>> change, spreading = kernel.path_and_spreading(*node, 1.0, *target)
     >>> print(spreading == kernel.spreading(*node, 1.0, *target))
     True
-    >>> print(f"{kernel.wavenumber:.4g} rad/m, path {kernel.path(*target)} m, {change * 1e6:.5f} µm more from the node")
-    1.142e+07 rad/m, path 0.1 m, 4.99988 µm more from the node
-    >>> print(f"{spreading:.5f} 1/m, amplitude {abs(kernel.amplitude(*node, 1.0, *target)):.4e} 1/m²")
-    9.99925 1/m, amplitude 1.8180e+07 1/m²
-    >>> print(f"slope {kernel.slope_at_target(*node, *target)[0]:.7f}")
-    slope -0.0099995
-    >>> print(f"{kernel.beyond_linear(*node, 1.0, target, 1e-5, 0.0, 0.0)[0] * 1e9:.4f} nm off that slope over 10 µm")
-    0.4999 nm off that slope over 10 µm
+    >>> print(f"path {kernel.path(*target)} m from the centre, {change * 1e6:.5f} µm longer from the node")
+    path 0.1 m from the centre, 4.99988 µm longer from the node
+    >>> print(f"spreading {spreading:.5f} 1/m, wavenumber {kernel.wavenumber:.4g} rad/m")
+    spreading 9.99925 1/m, wavenumber 1.142e+07 rad/m
+    >>> print(f"magnitude of the amplitude {abs(kernel.amplitude(*node, 1.0, *target)):.4e} 1/m²")
+    magnitude of the amplitude 1.8180e+07 1/m²
+    >>> print(f"slope along x {kernel.slope_at_target(*node, *target)[0]:.7f}")
+    slope along x -0.0099995
+    >>> beyond, _ = kernel.beyond_linear(*node, 1.0, target, 1e-5, 0.0, 0.0)
+    >>> print(f"nonlinear change {beyond * 1e9:.4f} nm when the target moves by 10 µm")
+    nonlinear change 0.4999 nm when the target moves by 10 µm
     """
 
     wavelength: float
@@ -285,14 +287,17 @@ class FresnelKernel:
     >>> change, spreading = kernel.path_and_spreading(*node, None, *target)
     >>> print(spreading == kernel.spreading(*node, None, *target))
     True
-    >>> print(f"{kernel.wavenumber:.4g} rad/m, path {kernel.path(*target)} m, {change * 1e6:.5f} µm more from the node")
-    1.142e+07 rad/m, path 0.1 m, 5.00000 µm more from the node
-    >>> print(f"{spreading:.5f} 1/m, amplitude {abs(kernel.amplitude(*node, None, *target)):.4e} 1/m²")
-    10.00000 1/m, amplitude 1.8182e+07 1/m²
-    >>> print(f"slope {kernel.slope_at_target(*node, *target)[0]:.7f}")
-    slope -0.0100000
-    >>> print(f"{kernel.beyond_linear(*node, None, target, 1e-5, 0.0, 0.0)[0] * 1e9:.4f} nm off that slope over 10 µm")
-    0.5000 nm off that slope over 10 µm
+    >>> print(f"path {kernel.path(*target)} m from the centre, {change * 1e6:.5f} µm longer from the node")
+    path 0.1 m from the centre, 5.00000 µm longer from the node
+    >>> print(f"spreading {spreading:.5f} 1/m, wavenumber {kernel.wavenumber:.4g} rad/m")
+    spreading 10.00000 1/m, wavenumber 1.142e+07 rad/m
+    >>> print(f"magnitude of the amplitude {abs(kernel.amplitude(*node, None, *target)):.4e} 1/m²")
+    magnitude of the amplitude 1.8182e+07 1/m²
+    >>> print(f"slope along x {kernel.slope_at_target(*node, *target)[0]:.7f}")
+    slope along x -0.0100000
+    >>> beyond, _ = kernel.beyond_linear(*node, None, target, 1e-5, 0.0, 0.0)
+    >>> print(f"nonlinear change {beyond * 1e9:.4f} nm when the target moves by 10 µm")
+    nonlinear change 0.5000 nm when the target moves by 10 µm
     """
 
     wavelength: float

@@ -164,8 +164,8 @@ class CircularLens:
     ...     pupil=optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9),
     ... )
     >>> x, y, behind = lens.image_of(optics.PointSource(distance=0.15))
-    >>> print(f"{behind * 1e3:.1f} mm behind the lens, amplitude {lens.transmission(x, y)}")
-    75.0 mm behind the lens, amplitude 1.0
+    >>> print(f"image {behind * 1e3:.1f} mm behind the lens, amplitude transmission {lens.transmission(1e-3, 0.0)}")
+    image 75.0 mm behind the lens, amplitude transmission 1.0
     >>> lens.without_obscuration(lambda r: optics.disc_nodes(radius=r, radial_count=4, angular_count=8)).count
     32
     """
@@ -210,9 +210,7 @@ class CircularLens:
             )
 
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
-        """Quadrature nodes of the aperture, from which those of the obscuration are subtracted.
-
-        Aperture and obscuration each have nodes of their own, so the edge of the obscuration costs no accuracy.
+        """Quadrature nodes of the aperture without its obscuration.
 
         Parameters
         ----------
@@ -223,7 +221,7 @@ class CircularLens:
         Returns
         -------
         QuadratureNodes
-            Nodes of both discs; the area weights of the obscuration are negative.
+            Nodes of the aperture, and nodes of the obscuration with negative area weights.
         """
         whole = nodes_of(self.radius)
         if self.pupil is None or self.pupil.obscuration == 0.0:
@@ -237,7 +235,7 @@ class CircularLens:
         )
 
     def transmission(self, x: Array, y: Array) -> Array | float:
-        """Amplitude transmission t of the pupil, without its obscuration.
+        """Amplitude transmission t of the pupil; the obscuration is ignored.
 
         Parameters
         ----------

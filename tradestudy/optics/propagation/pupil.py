@@ -78,11 +78,11 @@ class Pupil:
     `zernikes` and `path`.
 
     Positions are given as (x/R, y/R): x and y are measured from the centre of the aperture, along the axes of source
-    and targets, and R is its radius. Arrays have shape (n, n), n ≥ 6, and cover the square around the aperture: row i
-    lies at y/R = −1 + 2 i/(n − 1), column j at x/R = −1 + 2 j/(n − 1). A quintic spline interpolates the values, so
-    they must continue smoothly beyond the edge of the aperture. Functions must be smooth, too: with a step inside the
-    aperture, quadrature converges slowly and may miss the tolerance. A dark centre costs no accuracy if `obscuration`
-    declares it. The methods ``geometric`` and ``boundary_wave`` need the derivatives of W, so they accept only Zernike
+    and targets, and R is its radius. As arrays, `path` and `amplitude` have shape (n, n), n ≥ 6, and cover the square
+    around the aperture: row i lies at y/R = −1 + 2 i/(n − 1), column j at x/R = −1 + 2 j/(n − 1). A quintic spline
+    interpolates the values, so they must continue smoothly beyond the edge of the aperture. Functions must be smooth,
+    too: with a step inside the aperture, quadrature converges slowly and may miss the tolerance. A dark centre costs no
+    accuracy if `obscuration` declares it. The methods ``geometric`` and ``boundary_wave`` accept only Zernike
     coefficients.
 
     Parameters
@@ -118,8 +118,9 @@ class Pupil:
     >>> print(f"{coma.zernikes[8]:.3g} m")
     5.5e-08 m
     >>> gaussian = optics.Pupil(amplitude=lambda x, y: np.exp(-(x**2 + y**2)))
-    >>> len(coma.path_terms(1e-3)), len(gaussian.path_terms(1e-3))
-    (1, 0)
+    >>> (term,) = coma.path_terms(1e-3)
+    >>> print(f"path at the edge {term.value(1e-3, 0.0):.3g} m; Gaussian: {gaussian.path_terms(1e-3)}")
+    path at the edge 1.56e-07 m; Gaussian: ()
     """
 
     zernikes: Mapping[int, float] = field(default_factory=dict)
@@ -184,8 +185,7 @@ class Pupil:
         zernikes
             Zernike coefficients of W, by Noll's index from 1 to 153 [waves rms].
         wavelength
-            Length of one wave [m], > 0. It only converts the path to metres, which is then the same for light of every
-            wavelength.
+            Length of one wave [m], > 0. The path that follows from it is the same for light of every wavelength.
         path
             Further part of W [waves], as a function of (x/R, y/R) or an array. Default: 0.
         amplitude
@@ -247,7 +247,8 @@ class Pupil:
         Returns
         -------
         tuple
-            One term for the Zernike polynomials and one for the further path, each only if given.
+            One term for the Zernike polynomials and one for `path`, each only if given. Its method ``value(x, y)``
+            returns the path [m] at positions relative to the centre of the aperture [m].
 
         Raises
         ------

@@ -78,7 +78,7 @@ class Effort:
     nodes
         Quadrature nodes on the aperture (on its edge for the boundary wave, unless all targets are handed over).
     radial_nodes, angular_nodes
-        Rings, and nodes on the outermost.
+        As in `NodeCounts`.
     rank
         Terms of the low-rank factor; 0 if everything was summed directly.
     tiles

@@ -64,16 +64,16 @@ class Limits:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Number of rings of quadrature nodes on a disc, and number of nodes on the outermost ring.
+    """Numbers of quadrature nodes on a disc: of rings, and of nodes that a ring at the edge would have.
 
-    Inner rings have fewer nodes, because the phase varies less along them.
+    Rings nearer to the centre have fewer nodes, because the phase varies less along them.
 
     Parameters
     ----------
     radial
         Number of rings, ≥ 1.
     angular
-        Number of nodes on the outermost ring, ≥ 1.
+        Number of nodes that a ring at the edge of the disc would have, ≥ 1.
 
     Raises
     ------
@@ -106,9 +106,8 @@ class NodeCounts:
     def on_rings(self) -> IndexArray:
         """Number of nodes on each ring, from the innermost, shape (radial,).
 
-        A ring along which the phase completes t turns gets t + 10 t^⅓ + 3 nodes, which suffice even for the tightest
-        tolerance. For the outermost ring, t follows from its number of nodes, `angular`; for the others, t is
-        proportional to the radius.
+        A ring along which the phase completes t turns gets t + 10 t^⅓ + 3 nodes, rounded up. t is proportional to the
+        radius of the ring, and such that the formula gives `angular` at the edge of the disc.
         """
         relative = np.sqrt(gauss_legendre(self.radial)[0])
         turns = _turns(self.angular)

@@ -97,7 +97,7 @@ class TargetPoints:
         return x, y, z
 
     def corners(self) -> IndexArray:
-        """Return the indices of the points with the smallest and the largest x + y and x − y, shape (4,)."""
+        """Return the indices, as for `at`, of the points with the extreme values of x + y and x − y, shape (4,)."""
         x, y, _ = self.coordinates()
         rising, falling = x + y, x - y
         return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
@@ -264,7 +264,7 @@ class TargetGrid:
         )
 
     def corners(self) -> IndexArray:
-        """Return the indices of the four corners of the grid, shape (4,)."""
+        """Return the indices of the four corners of the grid, as for `at`, shape (4,)."""
         last = self.x_count - 1, self.x_count * (self.y_count - 1)
         return np.array([0, last[1], last[0], last[0] + last[1]])
 

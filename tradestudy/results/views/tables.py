@@ -32,7 +32,7 @@ class Table:
     variables: tuple[str, ...]
 
     def frame(self) -> pd.DataFrame:
-        """One row for each combination of coordinates; ``attrs["units"]`` contains the SI unit of each column."""
+        """One row for each combination of coordinates; ``attrs["units"]`` contains the unit of each column."""
         import pandas as pd
 
         chosen = self.data[list(self.variables)]
