@@ -183,7 +183,7 @@ def render(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Render the pictures of a study's scene. Also write the true depth and a description of each camera."""
+    """Render the pictures of a study's scene; also write their true depth and a description of each camera."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -322,7 +322,7 @@ def new(
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Write a commented study to start from, NAME.yaml. By default it compares a plenoptic camera with a stereo rig."""
+    """Write NAME.yaml, a commented study to start from. By default it compares a plenoptic camera with a stereo rig."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.study.starter import starter

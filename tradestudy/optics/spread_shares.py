@@ -140,8 +140,7 @@ def window_share(field: SpreadField) -> Measured:
 def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Fraction of the power through the pupil that falls outside a disc: 1 − ∬ I dA / P.
 
-    I is the intensity, integrated over the disc, and P the power through the pupil. The disc may be, for example, the
-    blur disc that paraxial rays fill.
+    I is the intensity, integrated over the disc, and P the power through the pupil.
 
     Parameters
     ----------

@@ -273,7 +273,7 @@ class CurvilinearTrapezoid(_Limited):
     """Uniform distribution whose limits are known only to within ± ``inexactness`` (JCGM 101:2008, 6.4.3).
 
     Both limits move by the same amount in opposite directions, so that the middle between them is fixed. All amounts
-    from −``inexactness`` to +``inexactness`` are equally probable.
+    from ``-inexactness`` to ``inexactness`` are equally probable.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ def chain_image(
         The wavelength exceeds an aperture or a distance; a leg uses rays or a boundary wave although the source is a
         coherent disc or a lens has a `Pupil`; the leg to the detector uses a boundary wave although the microlenses are
         square; the main lens has a pupil without rotational symmetry although the source is an incoherent disc; or only
-        one leg uses rays although the main lens focuses the source onto the array.
+        one leg uses rays although the main lens images the source on the array or close to it.
     UnaffordableError
         The computation needs more memory than ``accuracy`` allows, or would divide the source into more
         than about a million points.
