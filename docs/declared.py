@@ -238,15 +238,15 @@ def _code(text: str) -> str:
 
 _COMMAND_LINE: Final = """
 `tradestudy COMMAND` and `python -m tradestudy COMMAND` do the same. `--help` after a command prints what this page
-says about it, and `python -m tradestudy --version` prints the version.
+says about that command, and `python -m tradestudy --version` prints the version.
 
 | exit status | means |
 |---|---|
 | 0 | done |
-| 1 | a failure other than those below; one line says what happened and names a log file |
-| 2 | the input is wrong, or asks for an accuracy that cannot be reached |
-| 3 | with `--strict`, a requirement that must hold is missed or undecided |
-| 130 | interrupted; finished parts are kept |
+| 1 | a failure other than those below |
+| 2 | the input is wrong, or asks for more than can be computed |
+| 3 | with `--strict`, a requirement that must hold is missed or undecided, or a calibration did not converge |
+| 130 | interrupted; the next run continues from the finished parts |
 """
 
 _RESULTS: Final = """

@@ -43,7 +43,7 @@ DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder o
 
 
 def _output_folder(default: str) -> object:
-    name = "where NAME is the name of the study, followed by any changed values"
+    name = "where NAME is the name of the study, followed by any values changed on the command line"
     return typer.Option("--out", metavar="DIR", help="Output folder.", show_default=f"{default}, {name}")
 
 
@@ -53,7 +53,8 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help="Replace a value of the study for this command, such as stereo-short.baseline='50 mm'; may be repeated.",
+        help="Replace a value of the study for this command only, as in stereo-short.baseline='50 mm'; "
+        "may be repeated.",
     ),
 ]
 ToleranceOption = Annotated[
@@ -72,7 +73,10 @@ ThreadsOption = Annotated[
     int | None, typer.Option("--threads", metavar="N", help="Compute on N threads.", show_default=False)
 ]
 DaskOption = Annotated[
-    str | None, typer.Option("--dask", metavar="ADDRESS", help="Compute on the Dask cluster at tcp://HOST:PORT.")
+    str | None,
+    typer.Option(
+        "--dask", metavar="ADDRESS", help="Compute on the Dask cluster at ADDRESS, of the form tcp://HOST:PORT."
+    ),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Ignore the results of earlier runs.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
@@ -118,13 +122,19 @@ def run(
     fresh: FreshOption = False,
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Do not write report.pdf.")] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with status 3 if a 'must' requirement is missed or undecided.")
+        bool,
+        typer.Option(
+            "--strict",
+            help="Exit with status 3 if a 'must' requirement is missed or undecided, or a calibration did not "
+            "converge.",
+        ),
     ] = False,
     with_cost: Annotated[
         bool,
         typer.Option(
             "--with-cost",
-            help="Also measure the error and computing time of every set of models; the report shows them.",
+            help="Also measure the error and computing time of every set of models that can answer the study; the "
+            "report shows them.",
         ),
     ] = False,
     as_json: Annotated[
@@ -173,7 +183,7 @@ def render(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Render the pictures of a study's scene. Also write the true depth and a description of each camera."""
+    """Render the pictures of a study's scene; also write their true depth and a description of each camera."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -210,11 +220,12 @@ def export(
         ),
     ] = None,
     lossy: Annotated[
-        bool, typer.Option("--lossy", help="Leave out what a format cannot represent, and list what is left out.")
+        bool,
+        typer.Option("--lossy", help="Export even if a format cannot represent everything, and list what is left out."),
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera's calibration as files for other programs. Other studies can read the format 'posterior'."""
+    """Write a camera's calibration as files for other programs or, in the format 'posterior', for other studies."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -258,13 +269,13 @@ def cost(
         typer.Option(
             "--budget",
             metavar="SECONDS",
-            help="Longest time for all measurements together; those that do not fit are left out.",
+            help="Longest time for all measurements together; those that do not fit into it are left out.",
         ),
     ] = DEFAULT_BUDGET,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure the error and computing time of every set of models. Write them to cost.json and cost.svg."""
+    """Measure error and computing time of every set of models that can answer a study; write cost.json and cost.svg."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -297,8 +308,8 @@ def new(
         typer.Option(
             "--from",
             metavar="FILE",
-            help="Start from the camera of this calibration file; for a pair of files, repeat this option: left, "
-            "then right.",
+            help="Start from the camera in this calibration file. For a stereo rig in two files, give this option "
+            "twice: left, then right.",
         ),
     ] = None,
     set_: Annotated[
@@ -311,7 +322,7 @@ def new(
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Write a commented study to start from, NAME.yaml. By default it compares a plenoptic camera with a stereo rig."""
+    """Write NAME.yaml, a commented study to start from. By default it compares a plenoptic camera with a stereo rig."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.study.starter import starter
@@ -370,7 +381,7 @@ def compare(
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Compare runs: conclusions, inputs and results. A result has changed if it differs by more than its error."""
+    """Compare conclusions, inputs and results of runs. A result has changed if it differs by more than its error."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.results.storage import replace_file

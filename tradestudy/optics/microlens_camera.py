@@ -292,8 +292,8 @@ def microlens_image(
     Parameters
     ----------
     camera
-        Main lens, microlens array and sensor. A plenoptic camera of a study returns them by its method
-        ``light_chain()``, as in ``study.definition.case.cameras["raytrix-r5"].light_chain()``.
+        Main lens, microlens array and sensor. For a plenoptic camera of a study, give
+        ``study.definition.case.cameras["raytrix-r5"].light_chain()``.
     source
         A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
         phase over the disc (coherent disc).
@@ -305,9 +305,9 @@ def microlens_image(
     legs
         Methods of propagation to the array and to the detector, as in `chain_image`.
     tolerance
-        Largest relative L2 error over the pixels [1], in 1e-6 … 0.2.
+        Largest relative L2 error over the pixels [1], from 1e-6 to 0.2.
     seed
-        Seed, ≥ 0, of the random points at which the result is checked: the same call gives the same digits.
+        Seed, ≥ 0, of the random points at which the result is checked; the same seed gives the same digits.
 
     Returns
     -------
@@ -344,8 +344,9 @@ def microlens_image(
     ...     pupil=optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9),
     ... )
     >>> image = optics.microlens_image(camera, optics.PointSource(distance=20e-3), wavelength=550e-9, tolerance=1e-2)
-    >>> print(f"{image.pixels.sum():.2f} of the light on {image.pixels.shape}, within 1 %: {image.within_tolerance}")
-    0.88 of the light on (22, 22), within 1 %: True
+    >>> rows, columns = image.pixels.shape
+    >>> print(f"{image.pixels.sum():.2f} of the light on {rows} × {columns} pixels, to 1 %: {image.within_tolerance}")
+    0.88 of the light on 22 × 22 pixels, to 1 %: True
     >>> grid = camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9).pixels
     >>> print(f"from x = {grid.edges_x[0] * 1e6:.0f} to {grid.edges_x[-1] * 1e6:.0f} µm")
     from x = -44 to 44 µm

@@ -83,10 +83,8 @@ def disc_nodes(
 ) -> QuadratureNodes:
     """Quadrature nodes on a disc: rings at Gauss–Legendre points in the squared radius, each with equally spaced nodes.
 
-    The mean of a smooth function over a ring is a smooth function of the squared radius, and equal steps of the squared
-    radius enclose equal areas. The rule therefore converges fast: it is exact for polynomials x^i y^j with i + j <
-    ``angular_count`` (its smallest entry, for an array) and i + j ≤ 4 ``radial_count`` − 2. For other smooth functions,
-    the error falls faster than any power of the counts.
+    The rule is exact for polynomials x^i y^j with i + j < ``angular_count`` (its smallest entry, for an array) and
+    i + j ≤ 4 ``radial_count`` − 2. For other smooth functions, the error falls faster than any power of the counts.
 
     Parameters
     ----------
@@ -96,7 +94,7 @@ def disc_nodes(
         Number of rings, ≥ 1.
     angular_count
         Number of nodes on each ring, ≥ 1. An array of shape (radial_count,) sets the number for each ring, from the
-        innermost outwards: smaller rings need fewer nodes, because a wave has fewer periods along them.
+        innermost outwards: smaller rings need fewer nodes.
     centre
         Centre of the disc (x, y) [m].
 

@@ -18,8 +18,8 @@ SpreadField = PointSpread | ApertureField
 def as_point_spread(field: SpreadField) -> PointSpread:
     """Convert a field on a regular grid to the `PointSpread` from which metrics are computed.
 
-    The error estimates of the metrics need 4 n + 1 rows and 4 m + 1 columns, where n and m are whole numbers. From any
-    other grid, the last one to three rows or columns are dropped.
+    The error estimates of the metrics need 4 n + 1 rows and 4 m + 1 columns, where n and m are whole numbers. From
+    other grids, up to three of the last rows and of the last columns are dropped.
 
     Parameters
     ----------
@@ -36,7 +36,8 @@ def as_point_spread(field: SpreadField) -> PointSpread:
     Raises
     ------
     OutOfRangeError
-        The targets do not form a regular grid at one distance, or have fewer than 33 rows or columns.
+        The targets do not form a regular grid at one distance, they have fewer than 33 rows or columns, or an intensity
+        is infinite, as rays give at a focus.
 
     References
     ----------

@@ -24,7 +24,7 @@ from tradestudy.optics.spread_fields import SpreadField, as_point_spread
 def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     """Full width at half maximum along a line through the peak [m].
 
-    From the peak outwards, the width ends on either side where the intensity first falls to half the peak.
+    The width ends, on either side of the peak, where the intensity first falls to half the peak.
 
     Parameters
     ----------
@@ -121,8 +121,7 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
     field
         `PointSpread`, or `ApertureField` on a regular grid. Its window is the rectangle that the samples cover.
     centre
-        Centre of the circles (x, y) [m], such as the position of the chief ray, the peak or the centroid. State your
-        choice with the result.
+        Centre of the circles (x, y) [m], such as the position of the chief ray, the peak or the centroid.
     radius
         Radii of the circles [m], ≥ 0, any shape.
 
@@ -234,9 +233,8 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
 def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Root-mean-square distance of the light from the centre of a circle: √(∬ r² I dA / ∬ I dA) [m].
 
-    I is the intensity at the distance r from the centre, and both integrals extend over the circle. State its radius
-    with the width: behind an aperture with a hard edge, I falls as r⁻³, and the width grows with the radius without
-    limit.
+    I is the intensity at the distance r from the centre, and both integrals extend over the circle. Behind an
+    aperture with a hard edge, I falls as r⁻³, so that the width grows with the radius of the circle without limit.
 
     Parameters
     ----------
@@ -360,7 +358,7 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
     Returns
     -------
     float
-        Intensity [W/m²]. The formula is paraxial; its relative error is about 1/(16 F²), where F is z divided by the
+        Intensity [W/m²]. The formula is paraxial; its relative error is about 1/(4 F²), where F is z divided by the
         diameter of the pupil.
 
     Raises

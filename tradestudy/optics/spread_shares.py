@@ -25,9 +25,8 @@ def modulation_transfer(field: SpreadField, *, frequency_x: FloatArray, frequenc
 
     I is the intensity at (x, y), f_x and f_y are the spatial frequencies, and P is the power through the pupil. The
     integral covers only the window; the error therefore includes the fraction of P that falls outside the window. At
-    frequency 0, where the MTF is 1 by definition, the value is the fraction inside, for example 0.992 ± 0.008. The
-    integral is not divided by this fraction: far from the centre, the intensity varies slowly and so contributes only
-    to the lowest frequencies. Division would make the MTF too high at all others.
+    frequency 0, where the MTF is 1 by definition, the value is the fraction inside, for example 0.992 ± 0.008. Division
+    by this fraction would make the MTF too high at all but the lowest frequencies.
 
     Parameters
     ----------
@@ -141,8 +140,7 @@ def window_share(field: SpreadField) -> Measured:
 def share_outside_disc(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Fraction of the power through the pupil that falls outside a disc: 1 − ∬ I dA / P.
 
-    I is the intensity, integrated over the disc, and P the power through the pupil. The disc may be, for example, the
-    blur disc that paraxial rays fill.
+    I is the intensity, integrated over the disc, and P the power through the pupil.
 
     Parameters
     ----------
@@ -192,7 +190,7 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
     pitch
         Side of a pixel [m], > 0.
     corner
-        Corner (x, y) of pixel [0, 0] with the smallest coordinates [m].
+        Corner of pixel [0, 0] at its smallest x and y, as (x, y) [m].
     shape
         Numbers of rows and columns of pixels.
 

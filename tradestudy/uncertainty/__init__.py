@@ -1,7 +1,6 @@
 """Probability distributions of uncertain quantities, and their propagation through any function.
 
-`propagate_through` takes a function and one of these distributions for each of its inputs. Cameras and studies
-propagate their errors by the same method.
+`propagate_through` takes a function and one of these distributions for each of its inputs.
 """
 
 from __future__ import annotations

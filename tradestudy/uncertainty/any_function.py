@@ -42,8 +42,8 @@ class Spread:
     median
         Median, shape (…).
     standard_deviation
-        Standard deviation of the outputs, shape (…). If the distribution has none, this value grows with the number of
-        draws.
+        Standard deviation of the outputs, shape (…). If the distribution has no finite one, this value grows with the
+        number of draws.
     low
         Lower ends of the intervals, shape (m, …). An interval is central: values below and above it are equally
         probable.
@@ -55,7 +55,7 @@ class Spread:
     draws
         Total number of draws.
     converged
-        Whether every end of every interval is within the tolerance, at 95 % confidence.
+        Whether the error of every end of every interval is within the tolerance, at 95 % confidence.
     values
         Outputs for all draws, shape (…, draws).
     """
@@ -89,8 +89,8 @@ def propagate_through(
     """Propagate the distributions of inputs through a function by the Monte Carlo method (JCGM 101:2008).
 
     The draws are scrambled Sobol points in 16 independent replicates; the scatter between the replicates gives the
-    errors of the intervals. The number of draws is doubled until every end of every interval is within the tolerance at
-    95 % confidence, but not beyond ``most_draws``.
+    errors of the intervals. The number of draws is doubled until the error of every end of every interval is within the
+    tolerance at 95 % confidence, but not beyond ``most_draws``.
 
     Parameters
     ----------
@@ -100,13 +100,12 @@ def propagate_through(
     inputs
         Distribution of each input, under the name of the argument, such as ``{"gap": Uniform(low=-0.03, high=0.03)}``.
     correlation
-        Correlation of each pair of inputs, under their names, such as ``{("block", "gap"): 0.5}``. Inputs that are not
-        normal are joined by a Gaussian copula; the correlations are then those of its normal scores. Default: no
-        correlation.
+        Correlations of pairs of inputs, such as ``{("block", "gap"): 0.5}``; all other pairs are uncorrelated. A
+        Gaussian copula joins inputs that are not normal; the correlations are then those of its normal scores.
     coverage
         Probability of the interval that is reported, between 0 and 1; or one probability for each of several intervals.
     tolerance
-        Largest error of each end of an interval, as a fraction of half its width, between 0 and 1.
+        Largest error of each end of an interval, as a fraction of half the width of the interval, between 0 and 1.
     most_draws
         Largest number of draws, ≥ 16384.
     seed

@@ -143,15 +143,15 @@ class Triangular:
     ----------
     low : float
         Lower limit [unit of the quantity].
-    high : float
-        Upper limit [unit of the quantity], at least ``low``.
     mode : float
         Position of the peak [unit of the quantity], between ``low`` and ``high``.
+    high : float
+        Upper limit [unit of the quantity], at least ``low``.
 
     Raises
     ------
     OutOfRangeError
-        A value is not finite, or low, mode and high are not in increasing order.
+        A value is not finite, or ``low`` ≤ ``mode`` ≤ ``high`` does not hold.
     """
 
     low: float
@@ -272,8 +272,8 @@ class Arcsine(_Limited):
 class CurvilinearTrapezoid(_Limited):
     """Uniform distribution whose limits are known only to within ± ``inexactness`` (JCGM 101:2008, 6.4.3).
 
-    Both limits move by the same amount in opposite directions, so the middle between them is fixed. All amounts up to
-    the inexactness are equally probable.
+    Both limits move by the same amount in opposite directions, so that the middle between them is fixed. All amounts
+    from ``-inexactness`` to ``inexactness`` are equally probable.
 
     Parameters
     ----------

@@ -64,15 +64,15 @@ def chain_image(
         Wavelength λ [m], > 0.
     legs
         Methods of propagation on the two legs, from the main lens to the array and from the array to the detector. A
-        coherent disc, or a lens with a `Pupil`, needs ``fresnel`` or ``kirchhoff`` on both. Three cases need
-        explanation:
+        coherent disc, or a lens with a `Pupil`, needs ``fresnel`` or ``kirchhoff`` on both. In three
+        cases, the light is treated as follows:
 
         * Rays to the array, waves behind it: each microlens receives a spherical wave that is centred on the image
           formed by the main lens and ends at the geometric shadow of the pupil.
         * Waves to the array, rays behind it: the light at each point of the array travels to one point of the detector.
           Light from different points of the array does not interfere there.
         * Boundary wave behind the array: the wave behind each microlens is split into the spherical wave that fits it
-          best and the rest. The boundary wave propagates the spherical wave, Kirchhoff's integral the rest.
+          best and the rest. The boundary-wave method propagates the spherical wave, Kirchhoff's integral the rest.
     accuracy
         Tolerance of the image, factors that refine its sampling, and the memory allowed.
     rng
@@ -80,15 +80,15 @@ def chain_image(
     done
         Function called, for an incoherent disc, with the completed fraction of the propagation behind the array.
     compute
-        Function ``compute(parts, progress)`` that calls every part, returns their results in order, and calls
-        ``progress`` with the completed fraction. Each part computes some of the points of an incoherent disc; the image
-        is the same wherever the parts are computed. Default: one part after another in this process.
+        Function ``compute(parts, progress)`` that calls each of the functions ``parts``, returns their results in
+        order, and calls ``progress`` with the completed fraction. Each part computes some of the points of an
+        incoherent disc, and may run in any process. Default: one part after another in this process.
 
     Returns
     -------
     ChainImage
         Fraction of the power through the pupil on each pixel, with its numerical error. An image whose error exceeds
-        the tolerance is returned with ``within_tolerance`` False; `microlens_image` refines such an image.
+        the tolerance is returned with ``within_tolerance`` False; `microlens_image` refines the sampling instead.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def chain_image(
         The wavelength exceeds an aperture or a distance; a leg uses rays or a boundary wave although the source is a
         coherent disc or a lens has a `Pupil`; the leg to the detector uses a boundary wave although the microlenses are
         square; the main lens has a pupil without rotational symmetry although the source is an incoherent disc; or only
-        one leg uses rays although the main lens focuses the source onto the array.
+        one leg uses rays although the main lens images the source on the array or close to it.
     UnaffordableError
         The computation needs more memory than ``accuracy`` allows, or would divide the source into more
         than about a million points.
@@ -106,10 +106,9 @@ def chain_image(
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, with two
-    corrections. In eqs. 23–26, the path from the main lens to the array needs array coordinates measured from the axis
-    of the main lens, not from the centre of a microlens. In eqs. 25 and 26, a_M should replace a_L in the constant path
-    a_L + z + b_L (symbols of the paper), which affects no intensity.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, with one
+    correction: in the path from the main lens to the array, eqs. 23–26 need array coordinates measured from the axis of
+    the main lens, not from the centre of a microlens.
 
     Examples
     --------
@@ -308,7 +307,7 @@ def separate_image(
     """Image without cross-talk: every pixel receives only the light of the microlens to which it belongs.
 
     A pixel belongs to the microlens whose centre, projected from the centre of the main lens onto the detector, is
-    nearest to it. Light that a microlens sends to pixels of its neighbours is discarded.
+    nearest to the pixel. Light that a microlens sends to pixels of its neighbours is discarded.
 
     Parameters
     ----------
@@ -328,9 +327,9 @@ def separate_image(
     done
         Function called after each microlens with the fraction of microlenses completed.
     compute
-        Function ``compute(parts, progress)`` that calls every part, returns their results in order, and calls
-        ``progress`` with the completed fraction. Each part computes the light of one microlens; the image is the
-        same wherever the parts are computed. Default: one part after another in this process.
+        Function ``compute(parts, progress)`` that calls each of the functions ``parts``, returns their results in
+        order, and calls ``progress`` with the completed fraction. Each part computes the light of one microlens,
+        and may run in any process. Default: one part after another in this process.
 
     Returns
     -------
@@ -376,8 +375,8 @@ def separate_image(
     ...     accuracy=optics.ChainAccuracy(tolerance=1e-2),
     ...     rng=np.random.default_rng(1),
     ... )
-    >>> print(f"{image.pixels.sum():.2f} of the light behind its own microlens")
-    0.82 of the light behind its own microlens
+    >>> print(f"{image.pixels.sum():.2f} of the light on the pixels of its own microlens")
+    0.82 of the light on the pixels of its own microlens
     """
     owner = nearest_microlens(path)
     present = np.unique(owner)

@@ -156,8 +156,7 @@ def aperture_field(
 
     U(P) = ∬ U_s(q) t(q) exp(i φ(q)) K(q, P) dq is the field at a target P. The integral extends over the points q of
     the aperture. U_s is the field of the source just in front of the lens, t the amplitude transmission of the pupil, φ
-    the phase that lens and pupil add, and K the kernel that propagates the field from q to P. ``method`` sets U_s and
-    K.
+    the phase that lens and pupil add, and K the kernel that propagates the field from q to P.
 
     Parameters
     ----------
@@ -165,7 +164,7 @@ def aperture_field(
         Point source, on or off the axis. A negative distance stands for light that converges to a point behind the
         lens.
     lens
-        Aperture and phase of the lens, and its pupil.
+        The lens: its aperture, phase and `Pupil`.
     targets
         Points at which the field is computed. A `TargetGrid` is faster than scattered `TargetPoints`.
     wavelength
@@ -173,19 +172,19 @@ def aperture_field(
     method
         Method of propagation; the equations are those of the paper under References.
 
-        * ``kirchhoff``: exact paths and cosines, eqs. 9–16.
-        * ``fresnel``: paths to second order, all cosines 1, eqs. 17–22. The exact paths that a stigmatic or perfect
-          lens cancels are also replaced by second-order ones, so all lens phases give the same result.
+        * ``kirchhoff``: exact paths and obliquity factors, eqs. 9–16.
+        * ``fresnel``: paths to second order, obliquity factors 1, eqs. 17–22. To this order, the phases of parabolic,
+          stigmatic and perfect lenses do not differ.
         * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
-          Kirchhoff's integral. The integral itself is used at targets where rays or edge wave are singular, and near
-          a focus if that is faster.
+          Kirchhoff's integral. The integral itself is used at targets where the rays or the edge wave become infinite,
+          and near a focus if that is faster.
         * ``geometric``: rays along exact paths, without diffraction.
     accuracy
         Tolerance of the intensity, as a relative L2 error over the targets, and the check that measures the error.
     obliquity
         Obliquity factor in K, as in `KirchhoffKernel`. U_s contains the factor a/r for ``paper``, 1 for ``textbook``,
         and a/r (1 + i/(k r)) for ``rayleigh-sommerfeld-1``, where a is the distance of the source from the lens plane,
-        r its distance from q, and k = 2π/λ. ``fresnel`` has no such factors and accepts only the default.
+        r its distance from q, and k = 2π/λ. ``fresnel`` accepts only the default.
     limits
         Nodes, memory and time that the computation may take. Default: 2·10⁷ nodes, 2 GB and 600 s.
     counts
@@ -196,9 +195,9 @@ def aperture_field(
     Returns
     -------
     ApertureField
-        Field [1/m² for a source of unit strength, as in eqs. 10–12] and intensity, both in the shape of the targets,
-        with their stated errors and the computing effort. The field omits the constant phase k n Δ of a lens of
-        refractive index n and central thickness Δ.
+        Field [1/m² for a source of unit strength, as in eqs. 10–12] and intensity [1/m⁴], both in the shape of the
+        targets, with their stated errors and the computing effort. The field omits the constant phase k n Δ of a lens
+        of refractive index n and central thickness Δ.
 
     Raises
     ------
@@ -209,16 +208,15 @@ def aperture_field(
     UnaffordableError
         The computation needs more than ``limits`` allows.
     NotConvergedError
-        The tolerance is smaller than the error that the method or double precision can reach at these targets.
+        The method, or double precision, cannot reach the tolerance at these targets.
 
     References
     ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22. The misprint in eq. 23,
-    2πi/(λ a) instead of πi/(λ a), does not affect this function.
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–22.
 
     Examples
     --------
-    Peak behind a parabolic f/4.2 lens, whose exact paths cause spherical aberration:
+    Peak intensity, per unit of power through the pupil, behind an f/4.2 lens with a parabolic phase:
 
     >>> from tradestudy import optics
     >>> field = optics.aperture_field(

@@ -129,7 +129,7 @@ class FieldAccuracy:
 def propagate_samples(
     *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy, limits: Limits | None = None
 ) -> ApertureField:
-    """Propagate a wave that is known only at the quadrature nodes of an aperture to the targets.
+    """Propagate to the targets a wave that is known only at the quadrature nodes of an aperture.
 
     This function **cannot check** whether the nodes are dense enough, so the errors of the field and of the intensity
     are NaN. To estimate them, compare the result with that on twice as many nodes in each direction. For a point source
@@ -144,7 +144,8 @@ def propagate_samples(
     targets
         Points at which the field is computed. A `TargetGrid` is faster than scattered `TargetPoints`.
     accuracy
-        Tolerance of the sum over the nodes, as a relative L2 error over the targets, and the check that measures it.
+        Tolerance of the sum over the nodes, as a relative L2 error over the targets, and the check that measures this
+        error.
     limits
         Nodes, memory and time that the computation may take. Default: 2·10⁷ nodes, 2 GB and 600 s.
 
@@ -162,7 +163,7 @@ def propagate_samples(
     UnaffordableError
         The computation needs more than ``limits`` allows.
     NotConvergedError
-        The tolerance is smaller than the error that double precision can reach at these targets.
+        Double precision cannot reach the tolerance at these targets.
 
     References
     ----------
