@@ -20,10 +20,10 @@ Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.
 
 
 class AccuracyPart(Part):
-    """Tolerances (the largest relative changes of answers that simplifications may cause) and a run's time limit."""
+    """By what fraction simplifications may change each answer (its tolerance), and how long a run may take."""
 
     tolerance: Tolerance = Field(
-        default=0.01, description="Tolerance on each quantity below that is left out, except depth_noise."
+        default=0.01, description="Tolerance on every quantity below that is given none of its own, except depth_noise."
     )
     depth_uncertainty: Tolerance | None = Field(
         default=None,
@@ -34,7 +34,7 @@ class AccuracyPart(Part):
     )
     depth_noise: Tolerance | None = Field(
         default=None,
-        description="Tolerance on depth uncertainty from noise alone; without it, this quantity does not affect "
+        description="Tolerance on depth uncertainty from noise alone; without this key, that quantity does not affect "
         "the choice of models.",
     )
     depth_of_field: Tolerance | None = Field(
@@ -50,7 +50,7 @@ class AccuracyPart(Part):
     )
     time_limit: PositiveDuration | None = Field(
         default=None,
-        description="Longest predicted time of a run; one predicted to take longer is refused before it starts. "
+        description="Longest time that a run may be predicted to take; a longer run is refused before it starts. "
         "Default: none.",
     )
 
@@ -81,11 +81,11 @@ _MODELS = {
     "waves from all microlenses (`coherent`)",
     "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area",
     "source_extent": "a point (`off`), or a disc",
-    "spectrum": "the central wavelength alone (`off`), or all wavelengths with their weights",
-    "vignetting": "none (`off`), or the cos⁴ law together with the two stops of scene.picture.stop_separation",
-    "sensor_noise": "the shot noise of the light (`shot`); this and the read noise (`shot+read`); or "
-    "these and the noise of rounding to raw values (`shot+read+quantisation`)",
-    "calibration": "none (`off`), or errors propagated to depth linearly or exactly",
+    "spectrum": "a single wavelength (`off`), or all wavelengths with their weights",
+    "vignetting": "none (`off`), or the cos⁴ law and two stops, scene.picture.stop_separation apart",
+    "sensor_noise": "shot noise (`shot`), also read noise (`shot+read`), or also quantisation noise "
+    "(`shot+read+quantisation`)",
+    "calibration": "none (`off`), propagated to depth by derivatives (`linear`), or by random draws (`exact`)",
 }
 
 
