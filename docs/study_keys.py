@@ -255,7 +255,7 @@ _EXAMPLES: Final = {
     "AssumptionPart.says": "long-term stability of yaw",
     "DepthOfFieldClaim.tolerance_reason": "two digits are printed; the scale of the thin lens is known to 3 %",
     "DepthOfFieldRatioClaim.says": "the depth of field is multiple times larger",
-    "LimitDistanceClaim.tolerance_reason": "printed as one digit; 6.5 to 7.5 m round to it",
+    "LimitDistanceClaim.tolerance_reason": "printed as one digit",
     "PsfErrorClaim.tolerance_reason": "an error of 5 % in the f-number changes the error by 20 %",
     "CriterionFNumberClaim.tolerance_reason": "printed as two digits; 7.25 to 7.35 round to them",
     "ReadingPart.says": "the plenoptic camera is Galilean",

@@ -80,12 +80,12 @@ _MODELS = {
     "crosstalk": "none (`off`), the share of light from neighbouring microlenses (`share`), or interference of the "
     "waves from all microlenses (`coherent`)",
     "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area",
-    "source_extent": "a point (`off`), or a disc",
+    "source_extent": "a point of light (`off`), or a disc",
     "spectrum": "a single wavelength (`off`), or all wavelengths with their weights",
-    "vignetting": "none (`off`), or the cos⁴ law and two stops, scene.picture.stop_separation apart",
-    "sensor_noise": "shot noise (`shot`), also read noise (`shot+read`), or also quantisation noise "
+    "vignetting": "none (`off`), or the cos⁴ law and the shading of two stops, scene.picture.stop_separation apart",
+    "sensor_noise": "shot noise alone (`shot`), with read noise (`shot+read`), or with read and quantisation noise "
     "(`shot+read+quantisation`)",
-    "calibration": "none (`off`), propagated to depth by derivatives (`linear`), or by random draws (`exact`)",
+    "calibration": "none (`off`), propagated by the derivatives of depth (`linear`), or by random draws (`exact`)",
 }
 
 

@@ -48,7 +48,7 @@ class PropagationPart(Part):
 
 
 class SensitivityPart(Part):
-    """How strongly the depth that each camera measures depends on each of its errors."""
+    """How strongly the depth that each camera measures depends on each of its error sources."""
 
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=50), AfterValidator(distinct)] = Field(
         description="Distances at which the sensitivities are computed."

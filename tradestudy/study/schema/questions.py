@@ -430,7 +430,7 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 
 
 class SweepRangePart(Part):
-    """The values that an input takes, by linear or logarithmic steps; `PATH` is the path of the input."""
+    """Values of the input whose path is the key, from one end to the other in linear or logarithmic steps."""
 
     start: QuantityText = Field(alias="from", description="First value, with its unit.")
     stop: QuantityText = Field(alias="to", description="Last value, with its unit.")

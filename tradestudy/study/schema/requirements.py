@@ -94,7 +94,7 @@ class CriterionPart(Part):
     """A bound on a criterion that is declared under `attributes`, or that the program derives for the `relief`."""
 
     name: Text = Field(
-        description="Name of the criterion: one of attributes.others of the cameras, or a derived one (`moving parts`)."
+        description="Name of the criterion: one of attributes.others, or a derived one such as `moving parts`."
     )
     below: QuantityText | None = Field(
         default=None, description="Value below which the criterion must stay, with its unit."

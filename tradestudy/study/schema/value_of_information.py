@@ -59,7 +59,7 @@ class ValueOfInformationPart(Part):
     )
     unusable: PositiveFraction = Field(
         default=1.0,
-        description="Relative depth uncertainty that counts where a camera is unusable, or where its own uncertainty is "
+        description="Relative depth uncertainty that counts where a camera is unusable or its own uncertainty is "
         "larger.",
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(

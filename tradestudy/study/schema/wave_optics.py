@@ -110,7 +110,7 @@ class OffAxisPart(Part):
 class FresnelValidityPart(Part):
     """How far the point-spread function by Fresnel's approximation differs from the one by Kirchhoff's integral.
 
-    The smallest f-number at which this error is acceptable is compared with those by closed-form criteria.
+    The smallest f-number at which this error is acceptable is compared with those that closed-form criteria give.
     """
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
