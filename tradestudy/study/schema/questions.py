@@ -233,7 +233,9 @@ class LimitDistanceClaim(_ClaimPart):
         "exist only for a derived disparity error: no pixel saturates (`saturation`), and a matcher can reach that "
         "error (`matching`)."
     )  # fmt: skip
-    end: Literal["near", "far"] = Field(description="Whether the limit sets the near or the far end of the range.")
+    end: Literal["near", "far"] = Field(
+        description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."
+    )
 
 
 class UncertaintyRatioClaim(_ClaimPart):
@@ -351,7 +353,7 @@ class FresnelFNumberClaim(_ClaimPart):
     quantity: Literal["fresnel_f_number"]
     element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     error: PositiveFraction = Field(
-        description="Largest acceptable error of the point-spread function at that f-number and above."
+        description="Largest acceptable error of the point-spread function at the claimed f-number and above."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     lens_phase: LensPhaseName = Field(

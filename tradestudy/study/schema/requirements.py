@@ -159,7 +159,7 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
-    """A requirement on one camera, on at least one camera or on every camera."""
+    """A requirement on one quantity of one camera, of at least one camera or of every camera."""
 
     says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(

@@ -18,7 +18,8 @@ class AssumptionPart(Part):
 
     says: Text | None = Field(
         default=None,
-        description="Name of the assumption in reports; default: the first path in `vary` or, for `readings`, its key.",
+        description="Name of the assumption in reports; default: the first path in `vary` or, for `readings`, the name "
+        "of this entry.",
     )
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
         default=(), description="Path of the value to vary, or several paths, whose values are then equal."
