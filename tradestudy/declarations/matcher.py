@@ -31,17 +31,17 @@ class MatcherPart(Part):
     )
     floor: NoiseFloor | None = Field(
         default=None,
-        description="Standard deviation of the matching noise that remains however much light there is. It adds to the "
-        "other noise in quadrature.",
+        description="Standard deviation of the matching noise that more light does not reduce; it adds to the other "
+        "noise in quadrature.",
     )
     pixel_locking: LockingAmplitude | None = Field(
         default=None,
-        description="Amplitude of a bias that varies sinusoidally with the disparity, with a period of one pixel. "
-        "Since its phase is unknown, amplitude/√2 adds to the noise in quadrature. The bias does not average out over "
-        "measurements at one distance.",
+        description="Amplitude of a bias that is a sine of the disparity with a period of one pixel. Its phase is "
+        "unknown, so amplitude/√2 adds to the noise in quadrature. The bias is the same in all measurements at one "
+        "distance.",
     )
     false_matches: FalseShare | None = Field(
-        default=None, description="Fraction of the matches that are false. False matches count as failed measurements."
+        default=None, description="Fraction of false matches, which count as failed measurements."
     )
 
     @model_validator(mode="after")

@@ -54,7 +54,7 @@ class FocusStackPart(Part):
 
 
 class ConventionalFocusPart(Part):
-    """What a conventional camera is focused on, given as a distance, an image scale or a working distance."""
+    """What a conventional camera is focused on."""
 
     distance: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Distance from the object in focus to the principal plane of the lens."

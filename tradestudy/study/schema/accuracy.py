@@ -23,7 +23,7 @@ class AccuracyPart(Part):
     """By what fraction simplifications may change each answer (its tolerance), and how long a run may take."""
 
     tolerance: Tolerance = Field(
-        default=0.01, description="Tolerance on every quantity below that is given none of its own, except depth_noise."
+        default=0.01, description="Default tolerance on the quantities below, except depth_noise."
     )
     depth_uncertainty: Tolerance | None = Field(
         default=None,
@@ -68,15 +68,12 @@ class AccuracyPart(Part):
         )
 
 
-_AT_A_LENS = (
-    "none (`off`); the Airy pattern of the lens in focus, combined with the disc of defocus (`airy`); rays and the "
-    "wave diffracted at the edge of the aperture (`boundary_wave`); Fresnel's approximation (`fresnel`); or "
-    "Kirchhoff's integral with exact paths (`kirchhoff`)"
-)
 _MODELS = {
     "defocus_blur": "none (`off`), or a disc of uniform light",
-    "main_lens_diffraction": _AT_A_LENS,
-    "microlens_diffraction": _AT_A_LENS,
+    "main_lens_diffraction": "none (`off`); the Airy pattern of the lens in focus, combined with the disc of defocus "
+    "(`airy`); rays and the wave diffracted at the edge of the aperture (`boundary_wave`); Fresnel's approximation "
+    "(`fresnel`); or Kirchhoff's integral with exact paths (`kirchhoff`)",
+    "microlens_diffraction": "as for main_lens_diffraction",
     "crosstalk": "none (`off`), the share of light from neighbouring microlenses (`share`), or interference of the "
     "waves from all microlenses (`coherent`)",
     "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area",

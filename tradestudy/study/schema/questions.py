@@ -139,7 +139,7 @@ class SolvePart(Part):
     at: ObjectDistance | None = Field(
         default=None,
         description="Distance at which the two cameras are compared, or at which the camera must reach the depth "
-        "uncertainty. Leave this key out for a requirement, which has its own distances.",
+        "uncertainty; a requirement has its own distances.",
     )
     errors: ErrorSources = Field(
         default="both",
@@ -181,9 +181,7 @@ class ExpectPart(Part):
     """The result to be expected if the claim is true: a value with a tolerance, or a bound."""
 
     about: QuantityText | None = Field(default=None, description="Expected value, with its unit.")
-    within: PositiveFraction | None = Field(
-        default=None, description="Relative tolerance on the expected value; needed with `about`."
-    )
+    within: PositiveFraction | None = Field(default=None, description="Relative tolerance on the expected value.")
     above: QuantityText | None = Field(
         default=None, description="Instead of `about`: value that the result is expected to exceed, with its unit."
     )

@@ -185,8 +185,7 @@ class RequirementPart(Part):
     )
     failed_fraction: ShareBelowPart | None = Field(
         default=None,
-        description="Bound on the fraction of measurements that fail: those whose errors push the depth beyond "
-        "infinity, and false matches.",
+        description="Bound on the fraction of measurements that fail; see usable_range.failed_fraction.",
     )
     depth_of_field: SharpPart | None = Field(
         default=None, description="Bound on the depth of field, also of cameras that measure no depth."

@@ -54,7 +54,7 @@ class ValueOfInformationPart(Part):
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
         Field(
             default=None,
-            description="Distances over which the relative depth uncertainty is averaged, with equal weights. Default: "
+            description="Distances over which the relative depth uncertainty is averaged. Default: "
             "decision.at or, without it, four of the distances in scene.distances.",
         )
     )
