@@ -27,7 +27,7 @@ class MatcherPart(Part):
     """How the errors of a real matcher exceed the Cramér–Rao bound on the disparity error."""
 
     factor: NoiseFactor | None = Field(
-        default=None, description="Matching noise, divided by the Cramér–Rao bound; default: 1."
+        default=None, description="Factor that multiplies the Cramér–Rao bound; default: 1."
     )
     floor: NoiseFloor | None = Field(
         default=None,
