@@ -255,7 +255,16 @@ _EXAMPLES: Final = {
     "AssumptionPart.says": "long-term stability of yaw",
     "DepthOfFieldClaim.tolerance_reason": "two digits are printed; the scale of the thin lens is known to 3 %",
     "DepthOfFieldRatioClaim.says": "the depth of field is multiple times larger",
-    "PsfErrorClaim.tolerance_reason": "the f-number has two digits; 5 % of it are 20 % of the error",
+    "LimitDistanceClaim.tolerance_reason": "printed as one digit",
+    "PsfErrorClaim.tolerance_reason": "5 % in the f-number changes the error by 20 %",
+    "CriterionFNumberClaim.tolerance_reason": "printed as two digits; 7.25 to 7.35 round to them",
+    "UncertaintyRatioClaim.tolerance_reason": "lower means a ratio below 1",
+    "ShareBetterClaim.tolerance_reason": "a good substitute is better over more than half of the range",
+    "LitPixelsClaim.tolerance_reason": "more means at least a tenth more",
+    "DepthOfFieldRatioClaim.source": "section 3",
+    "ReadingPart.says": "the plenoptic camera is Galilean",
+    "ReadingPart.set": "{raytrix-r5.focus.relay: galilean}",
+    "RequirementPart.says": "depth to 1 % from 0.4 to 3 m",
     "LitPixelsClaim.says": "diffraction lights more pixels than geometrical optics predicts",
     "RelativeUncertaintyDistanceClaim.says": "10 % of the distance at 1 m",
     "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation",
@@ -373,6 +382,7 @@ _CHOOSES: Final = {
     "shape": "Kind of surface that the keys of this section describe.",
     "quantity": "Kind of claim that the keys of this section describe.",
 }
+_BY_PATH: Final = ("sweep", "set")  # mappings whose keys are paths of values
 _DIMENSIONS: Final = sorted(
     (one for one in vars(units).values() if isinstance(one, units.Dimension)), key=lambda one: -len(one.name)
 )
@@ -419,7 +429,7 @@ class Reference:
             if name:
                 yield name, path
             for below in _members(one):
-                yield from self.parts_below(below, f"{path}.NAME")
+                yield from self.parts_below(below, f"{path}.{'PATH' if path in _BY_PATH else 'NAME'}")
             for below in _items(one):
                 yield from self.parts_below(below, f"{path}[]")
 
@@ -575,6 +585,7 @@ class Reference:
             yield f"`{key}`"
             yield f": {_prose(meaning)}"
             yield ""
+            takes = takes.replace("from names", "from paths") if key in _BY_PATH else takes
             default = "*Required.*" if key in required else self._default(below)
             yield f"  *Value:* {takes}. {default} "
             yield f"  *Example:* {self.example(owner, key, below)}"
@@ -746,7 +757,7 @@ def _owners(reference: Reference) -> tuple[dict[str, str], list[tuple[Part, str]
     kinds = set(titles)
     titles |= {"camera-parts": "Parts of several kinds of camera"}
     titles |= {name: title for name, (title, _) in _PAGES.items()} | dict([_OTHER_PAGE])
-    titles |= {"shared": "Parts used throughout"}
+    titles |= {"shared": "Common parts"}
     pages: dict[str, set[str]] = {}
     paths: dict[str, dict[str, None]] = {}
     for page, part, path in roots:
@@ -763,19 +774,18 @@ def _owners(reference: Reference) -> tuple[dict[str, str], list[tuple[Part, str]
 
 
 _INDEX = """
-A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example. They
-are made from the JSON Schema that `python -m tradestudy schema` prints; editors can use it to complete keys.
+A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example.
+Editors can complete the keys from the JSON Schema that `python -m tradestudy schema` prints.
 
-Every section describes one mapping. Below its heading stand the places where that mapping can stand in the file. In
-them, `NAME` is a name that you choose, and `[]` an item of a list. Sections without a place describe mappings that can
-stand in more than three places.
-
-Write a quantity that has a unit with that unit: `12.5 mm`, not `12.5`. Every value may carry its basis:
+Write quantities with their units: `12.5 mm`, not `12.5`. Every value may carry its basis:
 `{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is `paper`, `datasheet`, `measured`,
-`assumed` or `derived`. `null` removes a value that a shared camera file declares.
+`assumed` or `derived`. `null` removes a value that a camera inherits by `from` or `like`.
 
-Some keys take the *path* of a value in the study: the keys that lead to it, joined by dots, such as `scene.wavelength`.
-The path of a value of a camera may begin with the name of the camera, without `cameras`: `stereo-75mm.baseline`.
+The *path* of a value in the study consists of the keys that lead to it, joined by dots: `scene.wavelength`. The path of
+a value of a camera may begin with the name of the camera, without `cameras`: `stereo-75mm.baseline`.
+
+Every section describes one mapping. If the file can hold that mapping in at most three places, their paths stand below
+the heading. In them, `NAME` is a name that you choose, `PATH` is the path of a value, and `[]` is an item of a list.
 
 For a study of format 1, `python -m tradestudy check` says key by key what to write instead.
 """

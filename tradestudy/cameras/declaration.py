@@ -196,7 +196,7 @@ class DisparityPart(Part):
 
 
 class AttributesPart(Part):
-    """Attributes by which the report compares cameras, besides depth; omitted ones are derived where possible."""
+    """Attributes, besides depth, by which the report compares cameras; omitted ones are derived where possible."""
 
     moving_parts: Count | None = Field(
         default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."
@@ -225,14 +225,15 @@ class CameraDeclaration(Part, ABC):
     """Types of calibration-file contents that can become such a camera."""
 
     title: str = Field(
-        default="", max_length=80, description="Name in figures and tables; default: the key of the camera."
+        default="", max_length=80, description="Name of the camera in reports; default: its name in the study."
     )
     note: str | None = Field(default=None, max_length=2000, description="What a reader should know about the camera.")
     stated: StatedPart | None = None
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="Conventions, by name, that `import` assumed when it read the calibration file of this camera.",
+        description="Conventions, by name, that the command `import` assumed when it read the calibration file of this "
+        "camera.",
     )
     kind: str
 

@@ -24,22 +24,24 @@ FalseShare = Annotated[
 
 
 class MatcherPart(Part):
-    """How a real matcher falls short of the Cramér–Rao bound on the disparity error; omitted keys have no effect."""
+    """How the errors of a real matcher exceed the Cramér–Rao bound on the disparity error."""
 
     factor: NoiseFactor | None = Field(
-        default=None, description="Ratio of the noise of the matcher to the Cramér–Rao bound."
+        default=None, description="Factor that multiplies the Cramér–Rao bound; default: 1."
     )
     floor: NoiseFloor | None = Field(
         default=None,
-        description="Standard deviation of matching noise that more light does not reduce; it adds in quadrature.",
+        description="Standard deviation of the matching noise that more light does not reduce; it adds to the other "
+        "noise in quadrature.",
     )
     pixel_locking: LockingAmplitude | None = Field(
         default=None,
-        description="Amplitude of a bias that is periodic in the disparity. Its phase is unknown, so amplitude/√2 "
-        "adds in quadrature. The bias does not average out over measurements at one distance.",
+        description="Amplitude of a bias that is a sine of the disparity with a period of one pixel. Its phase is "
+        "unknown, so amplitude/√2 adds to the noise in quadrature. The bias is the same in all measurements at one "
+        "distance.",
     )
     false_matches: FalseShare | None = Field(
-        default=None, description="Fraction of the matches that are false; they count as failed measurements."
+        default=None, description="Fraction of false matches, which count as failed measurements."
     )
 
     @model_validator(mode="after")

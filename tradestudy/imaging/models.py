@@ -169,7 +169,7 @@ class PictureModels:
     pixel_integration
         ``off``: one sample at the centre of the pixel. ``square``: the mean over its active area.
     spectrum
-        ``off``: the central wavelength alone. ``weighted``: the mean transfer function over the spectrum.
+        ``off``: a single wavelength. ``weighted``: the mean transfer function over the spectrum.
     vignetting
         ``off``, or ``cos4``: cos⁴ and the stops, at the field angle.
     sensor_noise

@@ -27,9 +27,9 @@ from tradestudy.optics.depth_of_field import object_distance_of_magnification, o
 
 
 class ReferenceScalePart(Part):
-    """A focus setting in a data sheet.
+    """A focus setting that a data sheet states.
 
-    From it the program derives how far the principal plane lies behind the front of the lens.
+    The program derives from it how far the principal plane lies behind the front of the lens.
     """
 
     working_distance: ObjectDistance = Field(description="Distance from the object to the front of the lens.")
@@ -37,7 +37,7 @@ class ReferenceScalePart(Part):
 
 
 class FocusStackPart(Part):
-    """A stack of images at different focus distances: as few as a range of distances needs, but at most `images`."""
+    """Images at different focus distances: as few as make a range of distances sharp, but at most `images`."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance of the range to cover.")
@@ -54,7 +54,7 @@ class FocusStackPart(Part):
 
 
 class ConventionalFocusPart(Part):
-    """What a conventional camera is focused on, given as a distance, an image scale or a working distance."""
+    """What a conventional camera is focused on."""
 
     distance: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Distance from the object in focus to the principal plane of the lens."

@@ -20,10 +20,10 @@ Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.
 
 
 class AccuracyPart(Part):
-    """Tolerances (the largest relative changes of answers that simplifications may cause) and a run's time limit."""
+    """By what fraction simplifications may change each answer (its tolerance), and how long a run may take."""
 
     tolerance: Tolerance = Field(
-        default=0.01, description="Tolerance on each quantity below that is left out, except depth_noise."
+        default=0.01, description="Default tolerance on the quantities below, except depth_noise."
     )
     depth_uncertainty: Tolerance | None = Field(
         default=None,
@@ -34,7 +34,7 @@ class AccuracyPart(Part):
     )
     depth_noise: Tolerance | None = Field(
         default=None,
-        description="Tolerance on depth uncertainty from noise alone; without it, this quantity does not affect "
+        description="Tolerance on depth uncertainty from noise alone; without this key, that quantity does not affect "
         "the choice of models.",
     )
     depth_of_field: Tolerance | None = Field(
@@ -50,7 +50,7 @@ class AccuracyPart(Part):
     )
     time_limit: PositiveDuration | None = Field(
         default=None,
-        description="Longest predicted time of a run; one predicted to take longer is refused before it starts. "
+        description="Longest time that a run may be predicted to take; a longer run is refused before it starts. "
         "Default: none.",
     )
 
@@ -68,24 +68,21 @@ class AccuracyPart(Part):
         )
 
 
-_AT_A_LENS = (
-    "none (`off`); the Airy pattern of the lens in focus, combined with the disc of defocus (`airy`); rays and the "
-    "wave diffracted at the edge of the aperture (`boundary_wave`); Fresnel's approximation (`fresnel`); or "
-    "Kirchhoff's integral with exact paths (`kirchhoff`)"
-)
 _MODELS = {
     "defocus_blur": "none (`off`), or a disc of uniform light",
-    "main_lens_diffraction": _AT_A_LENS,
-    "microlens_diffraction": _AT_A_LENS,
+    "main_lens_diffraction": "none (`off`); the Airy pattern of the lens in focus, combined with the disc of defocus "
+    "(`airy`); rays and the wave diffracted at the edge of the aperture (`boundary_wave`); Fresnel's approximation "
+    "(`fresnel`); or Kirchhoff's integral with exact paths (`kirchhoff`)",
+    "microlens_diffraction": "as for main_lens_diffraction",
     "crosstalk": "none (`off`), the share of light from neighbouring microlenses (`share`), or interference of the "
     "waves from all microlenses (`coherent`)",
     "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area",
-    "source_extent": "a point (`off`), or a disc",
-    "spectrum": "the central wavelength alone (`off`), or all wavelengths with their weights",
-    "vignetting": "none (`off`), or the cos⁴ law together with the two stops of scene.picture.stop_separation",
-    "sensor_noise": "the shot noise of the light (`shot`); this and the read noise (`shot+read`); or "
-    "these and the noise of rounding to raw values (`shot+read+quantisation`)",
-    "calibration": "none (`off`), or errors propagated to depth linearly or exactly",
+    "source_extent": "a point of light (`off`), or a disc",
+    "spectrum": "a single wavelength (`off`), or all wavelengths with their weights",
+    "vignetting": "none (`off`), or the cos⁴ law and the shading of two stops, scene.picture.stop_separation apart",
+    "sensor_noise": "shot noise alone (`shot`), with read noise (`shot+read`), or with read and quantisation noise "
+    "(`shot+read+quantisation`)",
+    "calibration": "none (`off`), propagated by the derivatives of depth (`linear`), or by random draws (`exact`)",
 }
 
 

@@ -22,8 +22,8 @@ class BlurPart(Part):
     """What counts as sharp: an upper bound on geometric blur and diffraction spot together, added in quadrature."""
 
     blur: PositivePixels = Field(
-        description="Largest diameter of blur and diffraction spot together, in lateral samples: pixels or, for an "
-        "unfocused plenoptic camera, microlenses."
+        description="Largest diameter of blur and diffraction spot, added in quadrature, in lateral samples: pixels "
+        "or, for an unfocused plenoptic camera, microlenses."
     )
     diffraction: Diffraction = Field(
         default="none",
@@ -61,8 +61,8 @@ class DepthOfFieldPart(Part):
 class ReliefPart(Part):
     """A depth step and a tilted surface in the middle of depth_of_field.range.
 
-    From them, the program derives criteria for comparing the cameras, in addition to those that the study declares.
-    Among them are the width of the strip that the step hides, and how differently two views show the tilted surface.
+    With them, the report also compares the cameras by criteria that the program derives, such as the width of the strip
+    that the step hides.
     """
 
     step_height: PositiveLength = Field(

@@ -17,16 +17,16 @@ _SAME_COVERAGE = 1e-4  # of a standard deviation's, 68.27 %, which studies round
 
 
 class PropagationPart(Part):
-    """How calibration errors are propagated to depth."""
+    """How errors are propagated to depth, at which field positions, and which intervals of depth are reported."""
 
     seed: Seed = Field(
         default=0,
-        description="Seed of all random draws, except those of light_spot, which has a seed of its own.",
+        description="Seed of all random draws but those of light_spot, which has a seed of its own.",
     )
     field_places: Annotated[tuple[Share, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(),
-        description="Field positions at which depth is computed besides the axis (0 %); 100 % is the corner of the "
-        "sensor.",
+        description="Field positions at which depth is computed, besides the optical axis (0 %); 100 % is the corner "
+        "of the sensor.",
     )
     max_draws: Annotated[int, Field(ge=2**12, le=2**26, strict=True)] = Field(
         default=2**16, description="Largest number of random draws for each camera, field position and error source."
@@ -48,7 +48,7 @@ class PropagationPart(Part):
 
 
 class SensitivityPart(Part):
-    """How strongly the depth that each camera measures depends on each of its errors."""
+    """How strongly the depth that each camera measures depends on each of its error sources."""
 
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=50), AfterValidator(distinct)] = Field(
         description="Distances at which the sensitivities are computed."

@@ -31,12 +31,12 @@ class UsableRangePart(Part):
     """Limits of the usable range. A limit that is left out does not apply, unless it has a default."""
 
     overlap: Share | None = Field(
-        default=None, description="Smallest overlap of the two stereo views; default: any above 0 %."
+        default=None, description="Smallest overlap of the two pictures of a stereo rig; default: any above 0 %."
     )
     availability: Share | None = Field(
         default=None,
-        description="Smallest fraction of object points for which the estimator of a plenoptic camera finds the "
-        "micro-images that it compares; default: any above 0 %.",
+        description="Smallest fraction of object points for which the estimator of a focused plenoptic camera finds "
+        "the micro-images that it compares; default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None, description="Smallest magnitude of the virtual depth, which is 2 at the total covering plane."
@@ -44,11 +44,12 @@ class UsableRangePart(Part):
     blur: PositivePixels | None = Field(
         default=None,
         description="Largest diameter of the geometric blur, in lateral samples: pixels or, for an unfocused plenoptic "
-        "camera, microlenses. Of several types of microlenses, the least sharp one that the estimator needs counts.",
+        "camera, microlenses. Of several types of microlenses, the least sharp of those that the estimator needs "
+        "counts.",
     )
     disparity_step: PositivePixels | None = Field(
         default=None,
-        description="Smallest difference between the disparity at a usable distance and the disparity at infinity.",
+        description="Smallest difference between the disparity at a usable distance and that at infinity.",
     )
     failed_fraction: Share | None = Field(
         default=None,
@@ -88,8 +89,8 @@ class DecisionPart(Part):
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Cameras of which the best one is named; default: all. Of cameras that stand for the same device, "
-        "list only one.",
+        description="Cameras of which the best one is named; default: all. Of several cameras that model the same "
+        "device, list only one.",
     )
 
     @property
@@ -108,14 +109,15 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """The values of an input at which two cameras have the same depth uncertainty, or one camera has a given one.
+    """The values of an input that just give a required result.
 
-    The question can also be at which values a requirement begins or ceases to be met.
+    At these values, two cameras have the same depth uncertainty, one camera has a given depth uncertainty, or a
+    requirement begins or ceases to be met.
     """
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
-        description="Path of the value to vary; several paths all take the same value."
+        description="Path of the value to vary, or several paths, whose values are then equal."
     )
     low: QuantityText = Field(description="Smallest value to try, with its unit.")
     high: QuantityText = Field(description="Largest value to try, with its unit.")
@@ -137,10 +139,11 @@ class SolvePart(Part):
     at: ObjectDistance | None = Field(
         default=None,
         description="Distance at which the two cameras are compared, or at which the camera must reach the depth "
-        "uncertainty. Leave it out for a requirement, which has its own distances.",
+        "uncertainty; a requirement has its own distances.",
     )
     errors: ErrorSources = Field(
-        default="both", description="Error sources that count: noise, calibration errors, or both."
+        default="both",
+        description="Error sources that count: noise, calibration errors, or both. For a requirement, both count.",
     )
 
     @model_validator(mode="after")
@@ -178,9 +181,7 @@ class ExpectPart(Part):
     """The result to be expected if the claim is true: a value with a tolerance, or a bound."""
 
     about: QuantityText | None = Field(default=None, description="Expected value, with its unit.")
-    within: PositiveFraction | None = Field(
-        default=None, description="Relative tolerance on the expected value; needed with `about`."
-    )
+    within: PositiveFraction | None = Field(default=None, description="Relative tolerance on the expected value.")
     above: QuantityText | None = Field(
         default=None, description="Instead of `about`: value that the result is expected to exceed, with its unit."
     )
@@ -230,7 +231,9 @@ class LimitDistanceClaim(_ClaimPart):
         "exist only for a derived disparity error: no pixel saturates (`saturation`), and a matcher can reach that "
         "error (`matching`)."
     )  # fmt: skip
-    end: Literal["near", "far"] = Field(description="Whether the limit sets the near or the far end of the range.")
+    end: Literal["near", "far"] = Field(
+        description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."
+    )
 
 
 class UncertaintyRatioClaim(_ClaimPart):
@@ -248,13 +251,13 @@ class UncertaintyRatioClaim(_ClaimPart):
 class ShareBetterClaim(_ClaimPart):
     """A claim about the fraction of a range of distances in which one camera is better than another.
 
-    It is better where it is usable and the other is unusable or has a larger depth uncertainty. The fraction
+    The first is better where it is usable and the other is unusable or has a larger depth uncertainty. The fraction
     is measured on a logarithmic scale of distance.
     """
 
     quantity: Literal["share_better"]
     camera: CameraName = Field(description="Camera that is claimed to be better.")
-    against: CameraName = Field(description="Camera with which it is compared.")
+    against: CameraName = Field(description="The other camera.")
     over: Span = Field(description="Nearest and farthest distance that the claim covers.")
     errors: ErrorSources = Field(
         default="both", description="Error sources that count: noise, calibration errors, or both."
@@ -262,7 +265,7 @@ class ShareBetterClaim(_ClaimPart):
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
-    """A claim about the distance beyond which the relative depth uncertainty stays above a threshold."""
+    """A claim about the farthest distance at which the relative depth uncertainty rises above a threshold."""
 
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
@@ -275,7 +278,7 @@ class RelativeUncertaintyDistanceClaim(_ClaimPart):
 
 
 class DepthOfFieldClaim(_ClaimPart, BlurPart):
-    """A claim about the total depth of field of a camera: the sum of all ranges in which it is sharp."""
+    """A claim about the total depth of field of a camera: the summed lengths of all ranges in which it is sharp."""
 
     quantity: Literal["depth_of_field"]
     camera: CameraName = Field(description="Camera that the claim is about.")
@@ -297,11 +300,11 @@ class DepthOfFieldRatioClaim(_ClaimPart):
     )
     resolution: PositiveLength | None = Field(
         default=None,
-        description="Instead of `blur`: size of the smallest detail on the object that the camera must resolve by "
+        description="Instead of `blur`: size of the smallest detail on the object that both cameras must resolve by "
         "geometrical optics.",
     )
     over: Span | None = Field(
-        default=None, description="Nearest and farthest distance that count; default: all distances."
+        default=None, description="Nearest and farthest of the distances that count; default: all distances."
     )
 
     @model_validator(mode="after")
@@ -342,13 +345,13 @@ class PsfErrorClaim(_ClaimPart):
 class FresnelFNumberClaim(_ClaimPart):
     """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
 
-    The error of its point-spread function counts, relative to that by Kirchhoff's integral.
+    Its error is that of the point-spread function, relative to the one by Kirchhoff's integral.
     """
 
     quantity: Literal["fresnel_f_number"]
     element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     error: PositiveFraction = Field(
-        description="Largest acceptable error of the point-spread function at that f-number and above."
+        description="Largest acceptable error of the point-spread function at the claimed f-number and above."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     lens_phase: LensPhaseName = Field(
@@ -390,7 +393,7 @@ class ImageDifferenceClaim(_ClaimPart):
 
     quantity: Literal["image_difference"]
     method: MethodName = Field(description="Method of the first picture, which is tested; see light_spot.methods.")
-    reference: MethodName = Field(description="Method of the second picture, with which it is compared.")
+    reference: MethodName = Field(description="Method of the second picture.")
 
 
 class LitPixelsClaim(_ClaimPart):
@@ -427,7 +430,7 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 
 
 class SweepRangePart(Part):
-    """Values from one end to the other, with linear or logarithmic spacing."""
+    """Values of the input whose path is the key, from one end to the other in linear or logarithmic steps."""
 
     start: QuantityText = Field(alias="from", description="First value, with its unit.")
     stop: QuantityText = Field(alias="to", description="Last value, with its unit.")

@@ -93,7 +93,9 @@ class SharpPart(Part):
 class CriterionPart(Part):
     """A bound on a criterion that is declared under `attributes`, or that the program derives for the `relief`."""
 
-    name: Text = Field(description="Name of the criterion, such as one of a camera's attributes.others.")
+    name: Text = Field(
+        description="Name of the criterion: one of attributes.others, or a derived one such as `moving parts`."
+    )
     below: QuantityText | None = Field(
         default=None, description="Value below which the criterion must stay, with its unit."
     )
@@ -157,7 +159,7 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
-    """A requirement on one camera, on at least one camera or on every camera."""
+    """A requirement on one quantity of one camera, of at least one camera or of every camera."""
 
     says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(
@@ -173,7 +175,9 @@ class RequirementPart(Part):
     usable: UsablePart | None = Field(
         default=None, description="Range of distances in which the camera must be usable."
     )
-    overlap: ShareAbovePart | None = Field(default=None, description="Bound on the overlap of the two stereo views.")
+    overlap: ShareAbovePart | None = Field(
+        default=None, description="Bound on the overlap of the two pictures of a stereo rig."
+    )
     lateral_resolution: LengthBelowPart | None = Field(
         default=None,
         description="Bound on the size of the smallest detail that the camera resolves on the object, limited by "
@@ -181,15 +185,14 @@ class RequirementPart(Part):
     )
     failed_fraction: ShareBelowPart | None = Field(
         default=None,
-        description="Bound on the fraction of measurements that fail: those whose errors push the depth beyond "
-        "infinity, and false matches.",
+        description="Bound on the fraction of measurements that fail; see usable_range.failed_fraction.",
     )
     depth_of_field: SharpPart | None = Field(
-        default=None, description="Bound on the depth of field; the camera need not measure depth."
+        default=None, description="Bound on the depth of field, also of cameras that measure no depth."
     )
     criterion: CriterionPart | None = Field(
         default=None,
-        description="Bound on a criterion such as mass, power or moving parts; the camera need not measure depth.",
+        description="Bound on a criterion such as mass, power or moving parts, also of cameras that measure no depth.",
     )
     guard_band: GuardBandPart | None = None
 

@@ -52,7 +52,7 @@ class StudyFile(Part):
     question: Text = Field(description="The question that the study answers, in words.")
     cameras: Annotated[dict[Name, CameraPart], Field(max_length=100)] = Field(
         default={},
-        description="Cameras by name. A camera may start as a copy of one in a shared file (key `from`), or of another "
+        description="Cameras by name. A camera may start as a copy of one in another file (key `from`) or of another "
         "camera of the study (key `like`); further keys then replace its values.",
     )
     scene: ScenePart | None = None
@@ -81,7 +81,7 @@ class StudyFile(Part):
     trade_off: TradeOffPart | None = None
     sweep: dict[str, SweepValues | SweepRangePart] = Field(
         default={},
-        description="Inputs to vary, by path, each with a list or a range of values; every combination of values "
+        description="Inputs to vary, each by its path, with a list or a range of values; every combination of values "
         "is a design.",
     )
 

@@ -18,10 +18,11 @@ class AssumptionPart(Part):
 
     says: Text | None = Field(
         default=None,
-        description="Name of the assumption in reports; default: the first path in `vary` or, for `readings`, its key.",
+        description="Name of the assumption in reports; default: the first path in `vary` or, for `readings`, the name "
+        "of this entry.",
     )
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
-        default=(), description="Path of the value to vary; several paths all take the same value."
+        default=(), description="Path of the value to vary, or several paths, whose values are then equal."
     )
     low: QuantityText = Field(default="", description="Smallest possible value, with its unit.")
     high: QuantityText = Field(default="", description="Largest possible value, with its unit.")
@@ -44,7 +45,7 @@ class AssumptionPart(Part):
 class ValueOfInformationPart(Part):
     """For each assumption, how much knowing the truth would raise the expected utility of the best candidate.
 
-    The utility of a camera is minus its relative depth uncertainty, averaged over the distances in `at`.
+    The utility of a camera is minus its relative depth uncertainty, averaged over distances.
     """
 
     assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
@@ -53,13 +54,14 @@ class ValueOfInformationPart(Part):
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
         Field(
             default=None,
-            description="Distances over which the relative depth uncertainty is averaged, with equal weights. Default: "
-            "decision.at or, without it, four of the distances of the study.",
+            description="Distances over which the relative depth uncertainty is averaged. Default: "
+            "decision.at or, without it, four of the distances in scene.distances.",
         )
     )
     unusable: PositiveFraction = Field(
         default=1.0,
-        description="Relative depth uncertainty that counts where a camera is not usable or is even less certain.",
+        description="Relative depth uncertainty that counts where a camera is unusable or its own uncertainty is "
+        "larger.",
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
         default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."

@@ -108,9 +108,9 @@ class OffAxisPart(Part):
 
 
 class FresnelValidityPart(Part):
-    """The error of the point-spread function by Fresnel's approximation, relative to that by Kirchhoff's integral.
+    """How far the point-spread function by Fresnel's approximation differs from the one by Kirchhoff's integral.
 
-    The smallest f-number at which the error is acceptable is compared with the predictions of closed-form criteria.
+    The smallest f-number at which this error is acceptable is compared with those that closed-form criteria give.
     """
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
@@ -151,7 +151,7 @@ class FresnelValidityPart(Part):
 
 
 class PointSpreadPart(Part):
-    """The image of a point behind each lens, while one quantity at a time is varied."""
+    """How the image of a point behind a lens changes with f-number, wavelength, field angle and defocus."""
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
         description="Lenses to evaluate, by name."
