@@ -40,7 +40,7 @@ _ROUNDING: Final = 1e-9  # of correlations that are written with nine digits, as
 
 
 class ErrorsPart(Part):
-    """Errors of a camera's parameters: for each uncertain parameter, the distribution of its error."""
+    """Distributions of the errors of a camera's parameters; each key names a parameter."""
 
     def given(self) -> dict[str, AnyDistribution]:
         """The declared errors by name."""

@@ -45,7 +45,7 @@ PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 
 
 class LensPart(Part):
-    """A lens: its focal length or field of view, and its f-number."""
+    """Focal length or field of view of a lens, and its f-number."""
 
     counts_given: ClassVar[tuple[int, ...]] = (1,)
     """How many of the keys focal_length and field_of_view a lens may have."""
@@ -137,9 +137,9 @@ class DisparityPart(Part):
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="Whether disparity_error is the error of the disparity (`disparity`), or of each of the two image "
-        "coordinates whose difference is the disparity (`coordinate`). The error of the disparity is then √2 times as "
-        "large.",
+        description="Whether disparity_error is the error of the disparity, or of each of the two image coordinates "
+        "whose difference is the disparity (`coordinate`). With `coordinate`, the error of the disparity is √2 times "
+        "as large.",
     )
     discrimination_step: PositivePixels = Field(
         default="0.1 px",

@@ -85,7 +85,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         unit="m",
         part="microlens centres",
         meaning="Each coordinate of the centre of a microlens; the error differs from microlens to microlens. "
-        "A disparity between two micro-images contains √2 times this error.",
+        "A disparity contains √2 times this error.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

@@ -61,8 +61,8 @@ class DepthOfFieldPart(Part):
 class ReliefPart(Part):
     """A depth step and a tilted surface in the middle of depth_of_field.range.
 
-    From them, the program derives criteria for comparing the cameras, in addition to those that the study declares.
-    Among them are the width of the strip that the step hides, and how differently two views show the tilted surface.
+    From them, the program derives further criteria for comparing the cameras, such as the width of the strip that the
+    step hides.
     """
 
     step_height: PositiveLength = Field(

@@ -168,12 +168,12 @@ class MosaicPart(Part):
 class SceneImagePart(Part):
     """Surfaces, and how `tradestudy render` makes pictures of them.
 
-    Texture, light, noise, fill factor and stops are those of scene.picture; its other keys (window, matcher, field
-    angle, spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
+    Texture, light, noise, fill factor and stop separation are those of scene.picture; its other keys (window, matcher,
+    field angle, spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
 
-    The program renders pictures with rays. It uses waves, of the wavelength scene.wavelength, if diffraction changes a
-    picture by more than accuracy.pixel_intensity, or if effects.main_lens_diffraction or effects.microlens_diffraction
-    is `fresnel`.
+    The program renders pictures with rays. Instead, it uses waves of the wavelength scene.wavelength if diffraction
+    changes a picture by more than accuracy.pixel_intensity, or if effects.main_lens_diffraction or
+    effects.microlens_diffraction is `fresnel`.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(

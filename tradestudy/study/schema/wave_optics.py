@@ -105,7 +105,7 @@ class OffAxisPart(Part):
 
 
 class FresnelValidityPart(Part):
-    """The error of point-spread functions by Fresnel's approximation, relative to those by Kirchhoff's integral.
+    """The error of point-spread functions computed by Fresnel's approximation, relative to Kirchhoff's integral.
 
     The report compares the smallest f-number at which the error is acceptable with those of closed-form criteria.
     """
