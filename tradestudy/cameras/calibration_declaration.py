@@ -40,7 +40,7 @@ _ROUNDING: Final = 1e-9  # of correlations that are written with nine digits, as
 
 
 class ErrorsPart(Part):
-    """Errors of a camera's parameters: for each uncertain parameter, the distribution of its error."""
+    """Distributions of the errors of a camera's parameters; each key names a parameter."""
 
     def given(self) -> dict[str, AnyDistribution]:
         """The declared errors by name."""
@@ -118,21 +118,22 @@ class StabilityPart(Part):
 
 
 class CornersPart(Part):
-    """A measured calibration from the corners of a board that both cameras saw; for stereo rigs only."""
+    """A calibration from the measured corners of a board that both cameras saw; for stereo rigs only."""
 
     file: Text = Field(description="CSV file of the corners; the path is relative to the file that contains this key.")
     lens_model: FittedLensModel | None = Field(
         default=None,
-        description="Lens model of both cameras; default: radial distortion with the coefficients `k1` and `k2`.",
+        description="Lens model to fit to both cameras; default: radial distortion with the coefficients `k1` and "
+        "`k2`.",
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
         default=(),
-        description="Other lens models to fit. The report says whether they predict views left out of the fit better, "
-        "and how they change depth.",
+        description="Other lens models to fit. The report says how much better or worse each predicts a view that is "
+        "left out of the fit, and by how much it changes the depths.",
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0,
-        description="Relative standard deviation of the size of the board's squares, which the corners cannot "
+        description="Relative standard deviation of the side of the board's squares, which the corners cannot "
         "determine.",
     )
     max_steps: MostSteps = Field(
@@ -149,7 +150,7 @@ class PosteriorPart(Part):
 
 
 class CalibrationPart(Part):
-    """The errors of a camera's parameters, the calibration that determined them, and changes since then."""
+    """How well a camera's parameters are known: their errors, the calibration, and changes since then."""
 
     camera: ClassVar[type[DepthCamera]]
     kind: ClassVar[str]

@@ -45,7 +45,7 @@ PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 
 
 class LensPart(Part):
-    """A lens: its focal length or field of view, and its f-number."""
+    """Focal length or field of view of a lens, and its f-number."""
 
     counts_given: ClassVar[tuple[int, ...]] = (1,)
     """How many of the keys focal_length and field_of_view a lens may have."""
@@ -101,8 +101,8 @@ class SensorPart(Part):
     pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
     quantum_efficiency: QuantumEfficiency | None = Field(
         default=None,
-        description="Quantum efficiency, in electrons per photon (EMVA 1288: η); needed with "
-        "scene.picture.light.photons.",
+        description="Quantum efficiency, in electrons per photon (EMVA 1288: η); needed if "
+        "scene.picture.light.photons is given.",
     )
     temporal_dark_noise: NonNegativeElectrons | None = Field(
         default=None, description="Dark noise of this sensor (EMVA 1288: σ_d), instead of scene.picture.read_noise."
@@ -132,13 +132,13 @@ class DisparityPart(Part):
     """The precision with which disparity is measured."""
 
     disparity_error: PositivePixels | Literal["derived"] = Field(
-        description="Standard deviation of one measured disparity, or `derived`: the Cramér–Rao bound of matching "
-        "pictures of the scene's texture (scene.picture), with the errors that `matcher` adds."
+        description="Standard deviation of one measured disparity. With `derived`, the program computes it: the "
+        "Cramér–Rao bound of matching the texture of scene.picture, plus the errors of `matcher`."
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
-        description="What disparity_error is the error of: the disparity, or each of the two image coordinates "
-        "(`coordinate`) whose difference is the disparity. In the latter case, the error of the disparity is √2 times "
+        description="Whether disparity_error is the error of the disparity, or of each of the two image coordinates "
+        "whose difference is the disparity (`coordinate`). With `coordinate`, the error of the disparity is √2 times "
         "as large.",
     )
     discrimination_step: PositivePixels = Field(
@@ -196,13 +196,14 @@ class DisparityPart(Part):
 
 
 class AttributesPart(Part):
-    """Attributes, besides depth, by which the report compares cameras; omitted ones are derived where possible."""
+    """Attributes other than depth by which the report compares cameras; omitted ones are derived where possible."""
 
     moving_parts: Count | None = Field(
         default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."
     )
     bits_per_pixel: PositiveCount | None = Field(
-        default=None, description="Number of bits per pixel of a raw picture; needed to derive the volume of data."
+        default=None,
+        description="Number of bits per pixel of a raw picture; needed to derive the data volume of a depth map.",
     )
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
@@ -225,9 +226,9 @@ class CameraDeclaration(Part, ABC):
     """Types of calibration-file contents that can become such a camera."""
 
     title: str = Field(
-        default="", max_length=80, description="Name of the camera in reports; default: its name in the study."
+        default="", max_length=80, description="Name in figures and tables; default: the name under `cameras`."
     )
-    note: str | None = Field(default=None, max_length=2000, description="What a reader should know about the camera.")
+    note: str | None = Field(default=None, max_length=2000, description="Remark on the camera, for the report.")
     stated: StatedPart | None = None
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(

@@ -74,18 +74,18 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "distortion_k1": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Coefficient of the square of a ray's slope in the radial distortion of the main lens.",
+        meaning="Coefficient of r² in the radial distortion of the main lens, where r is the slope of a ray.",
     ),
     "distortion_k2": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Coefficient of the fourth power of a ray's slope in the radial distortion of the main lens.",
+        meaning="Coefficient of r⁴ in the radial distortion of the main lens, where r is the slope of a ray.",
     ),
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
         meaning="Each coordinate of the centre of a microlens; the error differs from microlens to microlens. "
-        "Positions in a micro-image are measured from that centre, so that a disparity contains √2 times this error.",
+        "A disparity contains √2 times this error.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

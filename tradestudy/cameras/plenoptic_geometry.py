@@ -45,7 +45,7 @@ class ArrayGeometry:
         Distance z from main lens to array [m].
     gap
         Distance b_L from array to sensor [m].
-        pitch
+    pitch
         Pitch of the microlenses [m].
     corner
         Distance from the axis to the corner of the sensor [m].

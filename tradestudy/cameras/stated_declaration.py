@@ -9,26 +9,26 @@ from tradestudy.declarations.quantities import PositiveAngle, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """Values that a data sheet or paper states; the program only compares each with what the other keys imply."""
+    """Values that a data sheet or paper states; the program only compares them with those that other keys imply."""
 
     field_of_view: PositiveAngle | None = Field(
         default=None,
-        description="Full field of view that the data sheet states, across the width or the diagonal of the sensor.",
+        description="Full field of view, across either the width or the diagonal of the sensor.",
     )
     microlens_gap: PositiveLength | None = Field(
-        default=None, description="Distance from microlenses to sensor that the data sheet states."
+        default=None, description="Distance from the microlens array to the sensor."
     )
     mla_distance: PositiveLength | None = Field(
-        default=None, description="Distance from main lens to microlens array that the data sheet states."
+        default=None, description="Distance from the main lens to the microlens array."
     )
     hyperfocal_distance: PositiveLength | None = Field(
-        default=None, description="Hyperfocal distance that the data sheet states."
+        default=None, description="Hyperfocal distance for a blur of one pixel."
     )
     absolute_sensitivity_threshold: PositivePhotons | None = Field(
         default=None,
-        description="Absolute sensitivity threshold that the data sheet states (EMVA 1288: μ_p.min): the number of "
-        "photons at which signal and noise are equal.",
+        description="Absolute sensitivity threshold (EMVA 1288: μ_p.min): the number of photons at which signal and "
+        "noise are equal.",
     )
     depth_of_field: PositiveLength | None = Field(
-        default=None, description="Depth of field that the data sheet states for one image of a conventional camera."
+        default=None, description="Depth of field of one image of a conventional camera."
     )

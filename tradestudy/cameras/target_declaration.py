@@ -42,7 +42,7 @@ class PosePart(Part):
     """
 
     rotation: tuple[Angle, Angle, Angle] = Field(
-        description="Rotation vector: its direction is the axis of rotation, its length the angle; at 0 deg, the "
+        description="Rotation vector: its direction is the axis of rotation, its length the angle. At zero, the "
         "board faces the camera."
     )
     position: tuple[Length, Length, ObjectDistance] = Field(description="Position of the board's centre: x, y and z.")
@@ -58,10 +58,10 @@ class PosePart(Part):
 
 
 class TargetPart(Part):
-    """A simulated calibration with a board shown to the camera; the declared errors are its priors.
+    """A simulated calibration with views of a board.
 
-    The views are spread evenly over the inverse distance and the field, with normally distributed rotations, unless
-    ``poses`` gives them.
+    Unless ``poses`` is given, the positions of the board are spread evenly over inverse distance and direction, and its
+    rotations are normally distributed.
     """
 
     views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(
@@ -74,11 +74,11 @@ class TargetPart(Part):
         description="Number of inner corners in each column of the board."
     )
     spacing: PositiveLength = Field(description="Distance between neighbouring corners of the board.")
-    distances: Span | None = Field(default=None, description="Nearest and farthest distance of the board in the views.")
+    distances: Span | None = Field(default=None, description="Nearest and farthest distance of the board.")
     half_field_angle: HalfFieldAngle | None = Field(
         default=None,
-        description="Largest angle, horizontally and vertically, between the optical axis and the direction of the "
-        "board's centre.",
+        description="Largest angle between the optical axis and the direction of the board's centre, horizontally and "
+        "vertically.",
     )
     tilt: PositiveAngle | None = Field(
         default=None, description="Standard deviation of each component of the board's rotation vector over the views."

@@ -63,8 +63,8 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     )
     mean: Signed | None = Field(
         default=None,
-        description="Mean of the distribution, or its median if the mean does not exist; default: 0. An empirical "
-        "distribution has the mean of its draws.",
+        description="Mean of the distribution, or median of a Student-t distribution that has no mean; default: 0. "
+        "Omit it for an empirical distribution, whose draws have a mean.",
     )
     standard_deviation: Positive | None = Field(
         default=None, description="Standard deviation of a normal distribution."
@@ -74,7 +74,8 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     )
     inexactness: Positive | None = Field(
         default=None,
-        description="Largest deviation of the true half-width from half_width, for a curvilinear trapezoid.",
+        description="Uncertainty of the half-width of a curvilinear-trapezoid distribution: its largest deviation from "
+        "half_width.",
     )
     scale: Positive | None = Field(
         default=None,

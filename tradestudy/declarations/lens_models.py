@@ -22,9 +22,9 @@ from tradestudy.optics.lens_models.rational import Rational
 
 _MODEL = "Name of the lens model."
 _ABOUT = {
-    "rational": "Radial, tangential and thin-prism distortion with a tilted sensor, as in OpenCV. The slopes of a "
-    "ray are x and y, and r² = x² + y². Radial distortion multiplies x and y by (1 + k₁r² + k₂r⁴ + k₃r⁶)/(1 + k₄r² + "
-    "k₅r⁴ + k₆r⁶)",
+    "rational": "Radial, tangential and thin-prism distortion with a tilted sensor, as in OpenCV. Here, x and y are "
+    "the slopes of a ray, and r² = x² + y². Radial distortion multiplies x and y by (1 + k₁r² + k₂r⁴ + k₃r⁶)/"
+    "(1 + k₄r² + k₅r⁴ + k₆r⁶)",
     "kannala-brandt": "The fisheye model of Kannala and Brandt, as in OpenCV and Kalibr (equidistant). At focal "
     "length 1, the image radius is θ + k₁θ³ + k₂θ⁵ + k₃θ⁷ + k₄θ⁹, where θ is the angle from the optical axis",
     "fov": "The fisheye model of Devernay and Faugeras, which has a single coefficient",

@@ -38,13 +38,14 @@ class MicrolensesPart(Part):
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     gap: LensToSensor | Literal["f-number-matching"] = Field(
         description="Distance from the microlens array to the sensor. With `f-number-matching`, it is pitch × "
-        "mla_distance / pupil diameter, which makes the f-numbers of microlenses and main lens equal."
+        "(distance from main lens to array) / (pupil diameter), which makes the f-numbers of microlenses and main lens "
+        "equal."
     )
     types: Literal[1, 3] = Field(default=1, description="Number of microlens types, which differ in focal length.")
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
-        description="Focal length of each microlens type. By default, the focal lengths are such that the depths of "
-        "field of the types, for one pixel of blur, adjoin each other, starting at the total covering plane.",
+        description="Focal length of each microlens type. By default, the depths of field of the types, for one pixel "
+        "of blur, adjoin each other, starting at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of each microlens; default: the pitch."

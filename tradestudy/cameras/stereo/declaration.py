@@ -46,7 +46,7 @@ class StereoDepthPart(DisparityPart):
         default="disparity",
         validate_default=True,
         description="How depth is computed: from the disparity along the baseline (`disparity`), or from the "
-        "midpoint of the shortest line between the two rays (`midpoint`).",
+        "midpoint of the shortest segment between the two rays (`midpoint`).",
     )
     disparity_error: PositivePixels | Literal["derived"] = Field(
         default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
@@ -72,8 +72,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     sensor: SensorPart
     geometry: GeometryPart | None = Field(
         default=None,
-        description="Geometry of both cameras as calibrated, given instead of focal length and baseline. The rig "
-        "measures depth with it.",
+        description="Calibrated geometry of the two cameras, instead of focal length and baseline.",
     )
     baseline: Baseline | None = Field(
         default=None,
@@ -94,8 +93,8 @@ class StereoDeclaration(DepthCameraDeclaration):
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
         description="Distance from lens to sensor with which the rig converts disparity to depth: the focal length "
-        "(`focal_length`), as in calibrations in pixels and for lenses focused at infinity, or the image distance of "
-        "focus_distance (`focused`).",
+        "(`focal_length`), as in a calibration in pixels, or the image distance of an object at focus_distance "
+        "(`focused`).",
     )
     depth: StereoDepthPart = Field(default_factory=StereoDepthPart)
     distortion: AnyLensModel | None = Field(

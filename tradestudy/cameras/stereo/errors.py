@@ -13,17 +13,19 @@ _OF_BOTH: Final[ErrorVocabulary] = {
         unit="m", part="relative position", meaning="Distance between the centres of projection of the two cameras."
     ),
     "baseline_direction_y": ErrorParameter(
-        unit="rad", part="relative position", meaning="Angle by which the right camera lies below the left one."
+        unit="rad",
+        part="relative position",
+        meaning="Vertical angle of the baseline; if positive, the right camera lies below the left one.",
     ),
     "baseline_direction_z": ErrorParameter(
         unit="rad",
         part="relative position",
-        meaning="Angle by which the right camera lies ahead of the left one.",
+        meaning="Horizontal angle of the baseline; if positive, the right camera lies ahead of the left one.",
     ),
     "yaw": ErrorParameter(
         unit="rad",
         part="relative rotation",
-        meaning="Rotation of the right camera towards the left one, about the vertical.",
+        meaning="Rotation of the right camera about the vertical; if positive, towards the left one.",
     ),
     "pitch": ErrorParameter(
         unit="rad",
@@ -43,8 +45,8 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "principal_point": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Position of the right principal point minus that of the left one, along the baseline, on the sensor; "
-        "each camera has half of the error.",
+        meaning="Position of the principal point along the baseline, right camera minus left camera; each camera has "
+        "half of the error.",
     ),
 }
 
@@ -65,16 +67,16 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="m",
                 part=INTERIOR,
-                meaning=f"Position of the principal point of the {side} camera {where}, on its sensor.",
+                meaning=f"Position of the principal point of the {side} camera on its sensor, {where}.",
             ),
         )
-    for name, power in (("k1", "square"), ("k2", "fourth power")):
+    for name in ("k1", "k2"):
         yield (
             f"distortion_{name}",
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Coefficient of the {power} of a ray's slope in the radial distortion of the {side} lens.",
+                meaning=f"Coefficient {name} of the {side} camera's lens model; without one, of the rational model.",
             ),
         )
 

@@ -17,7 +17,7 @@ from tradestudy.optics.lens_models.rational import IDEAL
 
 
 class CalibratedCameraPart(Part):
-    """One camera of a calibrated pair; (0, 0) is the centre of its top left pixel, x points right and y down."""
+    """One camera of a calibrated pair. In its picture, (0, 0) is the centre of the top left pixel; y points down."""
 
     focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Horizontal and vertical focal length.")
     principal_point: tuple[Pixels, Pixels] = Field(
@@ -38,14 +38,13 @@ class CalibratedCameraPart(Part):
 
 
 class GeometryPart(Part):
-    """Two cameras as calibrated; a point ``x_left`` of the left frame is ``R x_left + t`` in the right frame."""
+    """Calibrated geometry of two cameras. A point X in the frame of the left one is RX + t in that of the right one."""
 
     left: CalibratedCameraPart = Field(description="The left camera.")
     right: CalibratedCameraPart = Field(description="The right camera.")
     rotation: tuple[Angle, Angle, Angle] = Field(
         default=(0.0, 0.0, 0.0),
-        description="Rotation vector (axis times angle) of R, from the frame of the left camera to that of the right "
-        "one.",
+        description="Rotation R as a rotation vector: axis times angle.",
     )
     translation: tuple[Length, Length, Length] = Field(
         description="Translation t: position of the left camera in the frame of the right one; its first component "

@@ -36,8 +36,8 @@ class UnfocusedMicrolensesPart(Part):
     )
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
         description="Focal length of a microlens, which is also its distance from the sensor. With "
-        "`f-number-matching`, it is pitch × distance from main lens to array / pupil diameter, which makes the "
-        "f-numbers of microlenses and main lens equal."
+        "`f-number-matching`, it is pitch × (distance from main lens to array) / (pupil diameter), which makes "
+        "the f-numbers of microlenses and main lens equal."
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of each microlens; default: the pitch."

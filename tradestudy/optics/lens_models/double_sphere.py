@@ -19,9 +19,9 @@ class DoubleSphere(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1] by which the second sphere lies behind the first (negative: ahead), in radii; above −1, up to 1.
+        Distance ξ [1] of the second sphere behind the first (negative: ahead), in radii; above −1, at most 1.
     alpha
-        Blending factor α [1], from 0 to 1: the pinhole lies α/(1 − α) radii behind the centre of the second sphere.
+        Parameter α [1], from 0 to 1: the pinhole lies α/(1 − α) radii behind the centre of the second sphere.
 
     Notes
     -----

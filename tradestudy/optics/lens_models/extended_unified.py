@@ -19,7 +19,7 @@ class ExtendedUnified(LensModel):
     Parameters
     ----------
     alpha
-        Blending factor α [1], from 0 to 1: the pinhole lies α/(1 − α) axial semi-axes behind the ellipsoid's centre.
+        Parameter α [1], from 0 to 1: the pinhole lies α/(1 − α) axial semi-axes behind the ellipsoid's centre.
     beta
         Squared ratio β [1] of the axial to the lateral semi-axis of the ellipsoid, above 0; 1 makes it a sphere.
 

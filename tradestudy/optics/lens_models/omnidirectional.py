@@ -21,7 +21,7 @@ class Omnidirectional(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1] from the centre of the unit sphere to the second centre of projection, ≥ 0; at 0, both coincide.
+        Distance ξ [1] from the centre of the unit sphere to the second centre of projection; 0 or more.
     k1
         Coefficient of r² [1] in the radial distortion.
     k2

@@ -45,13 +45,13 @@ class Rational(LensModel):
     p2
         Coefficient p₂ of tangential distortion [1], which adds p₂(r² + 2x²) to x and 2p₂xy to y.
     s1
-        Coefficient of thin-prism distortion [1], which adds s₁r² to x.
+        Coefficient s₁ of thin-prism distortion [1], which adds s₁r² to x.
     s2
-        Coefficient of thin-prism distortion [1], which adds s₂r⁴ to x.
+        Coefficient s₂ of thin-prism distortion [1], which adds s₂r⁴ to x.
     s3
-        Coefficient of thin-prism distortion [1], which adds s₃r² to y.
+        Coefficient s₃ of thin-prism distortion [1], which adds s₃r² to y.
     s4
-        Coefficient of thin-prism distortion [1], which adds s₄r⁴ to y.
+        Coefficient s₄ of thin-prism distortion [1], which adds s₄r⁴ to y.
     tau_x
         Tilt of the sensor about its x axis [rad].
     tau_y

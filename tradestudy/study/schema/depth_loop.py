@@ -19,8 +19,8 @@ class DepthLoopPart(Part):
     """A comparison of predicted depth uncertainties with the depth errors in rendered pictures of planes.
 
     The planes are perpendicular to the optical axis. Texture, light, noise and window are those of scene.picture. The
-    parameters of the matcher are fitted to the depth errors at the distances in `fitted_at`, whose planes share one
-    random seed for texture and noise. The fitted matcher is tested at all other distances, each with a seed of its own.
+    program fits the parameters of the matcher to the depth errors at the distances in `fitted_at`. It tests the fitted
+    matcher at all other distances, with other random textures and noise.
     """
 
     distances: Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=_MOST)] = Field(
@@ -28,10 +28,7 @@ class DepthLoopPart(Part):
     )
     fitted_at: Annotated[
         tuple[ObjectDistance, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)
-    ] = Field(
-        description="Those of the `distances` at which the matcher is fitted to the depth errors; their planes share "
-        "one random seed."
-    )
+    ] = Field(description="Those of the `distances` at which the matcher is fitted to the depth errors.")
     cameras: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None, description="Cameras to test; default: all that measure depth."
     )
@@ -44,7 +41,7 @@ class DepthLoopPart(Part):
         Annotated[tuple[PositiveElectrons, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)] | None
     ) = Field(
         default=None,
-        description="Mean numbers of electrons in a pixel to test; default: the number in scene.picture.light.",
+        description="Mean numbers of electrons in a pixel to test; default: scene.picture.light.electrons.",
     )
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
@@ -59,8 +56,8 @@ class DepthLoopPart(Part):
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=64,
-        description="Number of rays for each pixel through each lens that lights it; with too few, the noise of "
-        "rendering would pass for an error of the matcher.",
+        description="Number of rays for each pixel through each lens that lights it. With too few, the noise of "
+        "rendering looks like an error of the matcher.",
     )
 
     @model_validator(mode="after")

@@ -22,13 +22,13 @@ class BlurPart(Part):
     """What counts as sharp: an upper bound on geometric blur and diffraction spot together, added in quadrature."""
 
     blur: PositivePixels = Field(
-        description="Largest diameter of blur and diffraction spot, added in quadrature, in lateral samples: pixels "
-        "or, for an unfocused plenoptic camera, microlenses."
+        description="Largest diameter of blur and diffraction spot together, in pixels or, for an unfocused plenoptic "
+        "camera, in microlenses."
     )
     diffraction: Diffraction = Field(
         default="none",
-        description="What counts as the diameter of the diffraction spot: nothing (`none`), the diameter of its first "
-        "dark ring (`airy-diameter`), or its full width at half maximum (`fwhm`).",
+        description="Diameter of the diffraction spot: zero (`none`), the diameter of its first dark ring "
+        "(`airy-diameter`), or its full width at half maximum (`fwhm`).",
     )
 
     def criterion(self, wavelength: float) -> BlurCriterion:
@@ -61,8 +61,8 @@ class DepthOfFieldPart(Part):
 class ReliefPart(Part):
     """A depth step and a tilted surface in the middle of depth_of_field.range.
 
-    With them, the report also compares the cameras by criteria that the program derives, such as the width of the strip
-    that the step hides.
+    From them, the program derives further criteria for comparing the cameras, such as the width of the strip that the
+    step hides.
     """
 
     step_height: PositiveLength = Field(
@@ -70,8 +70,7 @@ class ReliefPart(Part):
         "of a camera (the two lenses of a stereo rig, or opposite edges of a plenoptic camera's pupil)."
     )
     surface_tilt: NonNegativeAngle = Field(
-        description="Tilt of the surface; it makes the surface look foreshortened by different amounts from the two "
-        "outermost viewpoints."
+        description="Tilt of the surface, which the two outermost viewpoints see foreshortened by different amounts."
     )
 
     @model_validator(mode="after")

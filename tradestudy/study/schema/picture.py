@@ -86,7 +86,7 @@ class TexturePart(Part):
 
 
 class LightPart(Part):
-    """The light that a pixel of any camera collects during an exposure."""
+    """The light that a pixel collects during an exposure."""
 
     electrons: PositiveElectrons | None = Field(
         default=None, description="Mean number of electrons that a pixel on the optical axis collects."
@@ -97,13 +97,13 @@ class LightPart(Part):
         "quantum_efficiency of each sensor converts them to electrons.",
     )
     at_f_number: FNumber = Field(
-        description="Working f-number (image distance over pupil diameter) at which a pixel collects this light. The "
-        "light is inversely proportional to the square of the f-number."
+        description="Working f-number (image distance over pupil diameter) at which a pixel collects this light. At "
+        "other f-numbers, the light is inversely proportional to their square."
     )
     at_pixel_pitch: PixelPitch | None = Field(
         default=None,
-        description="Pixel pitch at which a pixel collects this light; the light is then proportional to the area of "
-        "the pixel. Default: every pixel collects this light, whatever its size.",
+        description="Pixel pitch at which a pixel collects this light. At other pitches, the light is proportional to "
+        "the area of the pixel. Default: every pixel collects this light, whatever its size.",
     )
 
     @model_validator(mode="after")
@@ -146,14 +146,12 @@ class PicturePart(Part):
     texture: TexturePart
     matching_window: PictureWindow = Field(
         description="Side of the square window in which two pictures are matched, in pixels or as a length on the "
-        "object. Where the pictures have less than the window in common, only the common part is matched. The farther "
-        "apart two microlenses are, the less their micro-images have in common."
+        "object. Where the pictures have less than the window in common, only the common part is matched."
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="Errors that a real matcher adds to the smallest possible matching error (the Cramér–Rao "
-        "bound). The keys of a camera's own depth.matcher override these one by one. Without any matcher, a derived "
-        "error equals the bound.",
+        description="Errors that a real matcher adds to the smallest possible disparity error (the Cramér–Rao "
+        "bound); default: none. The keys of a camera's own depth.matcher override these one by one.",
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(
@@ -169,8 +167,8 @@ class PicturePart(Part):
     )
     field_angle: FieldAngle = Field(
         default=0.0,
-        description="Field angle at which the vignetting is computed; depths at propagation.field_places use the "
-        "angles of those places instead. It has no effect where vignetting is left out.",
+        description="Field angle at which vignetting is computed; at propagation.field_places, the angles of those "
+        "positions apply instead.",
     )
     stop_separation: NonNegativeLength = Field(
         default=0.0,

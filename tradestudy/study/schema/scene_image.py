@@ -58,11 +58,11 @@ class StairsPart(Part):
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
         default=None,
-        description="Width of each tread of a staircase, except the first and the last, which are infinitely wide.",
+        description="Width of each tread of a staircase. The first and the last tread are infinitely wide.",
     )
     edge: Length = Field(
         default=0.0,
-        description="How far to the right of the optical axis the riser of a step, or the middle of a staircase, lies.",
+        description="Offset of the riser of a step, or of the middle of a staircase, to the right of the optical axis.",
     )
 
     @model_validator(mode="after")
@@ -131,7 +131,7 @@ class DepthMapPart(Part):
     field_of_view: PositiveAngle | None = Field(
         default=None,
         description="Instead of `width`: horizontal field of view of the depth map, if its lines of sight meet in "
-        "one point, as those of a pinhole camera do; that point is the origin of the scene.",
+        "one point. That point is the main lens or, for a stereo rig, the middle of the baseline.",
     )
     picture: FileName | None = Field(
         default=None,
@@ -168,10 +168,12 @@ class MosaicPart(Part):
 class SceneImagePart(Part):
     """Surfaces, and how `tradestudy render` makes pictures of them.
 
-    Texture, light, noise, fill factor and stops are those of scene.picture; its other keys (window, matcher, field
-    angle, spectrum and lens phase) do not change the pictures. Pictures show a camera's whole field of view. The
-    program renders them with rays, or with waves of the scene's wavelength if diffraction changes them by more than
-    accuracy.pixel_intensity allows, or if effects.main_lens_diffraction or effects.microlens_diffraction is `fresnel`.
+    Texture, light, noise, fill factor and stop separation are those of scene.picture; its other keys (window, matcher,
+    field angle, spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
+
+    The program renders pictures with rays. Instead, it uses waves of the wavelength scene.wavelength if diffraction
+    changes a picture by more than accuracy.pixel_intensity, or if effects.main_lens_diffraction or
+    effects.microlens_diffraction is `fresnel`.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -185,8 +187,8 @@ class SceneImagePart(Part):
     )
     rig: Rig = Field(
         default="as-designed",
-        description="Whether the pictures are taken by cameras without errors (`as-designed`), or by cameras with "
-        "errors that are drawn once from their calibrations (`drawn`).",
+        description="Whether the cameras that take the pictures have no errors (`as-designed`), or errors that are "
+        "drawn once from their calibrations (`drawn`).",
     )
     noise: SensorNoiseModel = Field(
         default="shot+read+quantisation",
@@ -201,9 +203,8 @@ class SceneImagePart(Part):
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters in front of the pixels; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
         default=None,
-        description="Number of rays for each pixel through each lens that lights it, halved where at most 30 % of the "
-        "lens is lit. The file camera.json beside the pictures states the resulting error. Default: 12 for unfocused "
-        "plenoptic cameras, 8 for others.",
+        description="Number of rays for each pixel through each lens that lights it. The file camera.json beside the "
+        "pictures states the resulting error. Default: 12 for unfocused plenoptic cameras, 8 for others.",
     )
     depth_maps: bool = Field(
         default=False,
@@ -211,7 +212,7 @@ class SceneImagePart(Part):
         description="Whether a run also measures depth in the pictures and compares it with the true depth.",
     )
     depth_format: Literal["tiff", "npy"] = Field(
-        default="tiff", description="Format of the files of true depth, in metres."
+        default="tiff", description="Format of the files with the true depth in metres."
     )
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:

@@ -62,7 +62,7 @@ def listed(f_numbers: FNumbers) -> tuple[float, ...]:
 
 
 class PublishedErrorPart(Part):
-    """A published error of the point-spread function by Fresnel's approximation for this lens."""
+    """A published error of Fresnel's approximation for this lens."""
 
     f_number: FNumber = Field(description="F-number to which the published error applies.")
     error: PositiveFraction = Field(description="Published error of the point-spread function at this f-number.")
@@ -71,7 +71,7 @@ class PublishedErrorPart(Part):
 class ElementPart(Part):
     """A lens, and the object point on which it is focused."""
 
-    title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of the lens in reports.")
+    title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of the lens in the report.")
     focal_length: FocalLength = Field(description="Focal length of the lens.")
     object_distance: ObjectDistance = Field(description="Distance from the lens to the object point.")
     f_number: FNumber = Field(description="F-number at which the camera uses the lens.")
@@ -96,10 +96,7 @@ class ElementPart(Part):
 
 
 class OffAxisPart(Part):
-    """A comparison at one object point off the axis and at one wavelength.
-
-    More would take too long, because the point-spread function has no rotational symmetry off the axis.
-    """
+    """A comparison at one object point off the axis and at one wavelength."""
 
     field_angle: PositiveAngle = Field(
         description="Angle between the optical axis and the direction of the object point."
@@ -108,9 +105,9 @@ class OffAxisPart(Part):
 
 
 class FresnelValidityPart(Part):
-    """How far the point-spread function by Fresnel's approximation differs from the one by Kirchhoff's integral.
+    """The error of point-spread functions computed by Fresnel's approximation, relative to Kirchhoff's integral.
 
-    The smallest f-number at which this error is acceptable is compared with those that closed-form criteria give.
+    The report compares the smallest f-number at which the error is acceptable with those of closed-form criteria.
     """
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
@@ -136,7 +133,7 @@ class FresnelValidityPart(Part):
         description="Largest acceptable error of the point-spread function by Fresnel's approximation."
     )
     tolerance: IntensityTolerance = Field(
-        description="Largest numerical error of each computed point-spread function, relative in the L2 norm."
+        description="Largest relative numerical error of each computed point-spread function, in the L2 norm."
     )
 
     @model_validator(mode="after")
@@ -160,8 +157,8 @@ class PointSpreadPart(Part):
         description="Phase that each lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
     )
     pixel_pitch: PixelPitch = Field(
-        description="Pixel pitch, for the modulation transfer at half the Nyquist frequency and for the light on "
-        "neighbouring pixels."
+        description="Pixel pitch at which the report states the modulation transfer at half the Nyquist frequency, and "
+        "the light on neighbouring pixels."
     )
     window: PositiveNumber = Field(
         description="Half the side of the square in which the image of a point is computed, in Airy radii of each lens."
