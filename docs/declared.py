@@ -53,11 +53,11 @@ Depth measured in rendered pictures of planes, compared with the true depth and 
 A *point* is a pixel of the depth map that a camera computes; where the camera has several types of microlenses, only
 pixels behind the type that is sharpest at their depth count. A point is *seen* if nothing hides it, its true depth lies
 within the distances that the estimator searches, and at least two of the pictures that the estimator compares show it.
-The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is that from matching
-noise alone, at the true depth of the point. The *standard deviation of depth due to noise* follows, to first order,
-from the texture in the matching window of the point. Standard errors by *a jackknife* follow from leaving out one of
-4 × 4 parts of the depth map at a time. They are NaN where the quantity itself is NaN, and where fewer than three parts
-have measured points.
+The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is the depth
+uncertainty from matching noise alone, at the true depth of the point. The *standard deviation of depth due to noise*
+follows, to first order, from the texture in the matching window of the point. Standard errors by *a jackknife* follow
+from leaving out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where the
+quantity itself is NaN, and where fewer than three parts have measured points.
 """,
     "depth_of_field": """
 Where each camera is sharp, and how finely it resolves the object. `sharp` names the blur criteria of

@@ -150,8 +150,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_lens_support": Variable(
         dims=("posterior", "lens_model"),
         units="1",
-        long_name="how much better another lens model predicts the corners than the model in use: log likelihood of "
-        "views left out of the fit one at a time, minus that by the model in use; NaN where the model was not compared",
+        long_name="how much better another lens model predicts the corners than the model in use: difference between "
+        "the log likelihoods of views left out of the fit one at a time; NaN where the model was not compared",
         error="see rig_lens_support_deviation",
     ),
     "rig_lens_support_deviation": Variable(
@@ -182,8 +182,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation of a parameter if the board may move between the left and the right exposure, "
-        "divided by that if it may not; NaN where no such motion is fitted",
+        long_name="standard deviation of a parameter, fitted with motion of the board between the left and the right "
+        "exposure, divided by that fitted without; NaN where no such motion is fitted",
     ),
 }
 
@@ -268,8 +268,8 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_first": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that pair_first has the smaller magnitude of the depth error; a failed measurement "
-        "loses, and two are a tie",
+        long_name="probability that pair_first has the smaller depth error in magnitude; failed measurements count as "
+        "infinite errors",
         error="see rank_first_error",
     ),
     "rank_first_error": Variable(
@@ -281,7 +281,7 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_second": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that pair_second has the smaller magnitude of the depth error",
+        long_name="probability that pair_second has the smaller depth error in magnitude",
         error="see rank_first_error",
     ),
     "pair_first": Variable(dims=("pair",), units="", long_name="first camera of the pair"),

@@ -76,8 +76,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "failed_fraction": Variable(
         dims=("camera", "distance", "error_source"),
         units="1",
-        long_name="fraction of failed measurements: those whose errors push the depth beyond infinity, and the "
-        "false matches that the study declares; NaN where the camera does not see the point",
+        long_name="fraction of failed measurements: those whose errors push the depth beyond infinity and, except for "
+        "calibration errors alone, the declared false matches; NaN where the camera does not see the point",
         symbol="P(a = ∞)",
         error="see failed_fraction_error",
     ),
@@ -91,9 +91,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether, with 95 % confidence, the draws determine half the width of every interval of depths to "
-        "within the tolerance accuracy.depth_uncertainty; of an interval without a far end, failed_fraction counts "
-        "instead; true where nothing is drawn",
+        long_name="whether the draws determine half the width of every interval of depths, or failed_fraction where an "
+        "interval has no far end, to within accuracy.depth_uncertainty with 95 % confidence; true where nothing is "
+        "drawn",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
@@ -149,7 +149,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         long_name="value that is compared with limit_bound, in m for 'real_image', in px for 'focus', 'matching' and "
         "'last_disparity_step', otherwise a plain number; may be infinite; NaN where the limit does not apply or "
         "the camera forms no image",
-        error="rounding only; for 'failed_fraction' and 'relative_uncertainty', also that of the draws",
+        error="rounding only; limits on failures and on relative uncertainty also have the error of the draws",
     ),
     "limit_met": Variable(
         dims=("camera", "distance", "limit"),
@@ -191,13 +191,13 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "near_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="limits that set usable_near, 'matching' with the violated condition; 'range of the study' if "
+        long_name="names of the limits that set usable_near, 'matching' with its violated condition; 'range of the study' if "
         "scene.distances begins there; empty beyond the last interval",
     ),
     "far_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="limits that set usable_far, 'matching' with the violated condition; 'range of the study' if "
+        long_name="names of the limits that set usable_far, 'matching' with its violated condition; 'range of the study' if "
         "scene.distances ends there; empty beyond the last interval",
     ),
 }
@@ -308,7 +308,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "false_matches": Variable(
         dims=("camera",),
         units="1",
-        long_name="declared fraction of false matches, which every failed_fraction in the file includes",
+        long_name="declared fraction of false matches",
         error=DECLARED,
     ),
     "brightest_camera": Variable(

@@ -7,8 +7,6 @@ from typing import Final
 
 from tradestudy.results.variable import ESTIMATE, EXACT, Variable
 
-_JACKKNIFE: Final = "itself an error estimate, good to about 20 %"
-
 _ESTIMATES: Final = {
     "bias": ("m", "median depth error"),
     "spread": ("m", "half the width of the central 68.27 % interval of the depth errors"),
@@ -85,7 +83,7 @@ def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
             dims=dims,
             units=units,
             long_name=f"standard error of depth_{name}, by a jackknife; may be NaN",
-            error=_JACKKNIFE,
+            error=ESTIMATE,
         )
     found["predicted_availability"] = Variable(
         dims=dims,

@@ -64,5 +64,5 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         error=DECLARED,
     ),
     "problem_title": _words(_PROBLEM, "name of the problem in figures and tables"),
-    "summary": _words(_PROBLEM, "what the applied models include, and what they leave out that matters most"),
+    "summary": _words(_PROBLEM, "what the applied models include, and their largest omission"),
 }

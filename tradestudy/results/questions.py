@@ -43,7 +43,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether 'winner' differs from that in the study as declared",
+        long_name="whether 'winner' differs from the winner in the study as declared",
     ),
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes, in words"),
     "certainty_flips": Variable(
@@ -182,7 +182,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes, in words"),
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
     "source": Variable(dims=("claim",), units="", long_name="where the claim was published"),
-    "expected": Variable(dims=("claim",), units="", long_name="value or bound to be expected if the claim is true"),
+    "expected": Variable(dims=("claim",), units="", long_name="value or bound that the claim implies"),
     "quantity": Variable(
         dims=("claim",), units="", long_name="quantity that the claim is about, with the cameras called by their titles"
     ),
@@ -395,8 +395,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "met_to_within": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="larger error of met_from and met_to: half the width of the interval to which bisection narrows "
-        "each of them down, or 0 at an end of the sweep and for whole numbers; NaN beyond the last range",
+        long_name="larger of the errors of met_from and met_to, each half the width of the last interval of a "
+        "bisection; 0 at an end of the sweep and for whole numbers; NaN beyond the last range",
         error=ESTIMATE,
     ),
     "met_camera": Variable(

@@ -39,7 +39,9 @@ CAMERAS: Final[Mapping[str, Variable]] = {
 }
 
 ASSUMPTIONS: Final[Mapping[str, Variable]] = {
-    "value": Variable(dims=("path",), units="", long_name="value as written in the study file, with its unit"),
+    "value": Variable(
+        dims=("path",), units="", long_name="value with its unit, as written in the study file, or the default"
+    ),
     "basis": Variable(
         dims=("path",),
         units="",
@@ -81,7 +83,7 @@ CRITERIA: Final[Mapping[str, Variable]] = {
         dims=("camera", "criterion"),
         units="",
         long_name="basis of the value; 'derived' if it follows from other inputs, 'declared' if the study states no "
-        "basis",
+        "basis, empty if it states no value",
     ),
     "number": Variable(
         dims=("camera", "criterion"),

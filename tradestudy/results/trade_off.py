@@ -66,7 +66,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weight_mean": Variable(
         dims=("weighed",),
         units="1",
-        long_name="mean over all possible weights of the criterion, as fractions of the sum of all weights",
+        long_name="mean weight of the criterion over all possible weights, as a fraction of the sum of all weights",
         error="below 1e-3",
     ),
     "rank_acceptability": Variable(
@@ -74,8 +74,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="fraction of the draws in which the candidate has this rank; each draws possible weights, and errors "
-        "of the criteria",
+        long_name="fraction of the draws (of possible weights, and of errors of the criteria) in which the candidate "
+        "has this rank",
         error="see rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(
@@ -112,8 +112,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether every requirement of priority 'must' is met, those that any one camera may meet by this "
-        "candidate itself",
+        long_name="whether every requirement of priority 'must' is met; one that any camera may meet must be met by "
+        "this candidate",
         error=EXACT,
     ),
     "on_pareto_front": Variable(

@@ -21,8 +21,8 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "worth_bias": Variable(
         dims=("assumption",),
         units="1",
-        long_name="upward bias that has been subtracted from 'worth': apparent gain because the noise of the fitted "
-        "utilities contributes to their maximum",
+        long_name="upward bias that has been subtracted from 'worth': apparent gain from choosing the camera with the "
+        "highest fitted utility, which noise raises",
         error=ESTIMATE,
     ),
     "says": Variable(dims=("assumption",), units="", long_name="name of the assumption in reports"),

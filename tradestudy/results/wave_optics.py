@@ -7,7 +7,7 @@ from typing import Final
 
 from tradestudy.results.variable import COUNTED, DECLARED, ESTIMATE, EXACT, PAPER, ROUNDING, Variable
 
-_MEASURED = f"{PAPER}, Figure 6, whose measure, window and wavelength are not stated"
+_MEASURED = f"{PAPER}, Figure 6, which states neither measure nor window nor wavelength"
 _ELEMENT = ("element", "wavelength")
 
 
