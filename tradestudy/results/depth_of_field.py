@@ -25,8 +25,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "diffraction": Variable(
         dims=("sharp",),
         units="",
-        long_name="width of the diffraction spot that counts in addition to the blur by defocus: 'none', 'fwhm' (full width at "
-        "half maximum) or 'airy-diameter'",
+        long_name="width of the diffraction spot that counts in addition to the blur by defocus: 'none', 'fwhm' (full "
+        "width at half maximum) or 'airy-diameter'",
     ),
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
