@@ -37,7 +37,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="m",
         long_name="error of depth_uncertainty: the standard error over scrambles or, if the camera's calibration is "
-        "propagated linearly, the estimated error of doing so; NaN where depth_uncertainty is infinite or NaN",
+        "propagated linearly, the estimated error of that; NaN where depth_uncertainty is infinite or NaN",
         error=ESTIMATE,
     ),
     "depth_uncertainty_by_error_source": Variable(

@@ -11,26 +11,28 @@ DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "error_source"),
         units="",
-        long_name="usable candidate with the lowest depth uncertainty; several, separated by commas, where these are "
-        "equal within their error; empty where no usable candidate has a finite depth uncertainty",
+        long_name="usable candidate with the lowest depth uncertainty; several, separated by commas, where their depth "
+        "uncertainties are equal within their error; empty where no usable candidate has a finite depth uncertainty",
     ),
     "winner": Variable(
         dims=("reading", "place", "error_source"),
         units="",
-        long_name="usable camera of the main pair with the lower depth uncertainty; both, separated by a comma, where "
-        "these are equal within their error; empty where neither is usable with a finite depth uncertainty",
+        long_name="usable camera of the main pair with the lower depth uncertainty; both cameras, separated by a comma, "
+        "where both depth uncertainties are equal within their error; empty where no usable one has a finite depth "
+        "uncertainty",
     ),
     "more_certain": Variable(
         dims=("reading", "place", "error_source"),
         units="",
-        long_name="camera of the main pair with the lower depth uncertainty, usable or not; empty where both are "
-        "equal within their error or neither is finite",
+        long_name="camera of the main pair with the lower depth uncertainty, usable or not; empty where both depth "
+        "uncertainties are equal within their error or neither is finite",
     ),
     "uncertainty_ratio": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
         long_name="depth uncertainty of the first camera of the main pair, divided by that of the second; infinite "
-        "where only the first is infinite; NaN where both are infinite or zero, or a camera does not see the point",
+        "where only the first is infinite or only the second is 0; NaN where both are infinite or both 0, or a camera "
+        "does not see the point",
         error=f"{SEE_ERROR} of /depth",
     ),
     "within_tolerance": Variable(
