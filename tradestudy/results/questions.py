@@ -17,7 +17,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "winner": Variable(
         dims=("reading", "place", "error_source"),
         units="",
-        long_name="usable camera of the main pair with the lower depth uncertainty; both cameras, separated by a comma, "
+        long_name="usable camera of the main pair with the lower depth uncertainty; both, separated by a comma, "
         "where both depth uncertainties are equal within their error; empty where no usable one has a finite depth "
         "uncertainty",
     ),
