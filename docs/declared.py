@@ -11,18 +11,20 @@ import typer.main
 
 from tradestudy.cli import app
 from tradestudy.results import GROUPS, PAPER, Variable
+from tradestudy.results.variable import ESTIMATE
 
 _GROUPS: Final = {
     "cameras": "What each camera is, how it measures, and which properties follow from its declared values.",
     "depth": """
-Depth uncertainty and usable range of each camera that measures depth, at the distances of `scene.distances`.
+Depth uncertainty and usable range of each camera that measures depth, for points on the axis at the distances of
+`scene.distances`.
 
-An *interval of depths* contains the central 68.27 % of measured depths, or the central fraction that
+An *interval of depths* contains the central 68.27 % of measured depths, or a central fraction that
 `propagation.coverage` declares. It has no far end where too many measurements fail.
 
 `side` is the direction in which the true depth changes: `nearer` to the camera or `farther` from it. `part` names
 groups of errors, such as `noise` or `relative rotation`. `quantile` lists the probabilities of the quantiles: 0.5, and
-those at both ends of every interval of depths. `interval` numbers the usable intervals of a camera, from the nearest.
+those of both ends of every interval of depths. `interval` numbers the usable intervals of a camera, from the nearest.
 
 `limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
 `total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
@@ -34,13 +36,15 @@ brightest pixels are not saturated) and `matching` (a matcher can reach the Cram
 Variables of [`/depth`](#group-depth) off the axis. `field` lists the field positions of `propagation.field_places`.
 """,
     "depth_map": """
-Depth uncertainty over the picture of each stereo rig with a lens model, at a few distances. `across` and `down` are
-distances from the middle of the sensor, as fractions of half its width and half its height.
+Depth uncertainty over the picture of each stereo rig with a lens model, at up to four of the distances of
+`scene.distances`. `across` and `down` are coordinates from the middle of the sensor, in units of half its width and
+half its height.
 """,
     "disparity_causes": """
-What makes each derived disparity error as large as it is. These variables include the effects that other results
-leave out because they matter less than the tolerance. `change` names the one cause that is changed. For an unfocused
-plenoptic camera, 1 px is one microlens.
+What makes each derived disparity error as large as it is, at the distances of `decision.at` or, without it, at up to
+four of `scene.distances`. These variables include the effects that other results leave out because they matter less
+than the tolerance. `change` names the one cause that is changed. For an unfocused plenoptic camera, 1 px is one
+microlens.
 """,
     "depth_loop": """
 Depth measured in rendered pictures of planes, compared with the true depth and the predicted depth uncertainty.
@@ -49,11 +53,11 @@ Depth measured in rendered pictures of planes, compared with the true depth and 
 A *point* is a pixel of the depth map that a camera computes; where the camera has several types of microlenses, only
 pixels behind the type that is sharpest at their depth count. A point is *seen* if nothing hides it, its true depth lies
 within the distances that the estimator searches, and at least two of the pictures that the estimator compares show it.
-The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is that of the camera
-at the true distance of the point. The *standard deviation of depth due to noise* follows, to first order, from the
-texture in the matching window of the point. Standard errors by *a jackknife* follow from leaving out one of 4 × 4 parts
-of the depth map at a time. They are NaN where the quantity itself is NaN, and where fewer than three parts have
-measured points.
+The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is the depth
+uncertainty from matching noise alone, at the true depth of the point. The *standard deviation of depth due to noise*
+follows, to first order, from the texture in the matching window of the point. Standard errors by *a jackknife* follow
+from leaving out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where the
+quantity itself is NaN, and where fewer than three parts have measured points.
 """,
     "depth_of_field": """
 Where each camera is sharp, and how finely it resolves the object. `sharp` names the blur criteria of
@@ -66,9 +70,12 @@ possible weights of the criteria in `trade_off.criteria` (along `weighed`).
 """,
     "decision": """
 Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
-cameras of `decision.between`. `place` lists the distances of `decision.at`, `pair` the pairs of `decision.compare`, and
-`question` the questions of `solve`. `change` and `crossing` number distances, from the nearest. `rank_distance` lists
-the distances at which cameras are ranked; `rank_error_source` is `calibration` or `both`. `design_place` and
+cameras of `decision.between`. Two depth uncertainties are *equal within their error* if their difference is at most
+their combined error, in which standard errors count 5.4 times.
+
+`place` lists the distances of `decision.at`, `pair` the pairs of `decision.compare` (or the main pair), and `question`
+the questions of `solve`. `change` and `crossing` number changes and crossovers, from the nearest. `rank_distance` and
+`rank_error_source` are the distances and error sources for which the cameras of a pair are compared. `design_place` and
 `design_crossing` are `place` and `crossing` for the designs of a sweep.
 """,
     "calibration": """
@@ -77,7 +84,7 @@ simulated target. `posterior` names the cameras. `ensemble` numbers independent 
 parameter are in SI or, if its name ends in `_px`, in pixels.
 
 Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. Depths in them are those of points
-midway between the two cameras.
+midway between the two cameras, at the distances `rig_distance`.
 """,
     "sensitivity": """
 How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. `field` lists the axis
@@ -95,8 +102,8 @@ phases of `fresnel_validity.lens_phases`.
 
 In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Eq. 27 of
 the paper has two solutions (along `zero`): the `first`, with the smaller aperture and the larger f-number, and the
-`second`. `quarter_wave` is an increase of a + b, as a fraction of a quarter of a wavelength. `path_error` lists the
-values of `fresnel_validity.path_errors`.
+`second`. `quarter_wave` is the fractional part of 4 (a + b)/λ. `path_error` lists the values of
+`fresnel_validity.path_errors`.
 """,
     "images": """
 The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods` (along `propagator`
@@ -105,25 +112,27 @@ computations that `light_spot.benchmarks` times.
 """,
     "point_spread": """
 The image of a point behind each lens (along `element`), by each method (along `propagator`). One input at a time
-varies: `varied` names it, and `step` numbers its values. Circles and distances are centred on the thin-lens image. The
-computed square is that of `point_spread.window`.
+varies: `varied` names it, and `step` numbers its values. Circles, discs and the *computed square*, declared by
+`point_spread.window`, are centred on the thin-lens image.
 """,
     "hard_cases": "Cases in which textbook formulas lose precision, and what this program computes in each.",
     "effects": """
-Which model of each effect was chosen, and how much the others would have changed the answers. A *problem* is a camera,
-a lens or a light path. `decision` lists every model of every effect of each problem, and `quantity` the quantities that
-have tolerances under `accuracy`.
+Which model of each effect was chosen, and how much the others would have changed the answers. A *problem* is a part of
+the study with models of its own: a camera, its pictures, a light path, the point spread or the depth of field.
+`decision` lists every model of every effect of each problem, and `quantity` the quantities that have tolerances under
+`accuracy`.
 """,
     "cost": """
-Error and computing time of each set of models with which the answers of a study can be computed, as measured by
+Error and computing time of the sets of models with which the answers of a study can be computed, as measured by
 [`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
     "datasheet": "Each camera in the terms of depth-camera data sheets, at one to five distances (`sheet_distance`).",
     "pictures": """
-Rendered pictures of the scene and, for the cameras along `mapped_camera`, depth measured in them. To fit the
-report, the pictures have one value for each block of pixels. The terms are those of [`/depth_loop`](#group-depth_loop).
-The measured points, sorted by true depth, form six *classes* (along `depth_class`) of equally many points.
+Rendered pictures of the scene and, for the cameras along `mapped_camera`, depth measured in them. The terms are those
+of [`/depth_loop`](#group-depth_loop), but the predicted depth uncertainty includes calibration errors if
+`scene.image.rig` is `drawn`. The measured points, sorted by true depth, form six *classes* (along `depth_class`) of
+equally many points.
 """,
     "requirements": """
 What the study requires, and whether the cameras meet it. `stretch` numbers ranges of the parameter that a sweep varies.
@@ -134,10 +143,13 @@ without the errors of a declared matcher.
     "value_of_information": """
 How much knowing each assumption would improve the choice of a camera. The values of all assumptions are drawn at random
 together. The *utility* of a camera is minus its relative depth uncertainty, averaged over the distances of
-`value_of_information.at` (along `place`); where the camera is not usable, `value_of_information.unusable` replaces that
-uncertainty. The attribute `draws` of the group is the number of draws.
+`value_of_information.at` (along `place`). Where that uncertainty exceeds `value_of_information.unusable` or the camera
+is not usable, this value replaces it. The attribute `draws` of the group is the number of draws.
 """,
-    "assumptions": "Every value of the study, by its path in the study file, with its basis.",
+    "assumptions": """
+Every value of the study with its basis. `path` is the place of the value in the study file; for values of cameras, it
+begins below the name of the camera.
+""",
     "contradictions": "Inputs that contradict each other, and the value that the program uses.",
 }
 """What each group holds, and the terms that its variables share."""
@@ -210,7 +222,7 @@ def _variable(name: str, one: Variable, described: str) -> Iterator[str]:
     facts = {
         "Symbol": f"{one.symbol}.",
         "Source": _sentence(one.reference.replace(PAPER, "the paper")) if one.reference else ".",
-        "Error": _sentence(one.error) if one.error else ".",
+        "Error": _sentence(one.error) if one.error not in ("", ESTIMATE) else ".",
     }
     reported = " ".join(f"*{title}:* {text}" for title, text in facts.items() if text != ".")
     if reported:
@@ -268,10 +280,10 @@ title.
 | see `name` of `/group` | the same, but the variable is in another group |
 | rounding only | the value follows from the inputs in closed form |
 | none | nothing is uncertain; the text says why, for example because the value is declared or a count |
-| itself an error estimate | the variable is the error of another one |
 | not estimated, not stored | no variable holds the error; the text says where it comes from |
 
-A variable without *Error* states none. Text, and flags (1 or true for yes, 0 or false for no), need none.
+A variable without *Error* states none. Error estimates, text, and flags (1 or true for yes, 0 or false for no) need
+none.
 
 The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file. Those of
 `error_source` are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a

@@ -8,11 +8,11 @@ from typing import Final
 from tradestudy.results.variable import ESTIMATE, Variable
 
 CALIBRATION: Final[Mapping[str, Variable]] = {
-    "posterior_converged": Variable(dims=("posterior",), units="1", long_name="whether the Markov chains converged"),
+    "posterior_converged": Variable(dims=("posterior",), units="1", long_name="whether the chains pass all checks"),
     "posterior_verdict": Variable(
         dims=("posterior",),
         units="",
-        long_name="convergence criteria that the chains do not meet; empty where they converged",
+        long_name="checks that the chains fail; empty where they pass all",
     ),
     "posterior_kind": Variable(
         dims=("posterior",),
@@ -22,8 +22,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_lengths": Variable(
         dims=("posterior",),
         units="1",
-        long_name="length of the chains: number of steps after the warm-up, divided by the longest "
-        "autocorrelation time",
+        long_name="length of the chains: number of steps after the warm-up, divided by the longest autocorrelation "
+        "time of a parameter",
         symbol="N/τ",
     ),
     "posterior_acceptance": Variable(
@@ -34,8 +34,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="check of the approximation by which the chains integrate over the poses of the board: effective "
-        "fraction of the draws after reweighting with poses fitted anew for each draw; near 1 if the "
+        long_name="check of the approximation by which the chains integrate over the poses of the board or target: "
+        "effective fraction of the draws after reweighting with poses fitted anew for each draw; near 1 if the "
         "approximation is good",
     ),
     "posterior_evaluations": Variable(
@@ -96,8 +96,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_best": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="value of a parameter with which a stereo rig calibrated from corners measures depth; NaN for "
-        "other cameras",
+        long_name="best fit of a parameter, with which a stereo rig calibrated from corners measures depth; NaN for "
+        "other cameras and parameters",
         error="see posterior_deviation",
     ),
     "posterior_lens_model": Variable(
@@ -109,24 +109,25 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_pixels": Variable(
         dims=("posterior", "side"),
         units="px",
-        long_name="number of columns and number of rows (along 'side') of the calibration pictures; 0 without pictures",
+        long_name="number of columns, then of rows (along 'side') of the calibration pictures; 0 without pictures",
     ),
     "posterior_draw": Variable(
         dims=("posterior", "draw", "parameter"),
         units="mixed",
-        long_name="value of a parameter in a joint draw from all chains; NaN where the parameter is not fitted",
+        long_name="value of a parameter in a joint draw from all chains; NaN where the parameter is not drawn, and "
+        "beyond the last draw",
     ),
     "posterior_trace": Variable(
         dims=("posterior", "ensemble", "step", "parameter"),
         units="mixed",
-        long_name="value of a parameter along the first walker of each ensemble, at steps spread evenly over the "
-        "chain after its warm-up; NaN where the parameter is not fitted",
+        long_name="value of a parameter along the first chain of each ensemble, at steps spread evenly after the "
+        "warm-up; NaN where the parameter is not fitted, and beyond the last ensemble",
     ),
     "rig_quantity": Variable(
-        dims=("rig_row",), units="", long_name="name of a finding about a stereo rig calibrated from corners"
+        dims=("rig_row",), units="", long_name="quantity that the calibration from corners determines or checks"
     ),
-    "rig_camera": Variable(dims=("rig_row",), units="", long_name="stereo rig that the finding is about"),
-    "rig_value": Variable(dims=("rig_row",), units="", long_name="value of the finding, with its unit"),
+    "rig_camera": Variable(dims=("rig_row",), units="", long_name="stereo rig to which rig_quantity belongs"),
+    "rig_value": Variable(dims=("rig_row",), units="", long_name="value of rig_quantity, with its unit"),
     "rig_claimed": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
@@ -149,8 +150,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_lens_support": Variable(
         dims=("posterior", "lens_model"),
         units="1",
-        long_name="how much better another lens model predicts the corners than the model in use: gain in log "
-        "likelihood of views left out of the fit one at a time; NaN where the model was not compared",
+        long_name="how much better another lens model predicts the corners than the model in use: difference between "
+        "the log likelihoods of views left out of the fit one at a time; NaN where the model was not compared",
         error="see rig_lens_support_deviation",
     ),
     "rig_lens_support_deviation": Variable(
@@ -162,8 +163,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_lens_change": Variable(
         dims=("posterior", "lens_model", "rig_distance"),
         units="m",
-        long_name="depth measured with another lens model minus depth measured with the model in use, in the same "
-        "pictures; NaN where the model was not compared",
+        long_name="depth by another lens model minus depth by the model in use, from the same pictures; NaN where the "
+        "model was not compared",
         error="see rig_lens_change_deviation",
     ),
     "rig_lens_change_deviation": Variable(
@@ -175,15 +176,14 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_residual": Variable(
         dims=("posterior", "rig_side", "rig_cell_row", "rig_cell_column", "rig_axis"),
         units="px",
-        long_name="mean residual, along x or y, of the corners in one cell of a grid over the left or right picture; "
-        "NaN in cells without corners",
+        long_name="mean residual along x or y of the corners in one cell of a grid over the left or right picture, "
+        "with each camera fitted alone; NaN in cells without corners and for cameras not calibrated from corners",
     ),
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation of a parameter from the fit in which the board may move between the left and "
-        "the right exposure, divided by that from the fit in which it may not; NaN where no such motion "
-        "is fitted",
+        long_name="standard deviation of a parameter, fitted with motion of the board between the left and the right "
+        "exposure, divided by that fitted without; NaN where no such motion is fitted",
     ),
 }
 
@@ -227,8 +227,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "parameter_refused": Variable(
         dims=("camera",),
         units="",
-        long_name="why parameters are not evaluated one at a time, such as strong correlations between them; empty "
-        "where they are",
+        long_name="why parameter_uncertainty is not computed, such as strong correlations; empty where it is",
     ),
     "first_index": Variable(
         dims=("camera", "field", "distance", "source"),
@@ -269,7 +268,8 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_first": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that pair_first has the smaller depth error",
+        long_name="probability that pair_first has the smaller depth error in magnitude; failed measurements count as "
+        "infinite errors",
         error="see rank_first_error",
     ),
     "rank_first_error": Variable(
@@ -281,7 +281,7 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_second": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that pair_second has the smaller depth error",
+        long_name="probability that pair_second has the smaller depth error in magnitude",
         error="see rank_first_error",
     ),
     "pair_first": Variable(dims=("pair",), units="", long_name="first camera of the pair"),

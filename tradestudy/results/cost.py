@@ -21,15 +21,14 @@ COST: Final[Mapping[str, Variable]] = {
     "relative_error": Variable(
         dims=_ENTRY,
         units="1",
-        long_name="difference from the reference, relative to the reference: the largest over distances for a "
-        "camera, the L2 norm over pixels for a light path; at least reference_error; infinite where the "
-        "entry has no answer",
+        long_name="difference from 'reference', relative to it: for a camera, the largest over distances; for a light "
+        "path, in the L2 norm over pixels; at least reference_error; infinite where the entry has no answer",
         error="see reference_error",
     ),
     "seconds": Variable(
         dims=_ENTRY,
         units="s",
-        long_name="wall-clock time with empty caches: the shortest of three runs, or a single run of a long "
+        long_name="wall-clock time with empty caches: the shortest of three measurements, or a single one of a long "
         "computation",
         error="not estimated: other work on the machine adds to the time",
     ),
@@ -43,15 +42,15 @@ COST: Final[Mapping[str, Variable]] = {
         long_name="whether this is the fastest entry of its problem with at most a tenth of the error of the chosen "
         "entry",
     ),
-    "title": _words(_PROBLEM, "name of the camera or light path in figures and sentences"),
+    "title": _words(_PROBLEM, "name of the camera or light path in figures and tables"),
     "reference": _words(
         _PROBLEM, "computation that the entries are compared with, in words; empty where there was no time for one"
     ),
     "reference_error": Variable(
         dims=_PROBLEM,
         units="1",
-        long_name="relative error of the reference; NaN without a reference",
+        long_name="relative error of 'reference'; NaN where that is empty",
         error=ESTIMATE,
     ),
-    "left_out": _words(_PROBLEM, "what was not measured, and why; one line for each"),
+    "left_out": _words(_PROBLEM, "what was not measured, and why, line by line"),
 }

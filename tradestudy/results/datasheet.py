@@ -13,14 +13,16 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "z_accuracy": Variable(
         dims=_OVER,
         units="m",
-        long_name="depth uncertainty from calibration errors alone, which averaging does not reduce",
+        long_name="depth uncertainty from calibration errors alone, which averaging does not reduce; infinite where "
+        "the interval of depths has no far end, NaN where the camera does not see the point",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "temporal_noise": Variable(
         dims=_OVER,
         units="m",
         long_name="depth uncertainty from matching noise alone, without pixel locking: the spread of repeated "
-        "measurements at one pixel",
+        "measurements at one pixel; infinite where the interval of depths has no far end, NaN where the camera does "
+        "not see the point",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "subpixel_rms": Variable(
@@ -33,8 +35,8 @@ DATASHEET: Final[Mapping[str, Variable]] = {
         dims=_OVER,
         units="m",
         long_name="root-mean-square deviation of measured depths from a plane fitted to them, for a flat target "
-        "perpendicular to the axis; matching noise alone causes it, because calibration errors shift and "
-        "tilt the whole plane",
+        "perpendicular to the axis; equal to the depth uncertainty from matching noise alone, because calibration "
+        "errors are taken to shift and tilt the whole plane; infinite or NaN like temporal_noise",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "fill_rate": Variable(
@@ -47,14 +49,14 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "field_width": Variable(
         dims=_OVER,
         units="m",
-        long_name="width w Z/b of the field of view at this distance Z, with the width w of the sensor and the "
+        long_name="width w Z/b of the field of view at the distance Z, with the width w of the sensor and the "
         "distance b from lens to sensor",
         error=ROUNDING,
     ),
     "field_height": Variable(
         dims=_OVER,
         units="m",
-        long_name="height h Z/b of the field of view at this distance Z, with the height h of the sensor and the "
+        long_name="height h Z/b of the field of view at the distance Z, with the height h of the sensor and the "
         "distance b from lens to sensor",
         error=ROUNDING,
     ),

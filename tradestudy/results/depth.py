@@ -19,7 +19,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "side"),
         units="m",
         long_name="depth discrimination: change of true depth that changes the disparity by the camera's "
-        "depth.discrimination_step; infinite where no finite change does",
+        "depth.discrimination_step; infinite where no finite change does, NaN where the camera forms no image",
         symbol="Δa",
         reference=_EIGHT,
         error=ROUNDING,
@@ -37,8 +37,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="m",
         long_name="error of depth_uncertainty: the standard error over scrambles or, if the camera's calibration is "
-        "propagated linearly, the difference from a computation with draws; NaN where depth_uncertainty "
-        "is infinite or NaN",
+        "propagated linearly, the estimated error of that; NaN where depth_uncertainty is infinite or NaN",
         error=ESTIMATE,
     ),
     "depth_uncertainty_by_error_source": Variable(
@@ -53,15 +52,15 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_by_error_source_error": Variable(
         dims=("camera", "distance", "error_source"),
         units="m",
-        long_name="error of depth_uncertainty_by_error_source, of the same kind as depth_uncertainty_error; NaN "
-        "where the depth uncertainty is infinite or NaN",
+        long_name="error of depth_uncertainty_by_error_source, estimated like depth_uncertainty_error; NaN where the "
+        "depth uncertainty is infinite or NaN",
         error=ESTIMATE,
     ),
     "variance_share": Variable(
         dims=("camera", "distance", "part"),
         units="1",
         long_name="fraction of the variance of inverse depth (1/depth) that a group of errors causes; the fractions "
-        "of all groups sum to 1; NaN where the camera has no such group",
+        "of all groups sum to 1; NaN where the camera has no such group or does not see the point",
         symbol="φ_i",
         reference="Owen and Prieur, SIAM/ASA J. Uncertainty Quantification 5 (2017) 986",
         error="not estimated: inverse depth is taken as linear in the errors",
@@ -69,38 +68,38 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_quantile": Variable(
         dims=("camera", "distance", "error_source", "quantile"),
         units="m",
-        long_name="quantile of one measured depth; infinite where the quantile lies at or beyond infinity, NaN "
-        "where the camera does not see the point",
+        long_name="quantile of single measurements of depth; infinite where it lies at or beyond infinity, NaN where "
+        "the camera does not see the point",
         symbol="a_p",
-        error="see depth_uncertainty_by_error_source_error, which is that of half the width of the interval of depths",
+        error="see depth_uncertainty_by_error_source_error, the error of half the width of the interval of depths",
     ),
     "failed_fraction": Variable(
         dims=("camera", "distance", "error_source"),
         units="1",
-        long_name="fraction of failed measurements: those whose errors push the depth beyond infinity, and the "
-        "false matches that the study declares; NaN where the camera does not see the point",
+        long_name="fraction of failed measurements: those whose errors push the depth beyond infinity and, except for "
+        "calibration errors alone, the declared false matches; NaN where the camera does not see the point",
         symbol="P(a = ∞)",
         error="see failed_fraction_error",
     ),
     "failed_fraction_error": Variable(
         dims=("camera", "distance", "error_source"),
         units="1",
-        long_name="error of failed_fraction, of the same kind as depth_uncertainty_error; NaN where the camera does "
-        "not see the point",
+        long_name="error of failed_fraction, estimated like depth_uncertainty_error; NaN where the camera does not "
+        "see the point",
         error=ESTIMATE,
     ),
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the draws suffice for accuracy.depth_uncertainty: with 95 % confidence, the half-width of "
-        "every interval of depths is known to within this tolerance; where an interval has no far end, the "
-        "failed_fraction must be known to within it instead",
+        long_name="whether the draws determine half the width of every interval of depths, or failed_fraction where an "
+        "interval has no far end, to within accuracy.depth_uncertainty with 95 % confidence; true where nothing is "
+        "drawn",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
         units="m",
         long_name="equivalent baseline: that of a stereo rig that has the camera's focal length and disparity error "
-        "and measures depth equally well",
+        "and measures depth equally well; NaN where the camera forms no image",
         symbol="B_eq",
         error=ROUNDING,
     ),
@@ -108,7 +107,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="disparity that the estimator uses, which decreases with distance; for an unfocused plenoptic "
-        "camera, 1 px is one microlens",
+        "camera, 1 px is one microlens; NaN where the camera forms no image",
         symbol="Δσ",
         reference=_EIGHT,
         error=ROUNDING,
@@ -133,22 +132,23 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "virtual_depth": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="virtual depth, positive for a Keplerian and negative for a Galilean camera; NaN for all but "
-        "focused plenoptic cameras",
-        symbol="v = a_L/b_L",
+        long_name="virtual depth: distance from the microlens array to the image that the main lens forms, divided by "
+        "the gap; positive if the image lies in front of the array, negative if behind; NaN for all but focused "
+        "plenoptic cameras",
+        symbol="v",
         error=ROUNDING,
     ),
     "usable": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the camera is usable: every limit that applies holds",
+        long_name="whether the camera is usable: whether every limit that applies holds",
     ),
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
         units="mixed",
-        long_name="value that is compared with limit_bound: in m for 'real_image'; in px for 'focus', 'matching' and "
-        "'last_disparity_step'; otherwise a plain number; may be infinite; NaN where the limit does not "
-        "apply",
+        long_name="value that is compared with limit_bound, in m for 'real_image', in px for 'focus', 'matching' and "
+        "'last_disparity_step', otherwise a plain number; may be infinite; NaN where the limit does not apply or "
+        "the camera forms no image",
         error="rounding only; limits on failures and on relative uncertainty also have the error of the draws",
     ),
     "limit_met": Variable(
@@ -191,14 +191,14 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "near_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="limit that sets usable_near, or 'range of the study' if scene.distances begins there; empty beyond "
-        "the last interval",
+        long_name="names of the limits that set usable_near, 'matching' with its violated condition; 'range of the "
+        "study' if scene.distances begins there; empty beyond the last interval",
     ),
     "far_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="limit that sets usable_far, or 'range of the study' if scene.distances ends there; empty beyond the "
-        "last interval",
+        long_name="names of the limits that set usable_far, 'matching' with its violated condition; 'range of the "
+        "study' if scene.distances ends there; empty beyond the last interval",
     ),
 }
 
@@ -225,8 +225,9 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="error of depth_uncertainty that comes from taking inverse depth as linear: the largest that was "
-        "found on the axis, halfway to the corner of the picture and in the corner; NaN where none was computed",
+        long_name="error of depth_uncertainty from taking inverse depth as linear: depth_uncertainty times the largest "
+        "of the relative errors on the axis, halfway to the corner of the picture and in the corner; NaN where "
+        "depth_uncertainty or all these errors are NaN",
         error=ESTIMATE,
     ),
 }
@@ -236,10 +237,10 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="side of the square window that is matched: scene.picture.matching_window or, if smaller, the "
-        "largest square of the object that the compared pictures share; for an estimator that compares "
-        "several pairs of pictures, the side of the window with which a single pair would give the same "
-        "information; 0 where the pictures share nothing, NaN where the camera forms no image",
+        long_name="side of the square matching window: scene.picture.matching_window or, if smaller, the largest "
+        "square of the object that the compared pictures share; for an estimator that compares several pairs of "
+        "pictures, the side of the window with which a single pair would give the same information; 0 where the "
+        "pictures share nothing, NaN where the camera forms no image",
         symbol="W",
         error="rounding only; for a least-squares estimator, the value may be up to 8 % too small",
     ),
@@ -269,10 +270,10 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "disparity_error_px_changed": Variable(
         dims=("camera", "distance", "change"),
         units="px",
-        long_name="disparity_error_px with one cause changed: everything in focus, no diffraction, as much light as "
-        "the brightest_camera has, or ten times the light; infinite where the compared pictures share no texture; "
-        "NaN where the camera forms no image and, with the light of the brightest_camera, also for that camera "
-        "itself and where there is no brightest_camera",
+        long_name="disparity_error_px with one cause changed: without blur, without diffraction, with the light of "
+        "brightest_camera, or with ten times the light; infinite where the compared pictures share no texture; NaN "
+        "where the camera forms no image and, with the light of brightest_camera, also for that camera itself and "
+        "where there is none",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",
@@ -302,20 +303,19 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matcher": Variable(
         dims=("camera",),
         units="",
-        long_name="what the declared matcher adds to the Cramér–Rao bound, in words; the results of /depth include it; "
-        "empty where no matcher is declared",
+        long_name="what the declared matcher adds to the Cramér–Rao bound, in words; empty where none is declared",
     ),
     "false_matches": Variable(
         dims=("camera",),
         units="1",
-        long_name="declared fraction of false matches, which every failed_fraction in the file includes",
+        long_name="declared fraction of false matches",
         error=DECLARED,
     ),
     "brightest_camera": Variable(
         dims=("distance",),
         units="",
-        long_name="camera, among those of this group, whose pixels collect the most electrons without saturating; "
-        "empty where all saturate or fewer than two form an image",
+        long_name="camera of this group whose pixels collect the most electrons without saturating; empty where all "
+        "saturate or fewer than two form an image",
     ),
 }
 

@@ -10,7 +10,7 @@ from tradestudy.results.variable import ESTIMATE, EXACT, Variable
 
 _POINT: Final = ("camera", "distance", "contrast", "electrons")
 _CAMERA: Final = ("camera",)
-_FIT: Final = "itself an error estimate: a standard error that counts one independent depth error per matching window"
+_FIT: Final = "itself a standard error, for one independent depth error per matching window"
 
 DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     **score_variables(_POINT),
@@ -18,22 +18,21 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "blur_px": Variable(
         dims=_POINT,
         units="px",
-        long_name="diameter of the geometric blur in the compared pictures",
+        long_name="diameter of the geometric blur in the compared pictures; NaN where the camera forms no image",
         error="none: closed form",
     ),
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation of the depth errors, converted to disparity, of all points but false matches, "
-        "each divided by the disparity error that the fitted matcher predicts for the matching window of the point; "
-        "NaN where nothing was measured or no matcher was fitted",
+        long_name="standard deviation, without false matches, of the depth errors, each converted to disparity and "
+        "divided by the disparity error that the fitted matcher predicts for the matching window of the point; NaN "
+        "where nothing was measured or no matcher was fitted",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard error of over_matcher, from the fourth moment of these depth errors; NaN "
-        "where over_matcher is NaN",
+        long_name="standard error of over_matcher, from the kurtosis of these quotients; NaN where over_matcher is NaN",
         error=ESTIMATE,
     ),
     "fitted": Variable(
@@ -48,7 +47,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "matcher_factor": Variable(
         dims=_CAMERA,
         units="1",
-        long_name="fitted factor of the matcher: its noise relative to the Cramér–Rao bound; NaN where none can "
+        long_name="fitted factor of the matcher: its noise relative to the Cramér–Rao bound; NaN where no matcher can "
         "be fitted",
         error="see matcher_factor_error",
     ),
@@ -58,8 +57,8 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "matcher_floor": Variable(
         dims=_CAMERA,
         units="px",
-        long_name="fitted floor of the matcher: its noise that more light does not reduce; NaN where none can "
-        "be fitted",
+        long_name="fitted floor of the matcher: noise that more light does not reduce; NaN where no matcher can be "
+        "fitted",
         error="see matcher_floor_error",
     ),
     "matcher_floor_error": Variable(
@@ -68,7 +67,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "matcher_false_matches": Variable(
         dims=_CAMERA,
         units="1",
-        long_name="fitted fraction of false matches; NaN where none can be fitted",
+        long_name="fitted fraction of false matches; NaN where no matcher can be fitted",
         error="see matcher_false_matches_error",
     ),
     "matcher_false_matches_error": Variable(

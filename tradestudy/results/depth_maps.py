@@ -7,8 +7,6 @@ from typing import Final
 
 from tradestudy.results.variable import ESTIMATE, EXACT, Variable
 
-_JACKKNIFE: Final = "itself an error estimate, good to about 20 %"
-
 _ESTIMATES: Final = {
     "bias": ("m", "median depth error"),
     "spread": ("m", "half the width of the central 68.27 % interval of the depth errors"),
@@ -85,12 +83,12 @@ def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
             dims=dims,
             units=units,
             long_name=f"standard error of depth_{name}, by a jackknife; may be NaN",
-            error=_JACKKNIFE,
+            error=ESTIMATE,
         )
     found["predicted_availability"] = Variable(
         dims=dims,
         units="1",
-        long_name="predicted depth_available, at the distance of the plane or, for a scene, at the median true depth; "
+        long_name="predicted depth_available, at the distance of the plane or, in /pictures, at the median true depth; "
         "NaN where none is predicted",
         error=_CLOSED_FORM,
     )
@@ -112,19 +110,19 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_block": Variable(
         dims=("mapped_camera",),
         units="px",
-        long_name="side of the square blocks of points in map_depth, map_depth_error and map_hidden",
+        long_name="side of the square blocks of pixels in map_depth, map_depth_error and map_hidden",
         error=EXACT,
     ),
     "map_depth": Variable(
         dims=_MAP,
         units="m",
-        long_name="median measured depth in a block; NaN where no point of the block has a measured depth",
+        long_name="median measured depth in a block; NaN where nothing was measured",
         error=_AS_MAP,
     ),
     "map_depth_error": Variable(
         dims=_MAP,
         units="m",
-        long_name="median depth error in a block; NaN where no point of the block has a depth error",
+        long_name="median depth error in a block; NaN where no seen point was measured",
         error=_AS_MAP,
     ),
     "map_hidden": Variable(
@@ -137,9 +135,9 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_sharp": Variable(
         dims=_MAP,
         units="1",
-        long_name="all-in-focus picture, computed from the camera's pictures and the measured depth, relative to that "
-        "of a white scene; NaN where the camera computes none, and beyond the edge of pictures smaller than the "
-        "largest",
+        long_name="brightness of the all-in-focus picture, computed from the camera's pictures and the measured depth, "
+        "relative to that of a white scene; NaN where the camera computes none, and beyond the edge of pictures "
+        "smaller than the largest",
         error="not stored: it comes from the errors of the measured depth and the noise of the pictures",
     ),
     "class_distance": Variable(
@@ -177,7 +175,8 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "class_predicted": Variable(
         dims=_CLASS,
         units="m",
-        long_name="median of the predicted depth uncertainties of the class; NaN where none is predicted",
+        long_name="median of the predicted depth uncertainties of the class; NaN where class_distance is NaN or none "
+        "is predicted",
         error="see depth_uncertainty_error of /depth",
     ),
 }

@@ -7,7 +7,7 @@ from typing import Final
 
 from tradestudy.results.variable import COUNTED, DECLARED, PAPER, ROUNDING, Variable
 
-_THIN_LENS = "thin-lens equation, without further approximation; see tradestudy.optics.depth_of_field"
+_THIN_LENS = "thin-lens equation; see tradestudy.optics.depth_of_field"
 
 
 def _length(dims: tuple[str, ...], long_name: str, symbol: str = "", reference: str = _THIN_LENS) -> Variable:
@@ -25,8 +25,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "diffraction": Variable(
         dims=("sharp",),
         units="",
-        long_name="measure of the diffraction spot that counts in addition to defocus: 'none', 'fwhm' (full width at "
-        "half maximum) or 'airy-diameter'",
+        long_name="width of the diffraction spot that counts in addition to the blur by defocus: 'none', 'fwhm' (full "
+        "width at half maximum) or 'airy-diameter'",
     ),
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
@@ -78,20 +78,19 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images that the camera takes: for a focus stack, of its own range; for a camera that "
-        "focuses on every object, of depth_of_field.range; otherwise 1; 0 where no number of images would show the "
-        "whole range sharp",
+        long_name="number of images that the camera takes: a focus stack for its own range, a camera that focuses on "
+        "every object for depth_of_field.range, any other camera one; 0 where no number shows the range sharp",
         error=COUNTED,
     ),
     "reason": Variable(
         dims=("camera", "sharp"),
         units="",
-        long_name="why nothing is sharp, or why one slice is not; empty if every slice is sharp somewhere",
+        long_name="why slices are sharp nowhere; empty if every slice is sharp somewhere",
     ),
     "lateral_resolution": _length(
         ("camera", "distance"),
-        "size of the smallest detail on the object that the camera resolves, diffraction aside; NaN where "
-        "the camera forms no image",
+        "size of the smallest detail on the object that the camera resolves (without diffraction; a focus stack, if "
+        "planned for a blur of 1 px); NaN where the camera forms no image",
         "r",
         "the larger of pixel (or microlens) and geometric blur, both projected to the object; see "
         "tradestudy.optics.lateral_resolution",
@@ -104,7 +103,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         "Airy pattern for the wavelength λ, the working f-number N_w and the magnification m of the "
         "limiting aperture: the pupil, a microlens, or the part of the pupil that one view uses",
     ),
-    "scene_resolution": _length(("camera",), "coarsest lateral_resolution within depth_of_field.range", "r", ""),
+    "scene_resolution": _length(("camera",), "largest lateral_resolution within depth_of_field.range", "r", ""),
     "scene_diffraction": _length(("camera",), "largest diffraction_width within depth_of_field.range", reference=""),
     "microlenses_seeing": Variable(
         dims=("camera", "distance"),
@@ -118,13 +117,13 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "total_covering_plane": _length(
         ("camera",),
-        "distance of the total covering plane; NaN where there is none, and for all but focused plenoptic cameras",
+        "distance of the total covering plane; NaN if there is none, as for all but focused plenoptic cameras",
         reference="",
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range in which the camera resolves depth_of_field.equal_resolution, diffraction "
-        "aside; NaN beyond the last range",
+        "near end of a range in which the camera resolves depth_of_field.equal_resolution (without diffraction; a "
+        "focus stack, if planned for this resolution); NaN beyond the last range",
         reference="",
     ),
     "resolved_far": _length(
@@ -134,13 +133,13 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "resolved_extent": _length(
         ("camera",),
-        "total length of the ranges in which the camera resolves depth_of_field.equal_resolution",
+        "total length of the ranges from resolved_near to resolved_far",
         reference="",
     ),
     "resolved_scene_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="fraction of depth_of_field.range in which the camera resolves depth_of_field.equal_resolution",
+        long_name="fraction of depth_of_field.range that the ranges from resolved_near to resolved_far cover",
         error=ROUNDING,
     ),
     "resolved_reason": Variable(

@@ -18,10 +18,8 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
 
 
 EFFECTS: Final[Mapping[str, Variable]] = {
-    "problem_of": _words(
-        _DECISION, "camera, lens or light path to which the model applies, by its label along 'problem'"
-    ),
-    "slot": _words(_DECISION, "effect that the model describes, named as under 'effects' in the study file"),
+    "problem_of": _words(_DECISION, "problem to which the model applies, by its label along 'problem'"),
+    "slot": _words(_DECISION, "effect that the model describes, by its key under 'effects' in the study file"),
     "model": _words(_DECISION, "model of the effect; 'off' leaves the effect out"),
     "chosen": Variable(dims=_DECISION, units="1", long_name="whether the model is applied", error=EXACT),
     "forced": Variable(
@@ -31,40 +29,40 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "change": Variable(
         dims=_CHANGE,
         units="1",
-        long_name="relative change of the quantity if this model replaces the most complete model of its effect, "
-        "with the most complete models of all other effects; NaN where the quantity does not apply, "
-        "infinite where the change is unknown",
+        long_name="relative change of the quantity if this model replaces the most complete one of its effect, with "
+        "the most complete models of all other effects; infinite where unknown, NaN where the problem lacks the "
+        "quantity",
         error=_KNOWN_AS,
     ),
-    "evidence": _words(_CHANGE, f"how the change is known: {_HOW}; empty where it is NaN"),
+    "evidence": _words(_CHANGE, f"how 'change' is known: {_HOW}; empty where it is NaN"),
     "change_at": Variable(
         dims=_CHANGE,
         units="m",
-        long_name="distance at which the change is largest; NaN where the change belongs to no distance",
+        long_name="distance at which 'change' is largest; NaN where it belongs to no distance",
         error="the spacing of the examined distances",
     ),
     "joint_change": Variable(
         dims=_TOGETHER,
         units="1",
         long_name="relative change of the quantity due to everything that the applied models leave out, together; "
-        "NaN where the quantity does not apply, infinite where the change is unknown",
+        "infinite where unknown, NaN where the problem lacks the quantity",
         error=_KNOWN_AS,
     ),
     "joint_evidence": _words(_TOGETHER, f"how joint_change is known: {_HOW}; empty where it is NaN"),
     "forced_change": Variable(
         dims=_TOGETHER,
         units="1",
-        long_name="relative change of the quantity due to the models that the study file prescribes; NaN where it "
-        "prescribes none, infinite where the change is unknown",
+        long_name="relative change of the quantity due to the models that the study file prescribes; infinite where "
+        "unknown, NaN where it prescribes none",
         error=_KNOWN_AS,
     ),
     "tolerance": Variable(
         dims=_TOGETHER,
         units="1",
         long_name="tolerance on the relative change, declared under 'accuracy'; NaN where the study does not need "
-        "the quantity",
+        "the quantity of this problem",
         error=DECLARED,
     ),
-    "problem_title": _words(_PROBLEM, "name of the camera, lens or light path in figures and tables"),
-    "summary": _words(_PROBLEM, "what the applied models simulate, and the largest omission, in one line"),
+    "problem_title": _words(_PROBLEM, "name of the problem in figures and tables"),
+    "summary": _words(_PROBLEM, "what the applied models include, and their largest omission"),
 }

@@ -18,8 +18,8 @@ def _error(long_name: str) -> Variable:
     return Variable(
         dims=_CASE,
         units="1",
-        long_name=f"{long_name}; infinite where the answer is wrongly infinite, not a number or an exception, NaN "
-        "where the right answer is in words",
+        long_name=f"{long_name}; infinite where the answer is wrongly infinite, NaN or an exception; NaN where the "
+        "right answer is in words",
         error="none: exact to thirty digits",
     )
 
@@ -27,7 +27,7 @@ def _error(long_name: str) -> Variable:
 HARD_CASES: Final[Mapping[str, Variable]] = {
     "family": _text("family of the case, as named in hard_cases.families"),
     "family_title": _text("family of the case, in words"),
-    "law": _text("quantity that is computed, with its equation"),
+    "law": _text("computed quantity, with its equation"),
     "naive_answer": _text("answer of the textbook formula"),
     "our_answer": _text("answer of this program"),
     "expected": _text("right answer: a number rounded from a computation with more digits, or words"),
@@ -39,9 +39,8 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "bound": Variable(
         dims=_CASE,
         units="1",
-        long_name="largest relative error of this program that counts as right: 1e-12, or 10 machine epsilons times "
-        "the condition number, or the error that the program itself states; NaN where the right answer is "
-        "in words",
+        long_name="largest our_error that counts as right: 1e-12, 10 machine epsilons times condition_number, or the "
+        "error that the program itself states; NaN where the right answer is in words",
         error=EXACT,
     ),
     "condition_number": Variable(

@@ -15,15 +15,15 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "brightness": Variable(
         dims=_WHOLE,
         units="1",
-        long_name="mean of a block of pixels, relative to the brightest pixel of the picture; NaN beyond the edge of "
-        "pictures smaller than the largest",
+        long_name="mean value of a block of pixels, relative to the brightest pixel of the picture; NaN beyond the "
+        "edge of pictures smaller than the largest",
         error=_SAMPLED,
     ),
     "detail": Variable(
         dims=("picture", "detail_row", "detail_column"),
         units="1",
-        long_name="pixels around the middle of the picture, relative to the brightest pixel of the picture; NaN "
-        "beyond the edge of pictures smaller than the detail",
+        long_name="values of the pixels in a square around the middle of the picture, relative to the brightest pixel "
+        "of the picture; NaN beyond the edge of pictures smaller than the square",
         error=_SAMPLED,
     ),
     "true_depth": Variable(
@@ -47,9 +47,9 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "sampling_error": Variable(
         dims=_OF,
         units="1",
-        long_name="root-mean-square difference from a noise-free picture with 16 times as many rays, relative to "
-        "that picture; for a picture by waves, also the difference from one with twice as many point-spread functions "
-        "along each axis",
+        long_name="root-mean-square difference from a picture with 16 times as many rays, both without noise, relative "
+        "to that picture; for a picture by waves, also the difference from one with twice as many point-spread "
+        "functions along each axis",
         error="itself an error estimate, from places all over the picture",
     ),
     "by_waves": Variable(
@@ -58,9 +58,8 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "model_error": Variable(
         dims=_OF,
         units="1",
-        long_name="for a picture by rays, the relative change in the L2 norm that diffraction would cause; for a "
-        "picture by waves, the fraction of the light that diffraction spreads beyond the range that is "
-        "computed",
+        long_name="for a picture by rays, the relative change that diffraction would cause, in the L2 norm; for a "
+        "picture by waves, the fraction of the light that diffraction spreads beyond the computed range",
         error="itself an error estimate; for a picture by rays, from places all over it, with a margin of 30 %",
     ),
 }

@@ -11,39 +11,41 @@ DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "error_source"),
         units="",
-        long_name="usable candidate with the lowest depth uncertainty, and each usable candidate whose depth "
-        "uncertainty is higher by no more than the combined error of the two; empty where none is usable",
+        long_name="usable candidate with the lowest depth uncertainty; several, separated by commas, where their depth "
+        "uncertainties are equal within their error; empty where no usable candidate has a finite depth uncertainty",
     ),
     "winner": Variable(
         dims=("reading", "place", "error_source"),
         units="",
-        long_name="usable camera of the main pair with the lower depth uncertainty, or both if their difference is "
-        "within its error; empty where neither is usable",
+        long_name="usable camera of the main pair with the lower depth uncertainty; both, separated by a comma, "
+        "where both depth uncertainties are equal within their error; empty where no usable one has a finite depth "
+        "uncertainty",
     ),
     "more_certain": Variable(
         dims=("reading", "place", "error_source"),
         units="",
-        long_name="camera of the main pair with the lower depth uncertainty, usable or not; empty if their "
-        "difference is within its error",
+        long_name="camera of the main pair with the lower depth uncertainty, usable or not; empty where both depth "
+        "uncertainties are equal within their error or neither is finite",
     ),
     "uncertainty_ratio": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
         long_name="depth uncertainty of the first camera of the main pair, divided by that of the second; infinite "
-        "where only the first is infinite; NaN where both are, or where a camera forms no image",
+        "where only the first is infinite or only the second is 0; NaN where both are infinite or both 0, or a camera "
+        "does not see the point",
         error=f"{SEE_ERROR} of /depth",
     ),
     "within_tolerance": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the depth uncertainties of the main pair differ by no more than "
-        "accuracy.depth_uncertainty, so that omitted effects could reverse their order",
+        long_name="whether uncertainty_ratio differs from 1 by no more than accuracy.depth_uncertainty, so that "
+        "omitted effects could reverse the order of the two cameras",
         error=EXACT,
     ),
     "flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether the winner differs from that in the study as declared",
+        long_name="whether 'winner' differs from the winner in the study as declared",
     ),
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes, in words"),
     "certainty_flips": Variable(
@@ -54,7 +56,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="distance at which the winner changes; NaN beyond the last change",
+        long_name="distance at which the usable camera with the lower depth uncertainty changes; NaN beyond the last "
+        "change",
         error="see change_error",
     ),
     "change_error": Variable(
@@ -67,12 +70,14 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_nearer": Variable(
         dims=("reading", "error_source", "change"),
         units="",
-        long_name="winner at distances just below change_distance; empty beyond the last change",
+        long_name="usable camera with the lower depth uncertainty just below change_distance; empty if none is usable, "
+        "and beyond the last change",
     ),
     "change_farther": Variable(
         dims=("reading", "error_source", "change"),
         units="",
-        long_name="winner at distances just above change_distance; empty beyond the last change",
+        long_name="usable camera with the lower depth uncertainty just above change_distance; empty if none is usable, "
+        "and beyond the last change",
     ),
     "crossover_distance": Variable(
         dims=("reading", "error_source", "crossing"),
@@ -91,17 +96,16 @@ DECISION: Final[Mapping[str, Variable]] = {
     "crossover_nearer": Variable(
         dims=("reading", "error_source", "crossing"),
         units="",
-        long_name="camera with the lower depth uncertainty at distances just below crossover_distance; empty beyond "
-        "the last crossover",
+        long_name="camera with the lower depth uncertainty just below crossover_distance; empty beyond the last "
+        "crossover",
     ),
     "design_best_camera": Variable(
         dims=("design_place",),
         units="",
-        long_name="best_camera of each design in a sweep, at the distances of decision.at, interpolated between the "
-        "distances of /depth",
+        long_name="best_camera of each design in a sweep, interpolated between the distances of /depth",
     ),
     "design_best_camera_along": Variable(
-        dims=("distance",), units="", long_name="best_camera of each design in a sweep, at all distances"
+        dims=("distance",), units="", long_name="best_camera of each design in a sweep, at the distances of /depth"
     ),
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
@@ -120,14 +124,14 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_crossover_nearer": Variable(
         dims=("design_crossing",),
         units="",
-        long_name="camera with the lower depth uncertainty at distances just below design_crossover_distance; empty "
-        "beyond the last crossover",
+        long_name="camera with the lower depth uncertainty just below design_crossover_distance; empty beyond the last "
+        "crossover",
     ),
     "cause": Variable(
         dims=("camera",),
         units="",
         long_name="uncertain input that contributes most to the variance of depth, on average over the usable "
-        "distances, and its basis",
+        "distances (or all distances if none is usable), and its basis; empty where no input is uncertain",
     ),
     "cause_share": Variable(
         dims=("camera",),
@@ -139,14 +143,14 @@ DECISION: Final[Mapping[str, Variable]] = {
     "solution_count": Variable(
         dims=("question",),
         units="1",
-        long_name="number of solutions between the values 'low' and 'high' of the question",
+        long_name="number of solutions in the range from 'low' to 'high' of the question",
         error=EXACT,
     ),
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="smallest solution: value of the varied input that answers the question, in the unit in "
-        "solved_units; NaN if there is none",
+        long_name="smallest value of the varied input that solves the question, in the unit in solved_units; NaN if "
+        "there is none",
         error="see solved_error",
     ),
     "solved_error": Variable(
@@ -155,7 +159,9 @@ DECISION: Final[Mapping[str, Variable]] = {
         long_name="standard error of solved_value over scrambles, in the same unit; NaN if there is no solution",
         error=ESTIMATE,
     ),
-    "solved_units": Variable(dims=("question",), units="", long_name="SI unit of solved_value and solved_error"),
+    "solved_units": Variable(
+        dims=("question",), units="", long_name="SI unit of solved_value and solved_error; empty for plain numbers"
+    ),
     "solved_says": Variable(dims=("question",), units="", long_name="the question in words"),
     "solved_answer": Variable(dims=("question",), units="", long_name="the answer to the question, in words"),
 }
@@ -164,28 +170,28 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("claim", "reading"),
         units="mixed",
-        long_name="result that the program computes for the claim under a reading, in SI; NaN where the claim is "
-        "not tested under this reading",
-        error="not estimated here; for depth uncertainties, see depth_uncertainty_error of /depth",
+        long_name="value of the claim's quantity under a reading, in SI; NaN where the claim is not tested under this "
+        "reading",
+        error="not estimated; that of depth uncertainties is depth_uncertainty_error of /depth",
     ),
     "met": Variable(
         dims=("claim", "reading"),
         units="1",
-        long_name="1 where the value meets the expectation, 0 where it does not, −1 where the claim is not tested "
-        "under this reading",
+        long_name="1 where 'value' is as expected, 0 where it is not, −1 where the claim is not tested under this "
+        "reading",
     ),
-    "value_text": Variable(dims=("claim", "reading"), units="", long_name="value with its unit, as text"),
-    "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
+    "value_text": Variable(dims=("claim", "reading"), units="", long_name="'value' with its unit, as text"),
+    "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes, in words"),
     "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
     "source": Variable(dims=("claim",), units="", long_name="where the claim was published"),
-    "expected": Variable(dims=("claim",), units="", long_name="value or bound to be expected if the claim is true"),
+    "expected": Variable(dims=("claim",), units="", long_name="value or bound that the claim implies"),
     "quantity": Variable(
         dims=("claim",), units="", long_name="quantity that the claim is about, with the cameras called by their titles"
     ),
     "tolerance_reason": Variable(
         dims=("claim",),
         units="",
-        long_name="why the expected result and its tolerance follow from the wording of the source",
+        long_name="why the expected value and its tolerance follow from the wording of the source",
     ),
     "verdict": Variable(
         dims=("claim",),
@@ -228,77 +234,74 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "camera_deciding": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="camera that decides the answer: the one in 'of', the best if 'of' is 'any', the worst if it is "
-        "'all'",
+        long_name="camera that decides 'met': the one in 'of', the best if 'of' is 'any', the worst if it is 'all'",
     ),
     "value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="worst value of the quantity over the distances of the requirement, for the deciding camera, in "
-        "SI; NaN where there is none",
+        long_name="worst value of the quantity over the required distances, for camera_deciding, in SI; for a required "
+        "usable or sharp range, the fraction of it, on a logarithmic scale, that the camera covers; NaN where unknown",
         error="see value_error",
     ),
     "value_error": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="estimated error of the worst value, in SI; NaN where there is none",
+        long_name="estimated error of 'value', in SI; NaN where unknown",
         error=ESTIMATE,
     ),
     "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI", error=EXACT),
     "place": Variable(
         dims=_OF_REQUIREMENT,
         units="m",
-        long_name="distance of the worst value; NaN where the value belongs to no distance",
+        long_name="distance at which 'value' occurs; NaN where it belongs to no distance",
         error="1e-4, relative",
     ),
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="how far the worst value may worsen before it reaches the bound, relative to the value; negative "
-        "if the bound is missed. If the camera is unusable over part of the required range, the margin is "
-        "at most minus the percentage of the range, on a logarithmic scale, that this part covers. NaN where "
-        "there is no value",
+        long_name="how far 'value' may worsen before it reaches 'bound': their ratio minus 1; for a required usable or "
+        "sharp range, how far the camera's range reaches beyond it at the tighter end; negative if the bound is "
+        "missed; where the camera is unusable over part of the required distances, at most minus the percentage of "
+        "them, on a logarithmic scale, that this part covers; NaN where 'value' is NaN",
         error="that of the worst value",
     ),
     "margin_sigma": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="distance of the worst value from the bound, divided by value_error; negative if the bound is "
-        "missed; NaN where the value has no error or the camera is unusable over part of the required "
-        "range",
+        long_name="difference between 'value' and 'bound', divided by value_error; negative if the bound is missed; "
+        "NaN where 'value' has no error or the camera is unusable over part of the required range",
         error="not estimated: depends on how good value_error is",
     ),
     "conformity": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="probability that the true worst value meets the bound, if its error is normally distributed; NaN "
-        "where there is no value",
+        long_name="probability that the true worst value meets the bound if the error of 'value' is normally "
+        "distributed; NaN where 'value' is NaN",
         error="not estimated: depends on how good value_error is",
     ),
     "within_tolerance": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether the answer could be reversed by changes of the worst value, or of the ends of usable "
-        "ranges, that their tolerances under 'accuracy' allow",
+        long_name="whether 'met' could be reversed by changes of 'value', or of the ends of usable ranges, within "
+        "their tolerances under 'accuracy'",
         error=EXACT,
     ),
     "reason": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="the worst value and its distance, and where the camera is not usable, in words",
+        long_name="'value' and 'place', and where the camera is not usable, in words",
     ),
     "limited_by": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="limit of the usable or sharp range that decides the answer, named as along 'limit' in /depth; "
-        "empty where the worst value decides",
+        long_name="limit of the usable or sharp range that decides 'met', named as in near_limit of /depth; empty "
+        "where 'value' decides",
     ),
     "rests_on": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="what decides the answer, in words: the limit in limited_by or, where errors decide, the "
-        "uncertain input that contributes most to the variance of depth at the distance of the worst "
-        "value, and its basis",
+        long_name="what decides 'met', in words: the limit in limited_by or, where errors decide, the uncertain input "
+        "that contributes most to the variance of depth at 'place', and its basis",
     ),
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
@@ -364,14 +367,14 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "design_margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="margin_percent in each design of a sweep; NaN where there is no value",
+        long_name="margin_percent in each design of a sweep; NaN where 'value' is NaN",
         error="that of the worst value",
     ),
     "design_margin_sigma": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="margin_sigma in each design of a sweep; NaN where the value has no error or the camera is "
-        "unusable over part of the required range",
+        long_name="margin_sigma in each design of a sweep; NaN where 'value' has no error or the camera is unusable "
+        "over part of the required range",
     ),
     "design_within_tolerance": Variable(
         dims=_OF_REQUIREMENT, units="1", long_name="within_tolerance in each design of a sweep"
@@ -381,8 +384,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "met_from": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="start of a range of the swept parameter in which the requirement is met, in SI; NaN beyond the "
-        "last range",
+        long_name="start of a range of the swept parameter in which the same camera meets the requirement throughout, "
+        "in SI; NaN beyond the last range",
         error="see met_to_within",
     ),
     "met_to": Variable(
@@ -394,8 +397,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "met_to_within": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="error of met_from and met_to: half the width of the interval to which bisection narrows each of "
-        "them down; 0 at an end of the sweep, NaN beyond the last range",
+        long_name="larger of the errors of met_from and met_to, each half the width of the last interval of a "
+        "bisection; 0 at an end of the sweep and for whole numbers; NaN beyond the last range",
         error=ESTIMATE,
     ),
     "met_camera": Variable(

@@ -13,7 +13,7 @@ CAMERAS: Final[Mapping[str, Variable]] = {
     "family": Variable(
         dims=("camera",),
         units="",
-        long_name="principle of measurement, which several kinds may share, such as 'plenoptic'",
+        long_name="family of kinds that work by the same principle, such as 'plenoptic'",
     ),
     "method": Variable(
         dims=("camera",),
@@ -27,26 +27,32 @@ CAMERAS: Final[Mapping[str, Variable]] = {
     "perfect_calibration": Variable(
         dims=("camera",),
         units="",
-        long_name="1 where a camera that measures depth has no uncertain parameter, otherwise 0",
+        long_name="whether a camera that measures depth has no uncertain parameter; 0 for cameras that measure none",
     ),
     "property_camera": Variable(dims=("property",), units="", long_name="camera that has the property"),
     "property_name": Variable(
         dims=("property",),
         units="",
-        long_name="name of a property that follows from the declared values, with its symbol",
+        long_name="name of a property that follows from the declared values, with its symbol if it has one",
     ),
     "property_value": Variable(dims=("property",), units="", long_name="value of the property, with its unit"),
 }
 
 ASSUMPTIONS: Final[Mapping[str, Variable]] = {
-    "value": Variable(dims=("path",), units="", long_name="value as written in the study file, with its unit"),
+    "value": Variable(
+        dims=("path",), units="", long_name="value with its unit, as written in the study file, or the default"
+    ),
     "basis": Variable(
         dims=("path",),
         units="",
-        long_name="basis of the value: 'paper', 'datasheet', 'measured', 'assumed' or 'derived'; empty if none is "
-        "declared",
+        long_name="basis of the value: 'paper', 'datasheet', 'measured', 'assumed' or 'derived'; 'set for this run' if "
+        "the run replaces the value of the study file; empty if none is declared",
     ),
-    "note": Variable(dims=("path",), units="", long_name="note on the origin of the value; empty if there is none"),
+    "note": Variable(
+        dims=("path",),
+        units="",
+        long_name="note on the origin of the value, or the value that it replaces; empty if there is none",
+    ),
     "cameras": Variable(
         dims=("path",), units="", long_name="cameras that have the value; empty for values outside cameras"
     ),
@@ -60,7 +66,7 @@ CONTRADICTIONS: Final[Mapping[str, Variable]] = {
     "what": Variable(
         dims=("contradiction",),
         units="",
-        long_name="quantity that the study states, and the inputs from which it also follows",
+        long_name="quantity that the study states although it follows from other inputs, and these inputs",
     ),
     "stated": Variable(dims=("contradiction",), units="", long_name="value that the study states"),
     "implied": Variable(dims=("contradiction",), units="", long_name="value that follows from the other inputs"),
@@ -77,16 +83,17 @@ CRITERIA: Final[Mapping[str, Variable]] = {
         dims=("camera", "criterion"),
         units="",
         long_name="basis of the value; 'derived' if it follows from other inputs, 'declared' if the study states no "
-        "basis",
+        "basis, empty if it states no value",
     ),
     "number": Variable(
         dims=("camera", "criterion"),
         units="mixed",
-        long_name="value of the criterion as a number, in the unit in number_units; NaN where the value is not a "
-        "number",
+        long_name="value of the criterion as a number, in the unit in number_units; NaN where it has no number",
         error=ROUNDING,
     ),
-    "number_units": Variable(dims=("criterion",), units="", long_name="SI unit of 'number'"),
+    "number_units": Variable(
+        dims=("criterion",), units="", long_name="unit of 'number', '1' for plain numbers; empty for criteria in words"
+    ),
     "says": Variable(
         dims=("criterion",),
         units="",

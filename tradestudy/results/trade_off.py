@@ -15,13 +15,15 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         dims=_BOTH,
         units="mixed",
         long_name="value of the weighed criterion for a candidate, in the unit in weighed_units; NaN where the "
-        "candidate is not usable",
+        "candidate has none, for example because it is not usable",
         error="see weighed_value_error",
     ),
     "weighed_value_error": Variable(
         dims=_BOTH, units="mixed", long_name="standard error of weighed_value, in the same unit", error=ESTIMATE
     ),
-    "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of weighed_value, 'worst' and 'best'"),
+    "weighed_units": Variable(
+        dims=("weighed",), units="", long_name="unit of weighed_value, 'worst' and 'best'; '1' for plain numbers"
+    ),
     "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the weighed criterion"),
     "worst": Variable(
         dims=("weighed",), units="mixed", long_name="value that scores 0, in the unit in weighed_units", error=DECLARED
@@ -64,7 +66,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weight_mean": Variable(
         dims=("weighed",),
         units="1",
-        long_name="mean of all possible weights of the criterion, each as a fraction of the sum of all weights",
+        long_name="mean weight of the criterion over all possible weights, as a fraction of the sum of all weights",
         error="below 1e-3",
     ),
     "rank_acceptability": Variable(
@@ -72,8 +74,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="b_i^r",
         reference=_SMAA,
-        long_name="fraction of the draws in which the candidate has this rank; each draw takes possible weights, and "
-        "random errors of the criteria",
+        long_name="fraction of the draws (of possible weights, and of errors of the criteria) in which the candidate "
+        "has this rank",
         error="see rank_acceptability_error",
     ),
     "rank_acceptability_error": Variable(
@@ -88,7 +90,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="w_i^c",
         reference=_SMAA,
-        long_name="mean of the weights with which a candidate ranks first; NaN for the reason in central_weight_reason",
+        long_name="mean weight of a criterion over the draws in which the candidate ranks first; NaN for the reason in "
+        "central_weight_reason",
         error="see central_weight_error",
     ),
     "central_weight_error": Variable(
@@ -98,26 +101,26 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         error=ESTIMATE,
     ),
     "central_weight_reason": Variable(
-        dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has some"
+        dims=("candidate",), units="", long_name="why central_weight is NaN; empty where it is not"
     ),
     "design_value": Variable(
         dims=_BOTH,
         units="mixed",
-        long_name="weighed_value in each design of a sweep; NaN where the candidate is not usable",
+        long_name="weighed_value in each design of a sweep; NaN where the candidate has none",
         error="similar to weighed_value_error",
     ),
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether this candidate by itself meets every requirement of priority 'must', including those "
-        "that any one camera may meet",
+        long_name="whether every requirement of priority 'must' is met; one that any camera may meet must be met by "
+        "this candidate",
         error=EXACT,
     ),
     "on_pareto_front": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether the candidate is Pareto-optimal: no feasible candidate, in any design, is at least as "
-        "good in every weighed criterion and better in one",
+        long_name="whether the candidate is feasible and Pareto-optimal: no feasible candidate of any design is at "
+        "least as good in every weighed criterion and better in one",
         error="none: exact for the stored values",
     ),
 }

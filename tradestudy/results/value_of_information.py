@@ -14,16 +14,15 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
         dims=("assumption",),
         units="1",
         long_name="expected value of partial perfect information (EVPPI): how much the expected utility of the best "
-        "choice of camera grows if the assumption is known before choosing; worth_bias is already "
-        "subtracted",
+        "choice of camera grows if the assumption is known before choosing; corrected for worth_bias",
         error="see worth_error",
     ),
     "worth_error": Variable(dims=("assumption",), units="1", long_name="standard error of 'worth'", error=ESTIMATE),
     "worth_bias": Variable(
         dims=("assumption",),
         units="1",
-        long_name="upward bias that has been subtracted from 'worth': the apparent gain from choosing the best camera "
-        "by utilities that contain noise",
+        long_name="upward bias that has been subtracted from 'worth': apparent gain from choosing the camera with the "
+        "highest fitted utility, which noise raises",
         error=ESTIMATE,
     ),
     "says": Variable(dims=("assumption",), units="", long_name="name of the assumption in reports"),
@@ -33,7 +32,7 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "between": Variable(
         dims=("assumption",),
         units="",
-        long_name="smallest and largest possible value, with units; or the readings, in words",
+        long_name="smallest and largest possible value, with units, or the readings, in words",
     ),
     "expected_utility": Variable(
         dims=("candidate",),

@@ -7,7 +7,7 @@ from typing import Final
 
 from tradestudy.results.variable import COUNTED, DECLARED, ESTIMATE, EXACT, PAPER, ROUNDING, Variable
 
-_MEASURED = f"{PAPER}, Figure 6, whose measure, window and wavelength are not stated"
+_MEASURED = f"{PAPER}, Figure 6, which states neither measure nor window nor wavelength"
 _ELEMENT = ("element", "wavelength")
 
 
@@ -23,25 +23,25 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "object_distance": Variable(
         dims=("element",),
         units="m",
-        long_name="distance from the lens to the point source, which is in focus",
+        long_name="distance from the lens to the point source, on which it is focused",
         symbol="a",
         error=DECLARED,
     ),
     "image_distance": Variable(
         dims=("element",),
         units="m",
-        long_name="distance from the lens to the image of the point source by the thin-lens equation",
+        long_name="distance from the lens to the thin-lens image of the point source",
         symbol="b",
         error=ROUNDING,
     ),
     "camera_f_number": _f_number(("element",), "f-number at which the camera uses the lens", "", "none: declared"),
     "published_f_number": _f_number(
-        ("element",), "f-number of the published error; NaN if none is declared", "", "none: declared"
+        ("element",), "f-number to which published_error refers; NaN if none is declared", "", "none: declared"
     ),
     "published_error": Variable(
         dims=("element",),
         units="1",
-        long_name="published error at published_f_number; NaN if none is declared",
+        long_name="published error of Fresnel's approximation at published_f_number; NaN if none is declared",
         error=DECLARED,
     ),
     "published_minimum": _f_number(
@@ -53,8 +53,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "psf_error": Variable(
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
         units="1",
-        long_name="difference between the point-spread functions by Fresnel's approximation and by Kirchhoff's "
-        "integral on the axis, measured by each 'metric'",
+        long_name="difference on the axis between the point-spread functions by Fresnel's approximation and by "
+        "Kirchhoff's integral, by each 'metric'",
         reference=_MEASURED,
         error="see psf_error_numerical",
     ),
@@ -67,7 +67,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "off_axis_error": Variable(
         dims=("element", "lens_phase", "f_number", "metric", "window"),
         units="1",
-        long_name="as psf_error, but at the field angle and wavelength in fresnel_validity.off_axis",
+        long_name="as psf_error, but at the field angle and the wavelength of fresnel_validity.off_axis",
         reference=_MEASURED,
         error="see off_axis_error_numerical",
     ),
@@ -116,49 +116,49 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
-        "f-number above which psf_error stays below fresnel_validity.error_limit; 0 if it does so at all "
-        "values of fresnel_validity.f_numbers, infinite if it exceeds the limit even at the largest of them",
+        "f-number above which psf_error stays below fresnel_validity.error_limit; 0 if it does so at all values of "
+        "fresnel_validity.f_numbers, infinite if it exceeds the limit even at the largest value",
         _MEASURED,
-        "1e-4, relative; in addition, the error of psf_error divided by the slope of its curve over the f-number",
+        "1e-4, relative, plus the error of psf_error divided by the slope of psf_error over the f-number",
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
-        "minimum f-number by eq. 27 of the paper as printed; not to be trusted, because it changes with tiny changes "
-        "of a length (see paper_eq27_condition); infinite where the fractional part of 4 (a + b)/λ is 0",
+        "minimum f-number by eq. 27 of the paper as printed; not to be trusted, because tiny changes of a length "
+        "change it (see paper_eq27_condition); 'first' is infinite where the fractional part of 4 (a + b)/λ is 0",
         f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
         dims=_ELEMENT,
         units="1",
         long_name="condition number of eq. 27: relative change of the fractional part of 4 (a + b)/λ, which decides "
-        "the solutions, per relative change of a length",
+        "the solutions, per relative change of a length; infinite where this part is 0",
         reference=f"{PAPER}, eq. 27",
         error=ROUNDING,
     ),
     "paper_eq27_sweep": _f_number(
         (*_ELEMENT, "zero", "quarter_wave"),
-        "as paper_eq27_f_number, while a + b grows by a quarter of a wavelength; infinite where the "
-        "fractional part of 4 (a + b)/λ is 0",
+        "as paper_eq27_f_number, while a + b grows by a quarter of a wavelength; 'first' is infinite where "
+        "quarter_wave is 0",
         f"{PAPER}, eq. 27",
     ),
     "path_error_f_number": _f_number(
         (*_ELEMENT, "path_error"),
-        "minimum f-number at which the optical path that Fresnel's approximation neglects is at most path_error "
+        "smallest f-number at which the optical path that Fresnel's approximation neglects is at most path_error "
         "wavelengths",
-        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼, with path_error ε; the next term of the series is smaller by a factor "
-        "of r²/(2 b²), with the radius r of the pupil",
+        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼, with path_error ε, from the quartic term of this path; the next term is "
+        "smaller by a factor of r²/(2 b²), with the radius r of the pupil",
     ),
     "goodman_f_number": _f_number(
         _ELEMENT,
-        "minimum f-number at which Fresnel's approximation neglects at most 1 rad of phase between the object and the "
+        "smallest f-number at which Fresnel's approximation neglects at most 1 rad of phase between the object and the "
         "lens, and at most 1 rad between the lens and the image",
         "Goodman 2005, section 4.2.2",
     ),
     "southwell_f_number": _f_number(
         _ELEMENT,
-        "minimum f-number at which the error of Fresnel's approximation on the axis is at most "
-        "fresnel_validity.error_limit for a simpler problem: a plane wave that is diffracted by an empty hole as large "
-        "as the pupil and observed at image_distance",
+        "smallest f-number at which the error of Fresnel's approximation on the axis is at most "
+        "fresnel_validity.error_limit for a plane wave that is diffracted by an empty hole as large as the pupil and "
+        "observed at image_distance",
         "after Southwell (1981)",
     ),
 }
@@ -192,7 +192,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "outside_geometric": Variable(
         dims=("propagator",),
         units="1",
-        long_name="fraction of the light on the detector that falls on pixels that no ray reaches",
+        long_name="fraction of the light on the detector that falls on pixels that are dark by the method 'geometric'",
         error="at most numerical_error",
     ),
     "difference": Variable(
@@ -212,17 +212,16 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "chosen": Variable(
         dims=("propagator",),
         units="1",
-        long_name="1 for the method that computes chosen_image, 0 for the others",
+        long_name="whether this method computes chosen_image",
         error=EXACT,
     ),
     "chosen_image": Variable(
         dims=("row", "column"),
         units="1",
-        long_name="fraction of the power in the pupil of the main lens that falls on a pixel, by the models that "
-        "accuracy.pixel_intensity requires; the attributes of the group whose names begin with 'chosen_' "
-        "name these models",
+        long_name="as 'image', by the models that accuracy.pixel_intensity requires; attributes of the group whose "
+        "names begin with 'chosen_' name these models",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
-        error="see chosen_error; omitted effects add the changes in /effects",
+        error="see chosen_error; omitted effects add joint_change of /effects",
     ),
     "chosen_error": Variable(
         dims=(),
@@ -233,7 +232,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "spectral_share": Variable(
         dims=("wavelength",),
         units="1",
-        long_name="fraction of the light that has this wavelength",
+        long_name="fraction of the light at this wavelength",
         error=DECLARED,
     ),
     "microlens_x": Variable(
@@ -255,8 +254,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "benchmark_error": Variable(
         dims=("benchmark",),
         units="1",
-        long_name="relative numerical error of the intensities that a benchmark computes, in the L2 norm; run.json "
-        "contains its computing time",
+        long_name="relative numerical error of the intensities that a benchmark computes, in the L2 norm",
         error=ESTIMATE,
     ),
     "published_seconds": Variable(
@@ -280,8 +278,19 @@ _SPREAD = ("element", "propagator", "varied", "step")
 
 def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mapping[str, Variable]:
     return {
-        name: Variable(dims=_SPREAD, units=units, long_name=long_name, reference=reference, error=f"see {name}_error"),
-        f"{name}_error": Variable(dims=_SPREAD, units=units, long_name=f"numerical error of {name}", error=ESTIMATE),
+        name: Variable(
+            dims=_SPREAD,
+            units=units,
+            long_name=f"{long_name} beyond the last value of the varied input",
+            reference=reference,
+            error=f"see {name}_error",
+        ),
+        f"{name}_error": Variable(
+            dims=_SPREAD,
+            units=units,
+            long_name=f"numerical error of {name}; NaN where {name} is NaN",
+            error=ESTIMATE,
+        ),
     }
 
 
@@ -303,7 +312,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "chosen": Variable(
         dims=("propagator",),
         units="1",
-        long_name="1 for the method that accuracy.psf_width requires, 0 for the other method",
+        long_name="whether accuracy.psf_width requires this method",
         error=EXACT,
     ),
     "varied_units": Variable(
@@ -314,53 +323,53 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "standing": Variable(
         dims=("element", "varied"),
         units="mixed",
-        long_name="value of the input while another input varies, in the unit in varied_units",
+        long_name="value of the input while another one varies, in the unit in varied_units",
         error=DECLARED,
     ),
     **_spread(
         "full_width",
         "m",
-        "full width at half maximum, in the direction perpendicular to the plane of the field angle "
-        "(sagittal); NaN where the half maximum lies outside the computed square",
+        "full width at half maximum, perpendicular to the plane of the field angle (sagittal); NaN where the half "
+        "maximum lies outside the computed square, and",
     ),
     **_spread(
         "half_energy_radius",
         "m",
-        "radius of the circle that contains 50 % of the pupil's power; NaN where the computed square contains less",
+        "radius of the circle that contains 50 % of the pupil's power; NaN where the computed square contains less, "
+        "and",
     ),
     **_spread(
         "energy_radius_80",
         "m",
-        "radius of the circle that contains 80 % of the pupil's power; NaN where the computed square contains less",
+        "radius of the circle that contains 80 % of the pupil's power; NaN where the computed square contains less, "
+        "and",
     ),
     **_spread(
         "rms_width",
         "m",
-        "root-mean-square distance of the light from the thin-lens image, within point_spread.rms_radius; "
-        "NaN where this radius reaches beyond the computed square",
+        "root-mean-square distance of the light from the thin-lens image, within point_spread.rms_radius; NaN where "
+        "this radius reaches beyond the computed square, and",
     ),
     **_spread(
         "strehl_ratio",
         "1",
-        "Strehl ratio: largest intensity, relative to that of the same pupil without aberration or "
-        "defocus; NaN beyond the last value of the varied input",
+        "Strehl ratio: largest intensity, relative to that of the same pupil without aberration or defocus; NaN",
     ),
     **_spread(
         "transfer_half_nyquist",
         "1",
-        "modulation transfer at half the Nyquist frequency of pixels with point_spread.pixel_pitch; NaN "
-        "beyond the last value of the varied input",
+        "modulation transfer at half the Nyquist frequency of pixels with point_spread.pixel_pitch; NaN",
     ),
     **_spread(
         "outside_geometric",
         "1",
-        "fraction of the pupil's power outside the disc that paraxial rays fill; 1 in focus, where this "
-        "disc is a point; NaN where the disc reaches beyond the computed square",
+        "fraction of the pupil's power outside the disc that paraxial rays fill; 1 in focus, where this disc is a "
+        "point; NaN where the disc reaches beyond the computed square, and",
     ),
     **_spread(
         "neighbour_share",
         "1",
-        "fraction of the pupil's power on the eight pixels around the one that is centred on the "
-        "thin-lens image; NaN where they reach beyond the computed square",
+        "fraction of the pupil's power on the eight pixels around the one that is centred on the thin-lens image; NaN "
+        "where they reach beyond the computed square, and",
     ),
 }
