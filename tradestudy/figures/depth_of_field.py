@@ -52,8 +52,8 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="lateral-resolution",
-        caption="Size of detail that each camera resolves on the object: the larger of the sampling interval and "
-        "the geometric blur, both on the object. Bold: where " + _criterion_words(tree) + ".",
+        caption="Size of the detail that each camera resolves: the larger of the sampling interval and the geometric "
+        "blur, both on the object. Bold: where " + _criterion_words(tree) + ".",
         alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
         draw=partial(draw_lateral_resolution, tree),
     )

@@ -151,9 +151,9 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
     where = span(near, far)
     return Drawing(
         name=name,
-        caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination is the "
-        "change of depth that moves the disparity by its declared step, without noise or calibration errors, shaded "
-        "between a step nearer and a step farther; uncertainty includes both." + _design_words(tree),
+        caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination: the change of depth that "
+        "moves the disparity by its declared step, nearer to farther (shaded), without noise or calibration errors. "
+        "Uncertainty: from noise and calibration errors." + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discrimination and uncertainty. "
         f"Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
@@ -184,7 +184,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
-        "sources that averaging does not reduce; pale: the camera is not usable; blank: it measures no depth."
+        "sources that averaging does not reduce; pale: the camera is not usable; blank: the camera measures no depth."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
