@@ -152,8 +152,8 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
     return Drawing(
         name=name,
         caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination: the change of depth that "
-        "moves the disparity by its declared step, nearer to farther (shaded), without noise or calibration errors. "
-        "Uncertainty: from noise and calibration errors." + _design_words(tree),
+        "moves the disparity by its declared step, without noise or calibration errors; shaded from a step nearer to a "
+        "step farther. Uncertainty: from noise and calibration errors." + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discrimination and uncertainty. "
         f"Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),

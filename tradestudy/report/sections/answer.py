@@ -292,7 +292,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
             if near < end and far > start
         )
     ]
-    others = f"; usable in part of it, but not a candidate: {', '.join(beside)}" if beside else ""
+    others = f"; usable in at least part of it, but not a candidate: {', '.join(beside)}" if beside else ""
     return (f" ({'; '.join(explained)})" if explained else "") + others
 
 
@@ -324,9 +324,9 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     where = f"{'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
     count = len(handed) - 1
     among = f"{count - alone} of the {count} other" if alone else "the other"
-    readings = "readings (sets of assumptions)" if count > 1 else "reading (set of assumptions)"
+    readings = "readings (sets of assumptions)," if count > 1 else "reading (set of assumptions),"
     nowhere = f", and nowhere under the other{'s' * (alone > 1)}" if alone else ""
-    moved = f"; under {among} {readings}, it changes {where}{nowhere}" if others else ""
+    moved = f"; under {among} {readings} {'too' if where == own else where}{nowhere}" if others else ""
     yield say(
         "Of {first} and {second}, the better usable camera changes **{own}**{moved}.",
         first=first,

@@ -20,7 +20,9 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
     if has(tree, "depth"):
-        yield Paragraph("Errors of cameras are those of their depth uncertainty where they are usable.")
+        yield Paragraph(
+            "The error of a camera is that of its depth uncertainty, over the distances where it is usable."
+        )
     yield Bullets(tuple(answers(group(tree, "cost"))))
     yield from pictures_of(drawings, "cost")
 

@@ -24,7 +24,7 @@ def list_depths(tree: xr.DataTree) -> Iterator[Block]:
     """Write tables of discrimination, uncertainty, its largest part, equivalent baselines and failed measurements."""
     if has(tree, "depth"):
         declared = "place" in tree["decision"].coords if has(tree, "decision") else False
-        yield Heading(text=f"Depth at {'the declared' if declared else 'some'} distances", anchor="depth-numbers")
+        yield Heading(text=f"Depth at {'the declared' if declared else 'selected'} distances", anchor="depth-numbers")
         yield _values_at_places(tree)
         yield _decisive_parts(tree)
         yield from _over_places(tree)

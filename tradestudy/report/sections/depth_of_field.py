@@ -124,10 +124,7 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
     if missing:
         yield say(
             "Not sharp throughout: {cameras}.",
-            cameras="; ".join(
-                f"{row.title} ({f'sharp in {share(row.share)}' if row.share > 0 else 'sharp nowhere in it'})"
-                for row in missing
-            ),
+            cameras="; ".join(f"{row.title} ({share(row.share)} sharp)" for row in missing),
         )
     yield from _diffraction_finding(tree)
 

@@ -69,8 +69,8 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="The models of each effect that offered a choice, and how much the omissions of each model alone "
-            "change the quantity that they change most relative to its tolerance. A dot marks the models in use.",
+            caption="Every model of each effect that offers a choice. Change: that due to its omissions alone, of the "
+            "quantity that changes most relative to its tolerance. A dot marks the models in use.",
             columns=_COLUMNS,
             rows=tuple(_grouped(rows, marked=True)),
             notes=(_EVIDENCE,),

@@ -61,6 +61,8 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
             for r in rows
         )
     )
+    if any(row["basis"] == "paper" for row in records(tree, "assumptions", "path")):
+        yield Paragraph(f"“The paper” is “{PAPER}”.")
 
 
 def describe_properties(tree: xr.DataTree) -> Iterator[Block]:
@@ -118,9 +120,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
                 [f"{counts[one]} {'is' if counts[one] == 1 else 'are'} {_BASES.get(one, one)}" for one in known]
             ),
             order=_ORDER.format(given=_SET if known[0] in _SET else "") if len(known) > 1 else "",
-            sources=f" “The paper” is “{PAPER}”; sections, tables and figures in the notes are its own."
-            if counts["paper"]
-            else "",
+            sources=" Sections, tables and figures in the notes are those of the paper." if counts["paper"] else "",
         )
     )
     yield Table(

@@ -54,6 +54,8 @@ def of_camera(depth: xr.Dataset, variable: str, camera: str, **where: str) -> Fl
 
 def where_measured(depth: xr.Dataset) -> xr.Dataset:
     """``/depth`` with NaN where a camera sees no point twice: it measures nothing, although its formula has a value."""
+    if "limit_value" not in depth:
+        return depth
     shares = depth["limit_value"].sel(limit=[name for name in _SEEN_TWICE if name in depth["limit"].values])
     seen = ~(shares <= 0.0).any("limit")
     return depth.assign({name: depth[name].where(seen) for name in _MEASURED if name in depth})
