@@ -87,7 +87,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
     caption = (
         "Depth uncertainty (half the central 68.27 % interval of one measurement), bold where the camera is usable. "
-        "Grey lines: constant fractions of the distance. Bars: usable distances."
+        "Grey lines: fractions of the distance. Bars: usable distances."
     )
     caption += _design_words(tree)
     if has_winners(tree) and len(shown) > 1:
@@ -95,10 +95,10 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         caption += (
             " Last bar: the usable camera with the smallest uncertainty"
             + (f" of the candidates {listed(among)}" if among else "")
-            + ", and any other whose uncertainty differs from this by less than the numerical error."
+            + ", or several that differ by less than the numerical error."
         )
         if len(tuple(reported_winners(tree))) > 1:
-            caption += " Dotted lines: distances at which the best camera changes."
+            caption += " Dotted lines: where the best camera changes."
     return Drawing(
         name="whole_range",
         caption=caption,

@@ -265,9 +265,7 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-_NEAR: Final = (
-    ", though a change of its worst value or of the ends of a usable range that the tolerance allows could reverse this"
-)
+_NEAR: Final = ", though a change within the tolerances could reverse this"
 
 
 def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
