@@ -109,7 +109,7 @@ def test_usable_cameras_that_are_not_candidates_are_named(make_tree: Callable[..
     found = list(sentences(document_of(tree)))
     assert found[0] == (
         "0.05 to 0.15 m: no candidate is usable (Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across: too little "
-        "overlap); usable there, but not a candidate: Stereo 100 mm, f = 30.5 mm."
+        "overlap); usable in at least part of it, but not a candidate: Stereo 100 mm, f = 30.5 mm."
     )
     drawing = figures.build(tree)["whole_range"]
     assert "of the candidates Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across" in drawing.caption
@@ -195,8 +195,8 @@ def test_the_record_says_how_many_points_were_computed(tree: xr.DataTree) -> Non
     assert options == ["options", "none"]
     assert len(heading) == 1
     assert steps == [
-        ["depth", "3 computed"],
-        ["ranks", "1 computed, 2 reused from an interrupted run"],
+        ["depth", "3"],
+        ["ranks", "1, and 2 reused from an interrupted run"],
     ]
 
 

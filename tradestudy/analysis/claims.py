@@ -59,17 +59,17 @@ def claim_quantity(claim: ClaimPart, titles: Mapping[str, str]) -> str:
             return f"{end} distance at which {titles[claim.camera]} meets the limit “{in_words(claim.limit)}”"
         case UncertaintyRatioClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
-            ratio = f"uncertainty of {titles[claim.camera]} relative to that of {titles[claim.against]}"
-            return f"largest {ratio}, from {span}, by {_FROM[claim.errors]}"
+            ratio = f"ratio of the uncertainty of {titles[claim.camera]} to that of {titles[claim.against]}"
+            return f"largest {ratio} from {span}, due to {_FROM[claim.errors]}"
         case ShareBetterClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
-            other = f"{titles[claim.against]} is not, or is less certain"
+            other = f"{titles[claim.against]} is either not usable or less certain"
             better = f"{titles[claim.camera]} is usable and {other}"
             return f"fraction of the range from {span}, on a logarithmic scale, where {better}"
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
             reached = f"reaches {share} of the distance"
-            return f"distance where the uncertainty of {titles[claim.camera]} by {_FROM[claim.errors]} {reached}"
+            return f"distance where the uncertainty of {titles[claim.camera]} due to {_FROM[claim.errors]} {reached}"
         case DepthOfFieldClaim():
             return depth_of_field_words(claim, titles)
         case DepthOfFieldRatioClaim():

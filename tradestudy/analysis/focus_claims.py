@@ -61,6 +61,8 @@ def depth_of_field_ratio_words(claim: DepthOfFieldRatioClaim, titles: Mapping[st
 
 
 def _blur_words(blur: float, diffraction: str) -> str:
-    how = {"fwhm": "with diffraction at half maximum", "airy-diameter": "with the Airy diameter"}.get(diffraction)
-    how = how or "by defocus alone"
+    how = {
+        "fwhm": "with diffraction (width at half maximum)",
+        "airy-diameter": "with diffraction (Airy diameter)",
+    }.get(diffraction, "by defocus alone")
     return f"for a blur of {pretty(blur, PIXELS)} {how}"

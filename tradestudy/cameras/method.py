@@ -36,6 +36,8 @@ class Method:
         Title of the section.
     statements
         Paragraphs, in the light markup of reports, and equations, in reading order.
+    matching
+        Paragraphs and equations on the pictures that are compared, where the disparity error is derived from them.
     baseline_note
         Why the equivalent baseline of such a camera can differ from the declared one; empty where it cannot.
     """
@@ -43,4 +45,5 @@ class Method:
     name: str
     title: str
     statements: tuple[str | Formula, ...]
+    matching: tuple[str | Formula, ...] = ()
     baseline_note: str = ""

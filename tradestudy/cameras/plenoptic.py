@@ -223,7 +223,7 @@ def array_contradictions(
                 stated=f"main lens f/{main:.3g} on the image side",
                 implied=f"microlenses f/{micro:.3g} from pitch and gap",
                 used=f"gap {show(array.gap, LENGTH)}; micro-images "
-                + ("leave pixels dark" if micro < main else "overlap"),
+                + ("leave dark pixels between them" if micro < main else "overlap"),
             )
         )
     return found

@@ -43,7 +43,8 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         name="depth-of-field",
         caption="What each camera keeps sharp, measured from its principal plane: "
         + _criterion_words(tree)
-        + ". Neighbouring shades are images of a stack or types of microlenses; dotted lines are gaps between them."
+        + ". Neighbouring shades are images of a stack or types of microlenses"
+        + ("; dotted lines are gaps between them." if _has_gaps(tree) else ".")
         + _thin_words(tree)
         + " Right: the coarsest resolution within the scene; grey where not all of it is sharp.",
         alt="Bars of depth of field over working distance, one row per camera. " + _sharp_words(tree),
@@ -52,8 +53,8 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="lateral-resolution",
-        caption="Size of detail that each camera resolves on the object: the larger of the sampling interval and "
-        "the geometric blur, both on the object. Bold: where " + _criterion_words(tree) + ".",
+        caption="Size of the detail that each camera resolves: the larger of the sampling interval and the geometric "
+        "blur, both on the object. Bold: where " + _criterion_words(tree) + ".",
         alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
         draw=partial(draw_lateral_resolution, tree),
     )
@@ -64,6 +65,10 @@ def _criterion_words(tree: xr.DataTree) -> str:
     measure = str(first["diffraction"].item())
     beside = "defocus alone" if measure == "none" else f"defocus and the {measure} of diffraction"
     return f"{beside} blurs to at most {pretty(float(first['blur_px']), PIXELS)}"
+
+
+def _has_gaps(tree: xr.DataTree) -> bool:
+    return bool(np.isfinite(by_first_criterion(tree)["gap_near"].values).any())
 
 
 def _thin_words(tree: xr.DataTree) -> str:

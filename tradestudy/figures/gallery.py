@@ -87,7 +87,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
     caption = (
         "Depth uncertainty (half the central 68.27 % interval of one measurement), bold where the camera is usable. "
-        "Grey lines: constant fractions of the distance. Bars: usable distances."
+        "Grey lines: fractions of the distance. Bars: usable distances."
     )
     caption += _design_words(tree)
     if has_winners(tree) and len(shown) > 1:
@@ -95,10 +95,10 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         caption += (
             " Last bar: the usable camera with the smallest uncertainty"
             + (f" of the candidates {listed(among)}" if among else "")
-            + ", and any other whose uncertainty differs from this by less than the numerical error."
+            + ", or several that differ by less than the numerical error."
         )
         if len(tuple(reported_winners(tree))) > 1:
-            caption += " Dotted lines: distances at which the best camera changes."
+            caption += " Dotted lines: where the best camera changes."
     return Drawing(
         name="whole_range",
         caption=caption,
@@ -151,9 +151,9 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
     where = span(near, far)
     return Drawing(
         name=name,
-        caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination is the "
-        "change of depth that moves the disparity by its declared step, without noise or calibration errors, shaded "
-        "between a step nearer and a step farther; uncertainty includes both." + _design_words(tree),
+        caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination: the change of depth that "
+        "moves the disparity by its declared step, without noise or calibration errors; shaded from a step nearer to a "
+        "step farther. Uncertainty: from noise and calibration errors." + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discrimination and uncertainty. "
         f"Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
@@ -184,7 +184,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
-        "sources that averaging does not reduce; pale: the camera is not usable; blank: it measures no depth."
+        "sources that averaging does not reduce; pale: the camera is not usable; blank: the camera measures no depth."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),

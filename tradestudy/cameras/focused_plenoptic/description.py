@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.plenoptic import fill_factor
@@ -20,6 +22,8 @@ def properties_of(
     virtual_depth_at_infinity: float,
 ) -> Properties:
     """Distances, microlenses, coverage and field of view."""
+    at_infinity = math.isnan(total_covering_plane) and math.isclose(abs(virtual_depth_at_infinity), 2.0)
+    plane = math.inf if at_infinity else total_covering_plane
     return (
         ("distance from main lens to array, z", pretty(mla_distance, LENGTH, 5)),
         ("microlens gap, b_L", pretty(array.gap, LENGTH, 4)),
@@ -29,7 +33,7 @@ def properties_of(
         ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
         ("fill factor of the array", fill_factor(array)),
         ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
-        ("total covering plane, where |virtual depth| is 2", pretty(total_covering_plane, LENGTH, 4)),
+        ("total covering plane, where |virtual depth| is 2", pretty(plane, LENGTH, 4)),
         ("every point is seen by two microlenses (exact lattice) from", _covered_from(lens, array, mla_distance)),
         ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
         ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),

@@ -15,16 +15,14 @@ METHOD: Final = Method(
         "sees the image repeats it on the sensor, a gap *b*~L~ behind the array. The virtual depth "
         "*v* = *a*~L~/*b*~L~ is positive if the image lies in front of the array (Keplerian), and negative if it lies "
         "behind (Galilean). Two microlenses whose centres are at *x*~off~ show the point at σ, measured in each "
-        "micro-image from the centre of its microlens; superscripts number the two:",
+        "micro-image from the centre of its microlens; superscripts distinguish the two:",
         Formula(
             typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
             alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the "
             "two microlens centres over the difference of the two micro-image coordinates.",
             reference="paper, eq. 8",
         ),
-        "The program evaluates this equation through the focus shift *s* = *f*~M~²/(*a*~M~ − *f*~M~), so that it stays "
-        "accurate at large distances. The standard deviation σ~v~ of the virtual depth, and errors of *z* and "
-        "*f*~M~, affect depth as follows:",
+        "The standard deviation σ~v~ of the virtual depth, and errors of *z* and *f*~M~, affect depth as follows:",
         Formula(
             typst="sigma_(a_M) = ((a_M - f_M) / f_M)^2 b_L sigma_v, quad"
             " (partial a_M) / (partial z) = -((a_M - f_M) / f_M)^2, quad"
@@ -35,12 +33,14 @@ METHOD: Final = Method(
         ),
         "The two derivatives have opposite signs: depth depends mainly on the error of *z* − *f*~M~, and therefore on "
         "how the errors of *z* and *f*~M~ are correlated. For a given disparity error, the error of *v* depends on "
-        "the declared estimator: it grows with *v*² for an adjacent pair (of any lenses, or of the same type), with "
-        "*v* for the widest pair, and is constant for least squares over all lenses.",
-        "Where the disparity error is derived from the picture, it is that of comparing two micro-images, each *n* in "
-        "diameter, over the part of the object that both show. If their microlenses are *D* apart, the micro-images "
-        "are offset by *d* once their textures are aligned. If the image lies a distance *b*~M~ behind the main lens, "
-        "the largest square that fits into both has the side *w*:",
+        "the declared estimator: it grows with *v*² for an adjacent pair of microlenses (of any type, or of the "
+        "same type), with *v* for the widest pair, and is constant for least squares over all microlenses.",
+    ),
+    matching=(
+        "A focused plenoptic camera compares two micro-images, each *n* in diameter, over the part of the object that "
+        "both show. If their microlenses are *D* apart, the micro-images are offset by *d* once their textures are "
+        "aligned. If the image lies a distance *b*~M~ behind the main lens, the largest square that fits into both "
+        "has the side *w*:",
         Formula(
             typst="w = (sqrt(2 n^2 - d^2) - d) / 2, quad d = D / abs(v) thin b_M / z",
             alt="w equals half of the square root of two n squared minus d squared, less d, where d is D over the "

@@ -291,8 +291,14 @@ class UnfocusedPlenoptic(PlenopticCamera):
             ("diameter of the micro-image of the pupil", pretty(self.micro_image_diameter, LENGTH, 4)),
             ("views", f"{self.views}, {self.views_across} across"),
             ("diameter of the pupil of one view", pretty(self.view_pupil_diameter, LENGTH, 4)),
-            ("nearer distance in focus when neighbouring views shift by one microlens", pretty(nearer, LENGTH, 4)),
-            ("farther distance in focus when neighbouring views shift by one microlens", pretty(farther, LENGTH, 4)),
+            (
+                "nearer distance at which the disparity of neighbouring views is one microlens",
+                pretty(nearer, LENGTH, 4),
+            ),
+            (
+                "farther distance at which the disparity of neighbouring views is one microlens",
+                pretty(farther, LENGTH, 4),
+            ),
             ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
             (
                 "diagonal field of view, focused at infinity",

@@ -12,8 +12,8 @@ METHOD: Final = Method(
     statements=(
         "The main lens images the plane of focus, at *a*~0~, onto the array at *z*, and each pixel under a "
         "microlens sees its own part of the pupil. Two views whose parts are Δ*u* apart show a point at "
-        "distance *a* shifted by *d* on the array: a stereo rig inside one lens, whose samples are microlenses, "
-        "not pixels. Disparity errors are therefore in microlenses.",
+        "distance *a* shifted by *d* on the array: a stereo rig inside one lens. Its samples are microlenses, not "
+        "pixels; disparity errors are therefore given in microlenses.",
         Formula(
             typst="d = Delta u thin z (1/a - 1/a_0), quad 1/a = 1/f_M - 1/z + d / (Delta u thin z)",
             alt="d equals delta u times z times the quantity one over a minus one over a zero. One over a equals one "

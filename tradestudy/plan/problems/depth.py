@@ -355,7 +355,7 @@ def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
 def _absent(camera: DepthCamera, pictured: Sequence[DepthCamera], slot: SlotName) -> str:
     """Why a picture lacks an effect; empty where some form of the camera has it."""
     if slot in ("microlens_diffraction", "crosstalk") and not camera.pictured_by_microlenses:
-        return "no microlenses blur the pictures"
+        return "the compared pictures are not taken through single microlenses"
     laws = [(one, one.disparity_error_px) for one in pictured]
     complete = [complete_in_closed_form(one, law) for one, law in laws if isinstance(law, PictureDisparityError)]
     if slot == "spectrum" and complete and all(one.spectrum == OFF for one in complete):

@@ -227,7 +227,7 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
         decision, titles = group(tree, "decision"), camera_titles(tree)
         says = readings_in_words(decision)
         counts = sorted({len(reversed_by[one.place]) for one in turned})
-        by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of {all} other readings"
+        by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of the {all} other readings"
         yield say(
             "The verdict between {first} and {second} is **reversed** at {places} " + by + " ([](#verdict-table)).",
             first=titles[decision.attrs["first"]],
@@ -275,7 +275,8 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
     for key in best.candidates or measuring:
         broken = best.cameras[key].broken[inside[::-1] if becomes_usable else inside]
         fewest = np.flatnonzero(broken[least_broken(broken)])
-        reasons.setdefault(limit_words(best.limits[fewest[0]]) if fewest.size else "", []).append(best.titles[key])
+        words = listed([limit_words(best.limits[number]) for number in fewest])
+        reasons.setdefault(words, []).append(best.titles[key])
     alone = len(measuring) == 1
     explained = [words if alone else f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][
         :_MOST_REASONS
@@ -285,9 +286,13 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
         for key in measuring
         if best.candidates
         and key not in best.candidates
-        and any(near < end and far > start for near, far in best.cameras[key].usable)
+        and any(
+            distance(max(near, start)) != distance(min(far, end))
+            for near, far in best.cameras[key].usable
+            if near < end and far > start
+        )
     ]
-    others = f"; usable there, but not a candidate: {', '.join(beside)}" if beside else ""
+    others = f"; usable in at least part of it, but not a candidate: {', '.join(beside)}" if beside else ""
     return (f" ({'; '.join(explained)})" if explained else "") + others
 
 
@@ -304,7 +309,7 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:
-    """Where the preferred camera of the main pair switches, and how far other readings move that."""
+    """Where the better usable camera of the main pair changes, and how far other readings move that."""
     if not has(tree, "decision", "change_distance"):
         return
     decision, titles = group(tree, "decision").sel(error_source="both"), camera_titles(tree)
@@ -319,11 +324,11 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     where = f"{'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
     count = len(handed) - 1
     among = f"{count - alone} of the {count} other" if alone else "the other"
-    readings = "readings (sets of assumptions)" if count > 1 else "reading (set of assumptions)"
+    readings = "readings (sets of assumptions)," if count > 1 else "reading (set of assumptions),"
     nowhere = f", and nowhere under the other{'s' * (alone > 1)}" if alone else ""
     moved = f"; under {among} {readings} {'too' if where == own else where}{nowhere}" if others else ""
     yield say(
-        "Between {first} and {second}, the preferred camera switches **{own}**{moved}.",
+        "Of {first} and {second}, the better usable camera changes **{own}**{moved}.",
         first=first,
         second=second,
         own=own,

@@ -8,8 +8,8 @@ from typing import Any
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Bullets, Heading, Spans, pictures_of, say
-from tradestudy.results.views.groups import group
+from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Spans, pictures_of, say
+from tradestudy.results.views.groups import group, has
 from tradestudy.units import DURATION, pretty, significant
 from tradestudy.wording import listed
 
@@ -19,6 +19,10 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
     if "cost" not in tree.children:
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
+    if has(tree, "depth"):
+        yield Paragraph(
+            "The error of a camera is that of its depth uncertainty, over the distances where it is usable."
+        )
     yield Bullets(tuple(answers(group(tree, "cost"))))
     yield from pictures_of(drawings, "cost")
 
@@ -40,7 +44,7 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     if finer:
         more = f"a tenth of this error or less takes {_seconds(finer[0])} ({finer[0]['models']})"
     elif error <= floor:
-        more = "more exact models give the same result within the error of the reference"
+        more = "more complete models give the same result within this error"
     else:
         more = "no measured set of models has a tenth of this error or less"
     return say(

@@ -28,9 +28,9 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "the central 68.27 % interval from calibration errors alone, which remain after averaging many pictures. "
             "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one disparity, as "
             "used for depth. *Plane-fit RMS*: residual of a plane fitted to a flat target; calibration errors shift "
-            "and tilt the whole plane, so only noise remains. *Fill rate*: the fraction of the picture that both "
-            "views, or enough microlenses, see, times the fraction of measurements that do not fail; 0 where the "
-            "camera is unusable. *Field*: width and height of the visible area, which are those of the sensor "
+            "and tilt the whole plane, so only noise remains. *Fill rate*: the fraction of the picture that is "
+            "seen by both views, or by enough microlenses, times the fraction of measurements that do not fail; 0 "
+            "where the camera is unusable. *Field*: width and height of the visible area: those of the sensor, "
             "multiplied by the object distance and divided by the distance from lens to sensor.{matching}",
             matching=_of_matching(tree),
         )

@@ -23,7 +23,8 @@ _ERROR_SOURCES = ("noise", "calibration", "both")
 def list_depths(tree: xr.DataTree) -> Iterator[Block]:
     """Write tables of discrimination, uncertainty, its largest part, equivalent baselines and failed measurements."""
     if has(tree, "depth"):
-        yield Heading(text="Depth at the declared distances", anchor="depth-numbers")
+        declared = "place" in tree["decision"].coords if has(tree, "decision") else False
+        yield Heading(text=f"Depth at {'the declared' if declared else 'selected'} distances", anchor="depth-numbers")
         yield _values_at_places(tree)
         yield _decisive_parts(tree)
         yield from _over_places(tree)
@@ -62,7 +63,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             )
     return Table(
         name="depth-table",
-        caption="Depth discrimination and uncertainty at the distances that the study declares.",
+        caption="Depth discrimination and uncertainty.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Usable"),
@@ -172,7 +173,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
         "failed_fraction",
         "Fraction of measurements that fail: errors move their disparity beyond that of infinity"
         f"{', or they are false matches' * false_matches_declared(tree)}. Noise and calibration errors together.",
-        lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
+        lambda value: "< 1 ppm" if value < _NEGLIGIBLE_SHARE else or_dash(value, share),
     )
 
 

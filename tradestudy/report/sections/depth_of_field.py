@@ -28,7 +28,11 @@ from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
 from tradestudy.wording import counted, listed
 
-_SPOT = {"none": "defocus alone", "fwhm": "with diffraction at half maximum", "airy-diameter": "with the Airy diameter"}
+_SPOT = {
+    "none": "defocus alone",
+    "fwhm": "with diffraction (width at half maximum)",
+    "airy-diameter": "with diffraction (Airy diameter)",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,9 +124,7 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
     if missing:
         yield say(
             "Not sharp throughout: {cameras}.",
-            cameras="; ".join(
-                f"{row.title} ({f'{share(row.share)} of it' if row.share > 0 else 'none of it'})" for row in missing
-            ),
+            cameras="; ".join(f"{row.title} ({share(row.share)} sharp)" for row in missing),
         )
     yield from _diffraction_finding(tree)
 
@@ -135,18 +137,14 @@ def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
         one = data.sel(sharp=name)
         if str(one["diffraction"].item()) != "none":
             blind = int(np.sum(np.asarray(one["extent"].values, dtype=np.float64) == 0.0))
-            what = "" if words else " from being sharp anywhere"
-            words.append(f"{blind or 'none'}{what} by the criterion “{_criterion_words(one)}”")
+            of = "" if words else f" of {counted(data.sizes['camera'], 'camera')} sharp nowhere"
+            words.append(f"{blind or 'none'}{of} by the criterion “{_criterion_words(one)}”")
     if words:
-        yield say(
-            "Of {count}, diffraction alone keeps {words}.",
-            count=counted(data.sizes["camera"], "camera"),
-            words=listed(words),
-        )
+        yield say("Diffraction alone leaves {words}.", words=listed(words))
 
 
 def _criterion_words(one: xr.Dataset) -> str:
-    return f"{pretty(float(one['blur_px']), PIXELS)} {_SPOT[str(one['diffraction'].item())]}"
+    return f"{pretty(float(one['blur_px']), PIXELS)}, {_SPOT[str(one['diffraction'].item())]}"
 
 
 def _ends(found: tuple[tuple[float, float], ...]) -> str:
@@ -203,12 +201,13 @@ def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
         say(
             "A point is sharp where its geometric blur *g* and the diffraction spot *d*, added in quadrature, do not "
             "exceed the criterion *c*: *g*² + *d*² ≤ *c*². For a camera without microlenses, the near and far limits "
-            "are those of a thin lens, without approximation. With *v*~0~ the virtual depth in focus, a microlens of "
-            "diameter *D* blurs a point at virtual depth *v* to *D*|1/*v* − 1/*v*~0~|. Its depth of field is therefore "
-            "symmetric in 1/*v*; the main lens maps the limits to object distances. Each view of an unfocused "
-            "plenoptic camera is treated as the picture of a lens as wide as its part of the pupil. It has one sample "
-            "per microlens, so that *c* counts microlenses instead of pixels. Every depth of field is in closed form, "
-            "exact up to rounding."
+            "are those of a thin lens, without approximation. The virtual depth *v* is the distance from the "
+            "microlens array to the image that the main lens forms, divided by the gap between array and sensor; it is "
+            "*v*~0~ in focus. A microlens of diameter *D* blurs a point by *D*\u00a0|\N{WORD JOINER}1/*v*\u00a0−\u00a0"
+            "1/*v*~0~|. Its depth of field is therefore symmetric in 1/*v*; the main lens maps the limits "
+            "to object distances. Each view of an unfocused plenoptic camera is treated as the picture of a lens as "
+            "wide as its part of the pupil. It has one sample per microlens, so that *c* counts microlenses instead of "
+            "pixels."
         )
     )
     yield _criteria_of_sharpness(tree)
@@ -236,7 +235,7 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
                     share(float(camera["scene_share"])) if found else "—",
                     str(int(camera["images"])) if found and int(camera["images"]) else "—",
                     ("gaps: " * bool(gaps) + "; ".join(_ends((gap,)) for gap in gaps))
-                    or str(camera["reason"].item()).split(";")[0],
+                    or str(camera["reason"].item()).split(";")[0].removesuffix(": nothing is sharp"),
                 )
             )
     return Table(
@@ -292,7 +291,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
     yield Table(
         name="equal-resolution-table",
         caption=f"Comparison at equal lateral resolution: distances at which {size} on the object is resolved, "
-        "without regard to diffraction. A camera that samples coarsely gains nothing here from a large depth of field.",
+        "without regard to diffraction.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Resolved", weight=3),
@@ -332,8 +331,8 @@ def _coverage(tree: xr.DataTree) -> Iterator[Block]:
     if rows:
         yield Table(
             name="coverage-table",
-            caption="Mean number of microlenses that see a point at the ends of the scene; beyond the total covering "
-            "plane, where the magnitude of the virtual depth is 2, at least two see every point.",
+            caption="Mean number of microlenses that see a point at the ends of the scene. The total covering plane is "
+            "the object distance at which the magnitude of the virtual depth is 2.",
             columns=(
                 Column(title="Camera", weight=2),
                 Column(title="Total covering plane", align="right", weight=1),

@@ -21,9 +21,9 @@ _HOW: Final = {
     "trial": "trial at a few distances",
 }
 _EVIDENCE: Final = (
-    "Evidence tells how the change was found. Computed: from the results of both models. Trial: likewise, but at a few "
-    "distances or places only. Formula: estimated without the more complete model. Changes found in a trial or by a "
-    "formula include a safety margin."
+    "Evidence: how the change was found. Computed: from the results with and without what the model leaves out. Trial: "
+    "likewise, but at a few distances or places only. Formula: estimated without the more complete model. Changes "
+    "found in a trial or by a formula include a safety margin."
 )
 _FULL: Final = "none"
 _COLUMNS: Final = (
@@ -69,8 +69,8 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="Every model of every effect, and the change due to its omissions alone, of the quantity that "
-            "changes most relative to its tolerance; a dot marks the models in use.",
+            caption="Every model of each effect that offers a choice. Change: that due to its omissions alone, of the "
+            "quantity that changes most relative to its tolerance. A dot marks the models in use.",
             columns=_COLUMNS,
             rows=tuple(_grouped(rows, marked=True)),
             notes=(_EVIDENCE,),
@@ -152,6 +152,7 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
 def _together(tree: xr.DataTree) -> Iterator[str]:
     """Say how much all omissions together change each quantity with a tolerance, and how much forced models do."""
     data = group(tree, "effects")
+    changes: list[str] = []
     unchanged: dict[str, list[str]] = {}
     for number in range(len(QUANTITIES)):
         asked, joint = data["tolerance"].values[:, number], data["joint_change"].values[:, number]
@@ -166,7 +167,7 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
         tolerance = _share(float(np.nanmax(asked)))
         if most > 0.0:
             together = f"up to {_share(most)} (tolerance {tolerance})"
-            yield f"What the chosen models leave out changes the {changed} by {together}."
+            changes.append(f"the {changed} by {together}")
         else:
             unchanged.setdefault(tolerance, []).append(f"the {changed}")
         forced = data["forced_change"].values[:, number]
@@ -174,8 +175,10 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             worst = float(np.nanmax(forced))
             more = "more than" if worst > np.nanmax(asked) else "within"
             yield f"Models that the study forces change the {changed} by up to {_share(worst)}, {more} the tolerance."
+    if changes:
+        yield f"What the chosen models leave out changes {listed(changes)}."
     for tolerance, names in unchanged.items():
-        yield f"What the chosen models leave out does not change {listed(names)} (tolerance {tolerance})."
+        yield f"What the chosen models leave out does not change {' or '.join(names)} (tolerance {tolerance})."
 
 
 def _share(value: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import xarray as xr
@@ -17,18 +17,21 @@ def describe_method(tree: xr.DataTree) -> Iterator[Block]:
     if not has(tree, "depth"):
         return
     yield Heading(text="Method", anchor="method")
-    for method in {method["name"]: method for method in depth_methods(tree).values()}.values():
-        yield from _of_camera(method)
+    methods = {method["name"]: method for method in depth_methods(tree).values()}.values()
+    for method in methods:
+        yield Heading(text=method["title"], anchor=f"method-{method['name']}", level=2)
+        yield from _statements(method["statements"])
     yield from _uncertainty()
     met = group(tree, "depth")["limit_met"]
     applied = {str(name) for name in met["limit"].values if bool((met.sel(limit=name) >= 0).any())}
     if "matching" in applied:
         matchers = bool(declared_matchers(tree))
-        yield from _derived_disparity(str(group(tree, "depth").attrs["matching_needs"]), matchers=matchers)
+        compared = [statement for method in methods for statement in method.get("matching", ())]
+        yield from _derived_disparity(str(group(tree, "depth").attrs["matching_needs"]), compared, matchers=matchers)
     yield from _ranges(applied)
 
 
-def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
+def _derived_disparity(needs: str, compared: Iterable[Any], *, matchers: bool) -> Iterator[Block]:
     yield Heading(text="Disparity errors derived from the picture", anchor="method-derived", level=2)
     yield Paragraph(
         "A derived disparity error is the Cramér–Rao bound of matching two windows of the camera's pictures. They "
@@ -53,6 +56,7 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
             needs=needs,
         )
     )
+    yield from _statements(compared)
     yield Paragraph(
         "Off the axis, the light decreases with cos⁴ of the field angle. Where the study declares a second stop, the "
         "rims of the two stops also clip the pupil, most along the radius of the field. In a stereo rig, this clipping "
@@ -83,10 +87,9 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
     )
 
 
-def _of_camera(method: Mapping[str, Any]) -> Iterator[Block]:
-    """The statements and laws of one kind of camera, from the results."""
-    yield Heading(text=method["title"], anchor=f"method-{method['name']}", level=2)
-    for statement in method["statements"]:
+def _statements(statements: Iterable[Any]) -> Iterator[Block]:
+    """Paragraphs and equations on one kind of camera, from the results."""
+    for statement in statements:
         if isinstance(statement, str):
             yield Paragraph(say(statement))
         else:
@@ -110,7 +113,7 @@ def _uncertainty() -> Iterator[Block]:
             say(
                 "**Quantiles, not standard deviations.** Depth is the inverse of a quantity that can reach zero, so "
                 "its variance may not exist. Errors are propagated to inverse depth; quantiles are taken there and "
-                "mapped back. An inverse depth of zero or below is a depth of ∞ and stays in the quantiles."
+                "mapped back. An inverse depth of zero or below counts as a depth of ∞."
             ),
             say(
                 "**What decides it**: the error source with the largest share of the variance of inverse depth. "
@@ -132,7 +135,7 @@ def _uncertainty() -> Iterator[Block]:
     )
     yield Paragraph(
         say(
-            "**Linear** propagation takes the covariance of all errors through the slopes of that model at each "
+            "**Linear** propagation takes the covariance of all errors through the derivatives of that model at each "
             "distance; a comparison with random draws through the model gives the error of this approximation. "
             "**Exact** propagation sends eight independently scrambled Sobol sequences of draws through the model "
             "itself; all distances and designs share them. A result is *converged* when the eight sequences "
@@ -160,8 +163,7 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "each stereo picture."
         ),
         "total_covering_plane": say(
-            "**Total covering plane**: the image formed by the main lens lies at least the declared virtual depth "
-            "from the array."
+            "**Total covering plane**: the magnitude of the virtual depth is at least the declared one."
         ),
         "availability": say(
             "**Availability**: at least the declared fraction (by default, any above zero) of points is seen by two "

@@ -25,6 +25,7 @@ from tradestudy.report.document import (
 )
 from tradestudy.report.words import or_dash
 from tradestudy.results.storage import CHECKSUM
+from tradestudy.results.variable import PAPER
 from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.units import significant
@@ -60,6 +61,8 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
             for r in rows
         )
     )
+    if any(row["basis"] == "paper" for row in records(tree, "assumptions", "path")):
+        yield Paragraph(f"“The paper” is “{PAPER}”.")
 
 
 def describe_properties(tree: xr.DataTree) -> Iterator[Block]:
@@ -201,14 +204,10 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     if not rows:
         return
     yield Heading(text="Claims", anchor="claims")
-    yield Paragraph(
-        "The study file declared the claims and their tolerances before anything was computed; nothing was tuned to "
-        "meet them."
-    )
     yield Table(
         name="claim-verdicts",
-        caption="The claims and their verdicts; in brackets, where a claim was published. Expected: of the quantity "
-        "that the section “Claims under every reading” names. A reading is one set of assumptions.",
+        caption="The claims and their verdicts. In brackets: where the claim was published. Expected: what the "
+        "quantity named in the section “Claims under every reading” must be. A reading is one set of assumptions.",
         columns=(
             Column(title="Claim"),
             Column(title="Says", weight=4),
@@ -266,9 +265,7 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-_NEAR: Final = (
-    ", though a change of its worst value or of the ends of a usable range that the tolerance allows could reverse this"
-)
+_NEAR: Final = ", though a change within the tolerances could reverse this"
 
 
 def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
@@ -379,7 +376,7 @@ def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield from (_plain(key, value) for key, value in content.items() if key not in groups)
     for key, values in groups.items():
         if values:
-            yield ("Parts of each step" if key == "points" else in_words(key).capitalize(),)
+            yield ("Parts computed in each step" if key == "points" else in_words(key).capitalize(),)
             yield from map(_points, values.items()) if key == "points" else _recorded(values)
 
 
@@ -394,8 +391,8 @@ def _points(one: tuple[str, Mapping[str, int]]) -> tuple[str, str]:
     """How many points of a step a run computed, and reused from an interrupted run."""
     name, counts = one
     taken = counts.get("taken up", 0)
-    reused = f", {taken} reused from an interrupted run" if taken else ""
-    return in_words(name), f"{counts['computed']} computed{reused}"
+    reused = f", and {taken} reused from an interrupted run" if taken else ""
+    return in_words(name), f"{counts['computed']}{reused}"
 
 
 def _shown(value: Any) -> str:

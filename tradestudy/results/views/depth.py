@@ -13,7 +13,15 @@ from tradestudy.results.views.groups import FloatArray, group, has, ranges_of
 from tradestudy.units import significant
 
 _SEEN_TWICE: Final = ("overlap", "availability")  # limits on the share of points
-_CURVES: Final = ("depth_discrimination", "depth_uncertainty", "depth_quantile", "variance_share")
+_MEASURED: Final = (
+    "depth_discrimination",
+    "depth_uncertainty",
+    "depth_uncertainty_by_error_source",
+    "depth_quantile",
+    "variance_share",
+    "equivalent_baseline",
+    "failed_fraction",
+)
 
 
 def swept(depth: xr.Dataset) -> tuple[str, ...]:
@@ -46,9 +54,11 @@ def of_camera(depth: xr.Dataset, variable: str, camera: str, **where: str) -> Fl
 
 def where_measured(depth: xr.Dataset) -> xr.Dataset:
     """``/depth`` with NaN where a camera sees no point twice: it measures nothing, although its formula has a value."""
+    if "limit_value" not in depth:
+        return depth
     shares = depth["limit_value"].sel(limit=[name for name in _SEEN_TWICE if name in depth["limit"].values])
     seen = ~(shares <= 0.0).any("limit")
-    return depth.assign({name: depth[name].where(seen) for name in _CURVES if name in depth})
+    return depth.assign({name: depth[name].where(seen) for name in _MEASURED if name in depth})
 
 
 def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], ...]:
@@ -69,8 +79,8 @@ def table_distances(tree: xr.DataTree) -> FloatArray:
 
 
 def table_depth(tree: xr.DataTree) -> xr.Dataset:
-    """Depth at the declared distances; where none are declared, on the study's grid."""
-    return group(tree, "depth_at_places") if has(tree, "depth_at_places") else nominal(tree)
+    """Depth at the declared distances or, where none are declared, on the study's grid; see `where_measured`."""
+    return where_measured(group(tree, "depth_at_places") if has(tree, "depth_at_places") else nominal(tree))
 
 
 def by_first_criterion(tree: xr.DataTree) -> xr.Dataset:
