@@ -106,7 +106,9 @@ def _numerical_error(tree: xr.DataTree) -> str:
     relative = (depth["depth_uncertainty_error"] / depth["depth_uncertainty"]).where(depth["usable"])
     values = relative.values[np.isfinite(relative.values)]
     return (
-        f" Numerical error of u where cameras are usable: at most {share(float(values.max()))}." if values.size else ""
+        f" Numerical error of u both, at all usable distances: at most {share(float(values.max()))}."
+        if values.size
+        else ""
     )
 
 
@@ -170,8 +172,8 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     yield table(
         "failed-table",
         "failed_fraction",
-        "Fraction of measurements that fail: errors move their disparity beyond that of infinity"
-        f"{', or they are false matches' * false_matches_declared(tree)}. Noise and calibration errors together.",
+        "Fraction of measurements that fail: noise and calibration errors together move their disparity beyond that of "
+        f"infinity{', or they are false matches' * false_matches_declared(tree)}.",
         lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
     )
 
