@@ -60,6 +60,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
                     interval(float(low), float(high)) + ("" if bool(camera["converged"]) else " *"),
                 )
             )
+    shown = "".join(str(cell) for row in rows for cell in row)
     return Table(
         name="depth-table",
         caption="Depth discrimination and uncertainty at the distances that the study declares.",
@@ -75,8 +76,11 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         notes=(
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
             "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
-            "and both; ± its error, where that exceeds 1 %. ∞: the interval has no far end. *: not "
-            "converged; the sampling error exceeds the tolerance."
+            "and both"
+            + "; ± its error, where that exceeds 1 %" * ("±" in shown)
+            + "."
+            + " ∞: the interval has no far end." * ("∞" in shown)
+            + " *: not converged; the sampling error exceeds the tolerance." * ("*" in shown)
             + _numerical_error(tree)
             + _noise_is_coarse(tree)
             + "".join(f" {sentence}" for sentence in (best_of_any_matcher(at_the_bound(tree)),) if sentence),
