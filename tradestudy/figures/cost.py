@@ -49,8 +49,7 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
         name="cost",
         caption="Cost of accuracy on this machine: relative error against computing time, one dot for each set of "
         "models. Ring: the set that the run uses. Star: the fastest set with a tenth of its error or less. Grey: the "
-        "Pareto front. Dotted: the error of the reference, the most exact computation; errors below it cannot be "
-        "distinguished.",
+        "Pareto front. Dotted: the error of the reference, below which errors cannot be distinguished.",
         alt="Log-log charts of error against seconds. " + "".join(_in_words(data, name) for name in _drawn(data)),
         draw=partial(draw_cost, data),
     )

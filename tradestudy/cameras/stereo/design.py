@@ -429,7 +429,8 @@ class StereoRig(DepthCamera):
                 what="principal distance against focus distance",
                 stated=f"{show(f, LENGTH)}, the focal length",
                 implied=f"{show(focused, LENGTH)} when focused at {show(focus, LENGTH)}: longer by "
-                f"{pretty(magnification, FRACTION)}, more than the tolerance of {pretty(tolerance, FRACTION)}",
+                f"{pretty(magnification, FRACTION)}, the magnification f/(a − f); tolerance on depth: "
+                f"{pretty(tolerance, FRACTION)}",
                 used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur. Set principal_distance: focused "
                 "to use the latter for both, unless the focal length comes from a calibration in pixels",
             ),

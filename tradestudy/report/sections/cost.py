@@ -40,7 +40,7 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     if finer:
         more = f"a tenth of this error or less takes {_seconds(finer[0])} ({finer[0]['models']})"
     elif error <= floor:
-        more = "more exact models cannot be distinguished from it"
+        more = "more exact models give the same result within the error of the reference"
     else:
         more = "no measured set of models has a tenth of this error or less"
     return say(

@@ -176,8 +176,8 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     yield table(
         "failed-table",
         "failed_fraction",
-        "Fraction of measurements that fail: noise and calibration errors together move their disparity beyond that of "
-        f"infinity{', or they are false matches' * false_matches_declared(tree)}.",
+        "Fraction of measurements that fail: errors move their disparity beyond that of infinity"
+        f"{', or they are false matches' * false_matches_declared(tree)}. Noise and calibration errors together.",
         lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
     )
 

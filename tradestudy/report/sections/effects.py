@@ -69,8 +69,8 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="Every model of every effect. Change: how much its omissions alone change the quantity that "
-            "changes most relative to its tolerance. A dot marks the models in use.",
+            caption="Every model of every effect, and the change due to its omissions alone, of the quantity that "
+            "changes most relative to its tolerance; a dot marks the models in use.",
             columns=_COLUMNS,
             rows=tuple(_grouped(rows, marked=True)),
             notes=(_EVIDENCE,),
