@@ -239,8 +239,10 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
                 else ""
             )
             + "A factor below 1 means that the error would be larger, since blur also removes texture that is too "
-            "fine for the pixels. The causes interact: removing two of them need not multiply their factors. Tenfold "
-            "light (saturation ignored) divides the error by about 3.2 where shot noise limits it, by more where the "
+            "fine for the pixels. "
+            * any("(0" in str(cell) for row in rows for cell in row)
+            + "The causes interact: removing two of them need not multiply their factors. Tenfold light (saturation "
+            "ignored) divides the error by about 3.2 where shot noise limits it, by more where the "
             "sensor adds noise or noise hides the texture, and by less where aliased texture acts as noise. Where a "
             "camera is not usable, a matcher may miss these bounds."
             + (" Brightest light: that of the unsaturated camera with the most electrons." if compared else "")
