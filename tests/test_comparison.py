@@ -501,10 +501,10 @@ def test_the_page_contacts_no_host_and_its_file_is_replaced_atomically(
     lines = done.stdout.splitlines()
     assert lines[0] == " → ".join(runs)
     assert lines[1:3] == [
-        'Requirement "20 mm or better from 0.4 to 1 m": met, by Stereo head, 75 mm → met, by Stereo head, 50 mm.',
-        "Best camera: Stereo head, 75 mm → Stereo head, 50 mm from 0.3 to 4 m.",
+        'Requirement "20 mm or better from 0.4 to 1 m": met, by 75 mm stereo head → met, by 50 mm stereo head.',
+        "Best camera: 75 mm stereo head → 50 mm stereo head from 0.3 to 4 m.",
     ]
-    assert "  baseline of Stereo head, 75 mm: 75 mm → 40 mm" in lines
+    assert "  baseline of 75 mm stereo head: 75 mm → 40 mm" in lines
     assert lines[-1] == f"Page: {page}"
     text = page.read_text(encoding="utf-8")
     assert not re.findall(r"https?://|<script[^>]* src|<link|@import", text)

@@ -358,11 +358,13 @@ def _rounded(value: float, dimension: Dimension, digits: int, to: Callable[[floa
 
 
 def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:
-    """Write an SI value and its error in one unit; omit an error that is invisible at three digits."""
+    """Write an SI value as far as the one digit of its error; omit an error that is invisible at three digits."""
     if not error > _SHOWN_ERROR * abs(value):
         return pretty(value, dimension)
     unit = display_unit(value, dimension)
-    return f"{pretty(value, dimension)} ± {significant(error / unit.size, 1)}{unit.label}"
+    shown = float(f"{error / unit.size:.0e}")
+    number = f"{(value - unit.zero) / unit.size:.{max(0, -math.floor(math.log10(shown)))}f}".replace("-", "−")
+    return f"{number}{unit.label} ± {significant(shown, 1)}{unit.label}"
 
 
 def display_unit(value: float, dimension: Dimension) -> DisplayUnit:

@@ -46,7 +46,7 @@ def test_an_answer_beyond_an_end_is_reported_with_the_remaining_factor() -> None
     assert found.solutions == ()
     assert np.isnan(found.value)
     said = re.fullmatch(
-        r"no value .*60 mm.*150 mm: Stereo head, 75 mm .*1 % at 3 m.*; .*beyond 60 mm, .* factor of ([\d.]+).*",
+        r"no value .*60 mm.*150 mm: 75 mm stereo head .*1 % at 3 m.*; .*beyond 60 mm, .* factor of ([\d.]+).*",
         found.answer.replace("\N{NO-BREAK SPACE}", " "),
     )
     assert said
@@ -72,7 +72,8 @@ def test_noise_that_exceeds_the_calibration_asked_for_is_reported(goal: str, *, 
     answer = solve(whole, whole.file.solve["own"]).answer
     assert (
         answer.startswith("no value")
-        and f"noise alone exceeds the goal: {1e3 * noise:.3g} mm" in answer.replace("\N{NO-BREAK SPACE}", " ")
+        and f"noise of one measurement, {1e3 * noise:.3g} mm, exceeds the goal of {goal}"
+        in answer.replace("\N{NO-BREAK SPACE}", " ")
     ) is says
 
 

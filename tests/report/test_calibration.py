@@ -153,8 +153,8 @@ def test_the_source_of_every_calibration_is_given(make_tree: MakeTree) -> None:
     }
     assert table(report_of(tree, inputs), "calibration-source-table") == [
         ["Raytrix R5, Keplerian", "a simulated board, 60 views", "array distance", "temperature"],
-        ["Stereo 100 mm, f = 30.5 mm", "corners of a board, corners.csv", "none", "nothing"],
-        ["Stereo 100 mm, 65.24° across", "declared errors", "yaw", "nothing"],
+        ["Stereo 100 mm, f = 30.5 mm", "corners of a board, corners.csv", "none", "none"],
+        ["Stereo 100 mm, 65.24° across", "declared errors", "yaw", "none"],
     ]
 
 

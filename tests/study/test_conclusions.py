@@ -82,15 +82,15 @@ def test_one_camera_is_usable_rather_than_best(swept: Result) -> None:
     tree = xr.DataTree.from_dict(
         {name: swept.data[name].to_dataset().sel(camera=["stereo-75mm"]) for name in ("cameras", "decision", "depth")}
     )
-    assert next(iter(terminal_lines(tree))) == "Usable: Stereo head, 75 mm from 0.3 to 4 m"
+    assert next(iter(terminal_lines(tree))) == "Usable: 75 mm stereo head from 0.3 to 4 m"
 
 
 def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on(swept: Result) -> None:
     best, met, wish, weighed, rests = swept.lines()
-    assert best == "Best, as declared: Stereo head, 75 mm from 0.3 to 4 m"
+    assert best == "Best, as declared: 75 mm stereo head from 0.3 to 4 m"
     found = re.fullmatch(
-        r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
-        r"baseline of Stereo head, 75 mm from ([\d.]+) mm on \(the sweep ends at 150 mm\)",
+        r"Met: 1 % from 0\.4 to 3 m, by 75 mm stereo head \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
+        r"baseline of 75 mm stereo head from ([\d.]+) mm on \(the sweep ends at 150 mm\)",
         met,
     )
     assert found
@@ -104,14 +104,14 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
     assert re.search(r"1\.1\d* to 3 m", wish)
     assert "missed by" not in wish  # a share of the range on a logarithmic scale would mean nothing to a reader
     assert wish.endswith("; met by no design that was tried")
-    first = next(row for row in conclusions_as_json(swept.data)["trade_off"] if row["camera"] == "Stereo head, 50 mm")
+    first = next(row for row in conclusions_as_json(swept.data)["trade_off"] if row["camera"] == "50 mm stereo head")
     shown = re.fullmatch(
-        r"By all criteria: Stereo head, 50 mm ranks first for (\d+) % of the possible weights; .*", weighed
+        r"By all criteria: 50 mm stereo head ranks first for (\d+) % of the possible weights; .*", weighed
     )
     assert shown
     assert float(shown[1]) == pytest.approx(100.0 * first["first"], abs=0.51)
     assert re.fullmatch(
-        r"Rests on \(measure first\): yaw of Stereo head, 75 mm, assumed 0\.01° \(9\d % of the variance at 3 m\); "
+        r"Rests on \(measure first\): yaw of 75 mm stereo head, assumed 0\.01° \(9\d % of the variance at 3 m\); "
         r"matching noise of Raytrix R5.*",
         rests,
     )
@@ -128,7 +128,7 @@ def test_json_has_the_numbers_of_the_results(swept: Result) -> None:
     assert one["margin"] == pytest.approx(float(here["margin_percent"]) / 100.0)
     assert one["met_with"][0]["from"] == float(here["met_from"].values[0])
     assert one["designs_met"] == int((here["design_met"].values == 1).sum())
-    assert reported["best"] == [{"near": 0.3, "far": 4.0, "cameras": ["Stereo head, 75 mm"]}]
+    assert reported["best"] == [{"near": 0.3, "far": 4.0, "cameras": ["75 mm stereo head"]}]
 
 
 def test_what_must_hold_comes_first_and_counts_for_strict(swept: Result) -> None:
@@ -146,7 +146,7 @@ def test_every_outcome_of_a_requirement_is_reported(swept: Result) -> None:
         one = next(c for c in requirement_conclusions(tree) if c.name == "per-cent")
         return requirement_sentence(one)
 
-    assert reported(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m; closest: Stereo head")
+    assert reported(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m; closest: 75 mm stereo head")
     assert "missed by a factor of 1.14" in reported(met=0, margin_percent=-12.0)
     assert "factor" not in reported(met=0, margin_percent=-12.0, limited_by="overlap")
     assert reported(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
@@ -186,7 +186,7 @@ def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -
 
 
 def test_paths_are_written_in_words(swept: Result) -> None:
-    assert path_words(swept.data, "stereo-75mm.baseline") == "baseline of Stereo head, 75 mm"
+    assert path_words(swept.data, "stereo-75mm.baseline") == "baseline of 75 mm stereo head"
     paths = ("cameras.raytrix-r5.main_lens.f_number", "cameras.raytrix-r5.microlenses.gap", "seed")
     assert parameter_words(swept.data, paths) == "main lens f-number and microlenses gap of Raytrix R5 and seed"
     assert path_words(swept.data, "cameras.raytrix-r5.main_lens.f_number") == "main lens f-number of Raytrix R5"
@@ -254,10 +254,10 @@ def test_a_run_with_changed_values_has_a_folder_of_its_own(tmp_path: Path, monke
 
 
 def test_the_inputs_that_the_answer_rests_on_have_their_basis(swept: Result) -> None:
-    assert rests_on(swept.data)[0].startswith("yaw of Stereo head, 75 mm, assumed 0.01 deg")
+    assert rests_on(swept.data)[0].startswith("yaw of 75 mm stereo head, assumed 0.01 deg")
     causes = swept.data["decision"].to_dataset()["cause"]
     assert str(causes.sel(camera="raytrix-r5").item()) == "matching noise of Raytrix R5, derived from the picture"
-    assert [one.words for one in best_ranges(swept.data)] == ["Stereo head, 75 mm from 0.3 to 4 m"]
+    assert [one.words for one in best_ranges(swept.data)] == ["75 mm stereo head from 0.3 to 4 m"]
 
 
 def test_where_a_limit_decides_the_answer_rests_on_it() -> None:
@@ -269,7 +269,7 @@ def test_where_a_limit_decides_the_answer_rests_on_it() -> None:
     assert row.limited_by.startswith("matching: ")
     assert np.isnan(row.rests_on_share)
     (said,) = rests_on(result.data)
-    assert "Stereo head, 75 mm" in said
+    assert "75 mm stereo head" in said
     assert row.limited_by.removeprefix("matching: ") in said
     assert "variance" not in said
     assert measure_first(result.data) == ""
@@ -292,7 +292,7 @@ def test_comparing_begins_with_conclusions_that_changed(swept: Result) -> None:
     first, *rest = found.sentences()
     assert re.fullmatch(
         r'Requirement "1 % from 0\.4 to 3 m": met → not met '
-        r"\(Stereo head, 75 mm: worst 0\.7\d+ % → 1\.3\d* % at 3 m\)\.",
+        r"\(75 mm stereo head: worst 0\.7\d+ % → 1\.3\d* % at 3 m\)\.",
         first,
     )
     assert not any("1 % from" in one for one in rest)
@@ -307,7 +307,7 @@ def test_a_range_of_a_sweep_that_moved_is_a_conclusion(swept: Result) -> None:
     found = compare_runs(["x", "y"], [{}, {}], [swept.data, ran(ASKED, SWEPT, {yaw: "0.0133 deg"}).data])
     (along,) = [one for one in found.conclusions if "baseline of" in one.what]
     assert along.what.startswith('Requirement "1 % from 0.4 to 3 m"')
-    assert along.what.endswith("baseline of Stereo head, 75 mm")
+    assert along.what.endswith("baseline of 75 mm stereo head")
     ends = [
         float(re.fullmatch(r"met from ([\d.]+) mm on \(the sweep ends at 150 mm\)", value)[1])  # type: ignore[index] # it matches
         for value in along.values

@@ -291,7 +291,7 @@ def test_both_disparity_errors_stand_side_by_side(real: Result, ideal: Result) -
     )
     reported = " ".join(texts(blocks))
     assert (
-        "The declared matcher of Stereo head, 50 mm, Stereo head, 75 mm and Raytrix R5 adds noise 1.5 times the bound, "
+        "The declared matcher of 50 mm stereo head, 75 mm stereo head and Raytrix R5 adds noise 1.5 times the bound, "
         "a floor of 0.05 px, pixel locking of 0.1 px (0.0707 px rms) and 2 % false matches." in reported
     )
     assert "does not average out within one distance" in reported
@@ -312,7 +312,7 @@ def test_a_requirement_reports_whether_the_bound_alone_would_meet_it(real: Resul
     assert (int(row["met"]), int(row["bound_alone_met"])) == (0, 1)
     (one,) = requirement_conclusions(real.data)
     sentence = requirement_sentence(one).replace("\u00a0", " ")
-    assert sentence.startswith("Not met: 0.78 % up to 3 m, not by Stereo head, 75 mm (worst ")
+    assert sentence.startswith("Not met: 0.78 % up to 3 m, not by 75 mm stereo head (worst ")
     assert sentence.endswith(f"; met if matching reached its bound (worst {100 * best:.3g} % at 3 m)")
     reported = json.loads(json.dumps(real.conclusions()))["requirements"][0]["bound_alone"]
     assert reported["met"] is True
@@ -326,7 +326,7 @@ def test_without_a_matcher_the_report_says_that_the_error_is_the_bound(ideal: Re
     blocks = tuple(compose_report(ideal.data, {}, {}).blocks)
     first = [text for text in first_page(blocks) if "bound for any matcher" in text]
     assert len(first) == 1
-    assert best_of_any_matcher(("Stereo head, 75 mm",)) in first[0]  # the others are not in the answer
+    assert best_of_any_matcher(("75 mm stereo head",)) in first[0]  # the others are not in the answer
     everywhere = [text for text in texts(blocks) if "bound for any matcher" in text]
     assert len(everywhere) == 4  # the first page, the table of depths, the causes, the data sheets
 
@@ -341,7 +341,7 @@ def test_one_matcher_of_several_cameras_leaves_the_others_at_the_bound() -> None
     )
     reported = texts(tuple(compose_report(result.data, {}, {}).blocks))
     assert any(
-        text.startswith("The disparity errors of Stereo head, 50 mm and Stereo head, 75 mm are derived")
+        text.startswith("The disparity errors of 50 mm stereo head and 75 mm stereo head are derived")
         for text in reported
     )
 

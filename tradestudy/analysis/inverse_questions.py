@@ -215,7 +215,8 @@ def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
     """The matching noise, if it alone exceeds what a question requires of the calibration."""
     noise = question.model_copy(update={"errors": "noise"})
     width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
-    return f"; matching noise alone exceeds the goal: {pretty(width, LENGTH)}" if width > question.goal else ""
+    both = f"the matching noise of one measurement, {pretty(width, LENGTH)}, exceeds the goal"
+    return f"; {both} of {pretty(question.goal, LENGTH)}" if width > question.goal else ""
 
 
 def _undecided(question: SolvePart) -> str:

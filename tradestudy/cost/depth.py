@@ -108,7 +108,7 @@ def _words(models: Models, offered: Offered, tolerance: float) -> str:
     """A set of models in words that distinguish it from the others."""
     propagation = MODEL["calibration", models["calibration"]]
     if models["calibration"] == "exact":
-        propagation += f" to {pretty(tolerance, FRACTION, digits=2)}"
+        propagation += f", sampled to {pretty(tolerance, FRACTION, digits=2)}"
     pictures = {slot: names for slot, names in offered.items() if slot != "calibration" and len(names) > 1}
     if not pictures:
         return propagation

@@ -48,9 +48,9 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="sobol-indices",
-        caption="Total (lines) and first-order (rings) Sobol indices of inverse depth on the axis, of "
-        "the independent sources that reach 0.02. A line above its ring shows interaction with other sources; total "
-        "indices then sum to more than 1, so that they are not shares.",
+        caption="Total (lines) and first-order (rings) Sobol indices of inverse depth on the axis, of the "
+        "independent sources whose total index reaches 0.02. A line above its ring shows interaction with other "
+        "sources; total indices then sum to more than 1, so that they are not shares.",
         alt="One chart per camera of total and first-order Sobol indices against distance. Largest total index at "
         f"{pretty(place, LENGTH)}: " + _index_words(tree, place),
         draw=partial(sensitivity.draw_indices, tree),
@@ -102,9 +102,9 @@ def _ranks(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="rank-probability",
         caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
-        "alone: rigs, sessions and calibrations vary, and all noise is averaged out. Single measurements: noise as "
-        "well. Shaded: 2 Monte Carlo standard errors. Errors common to both cameras (temperature, pressure) are drawn "
-        "once.",
+        "alone: calibration errors and drift vary, and all noise is averaged out. Single measurements: noise as well. "
+        "Shaded: 2 Monte Carlo standard errors. Drift with temperature or pressure that both cameras declare alike is "
+        "drawn once for both.",
         alt="Probability against distance, one chart for each pair of cameras. Calibration alone: "
         + "".join(sentences),
         draw=partial(ranks.draw_rank_probability, tree),
@@ -132,9 +132,7 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
     yield Drawing(
         name=f"trace-{name}",
         caption=f"Chains behind the posterior of {titles[name]}: the first walker of each independent ensemble, one "
-        "colour each, after the warm-up, in standard deviations from the mean. The chains are "
-        f"{significant(float(data['posterior_lengths']))} autocorrelation times long; the largest R-hat is "
-        f"{float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
+        "colour each, after the warm-up, in standard deviations from the mean.",
         alt=f"Trace plot of the chains of {titles[name]}, one row per parameter. "
         + (
             "All ensembles cover the same range: "

@@ -57,7 +57,7 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
                 title,
                 _source(tree, key, own, names),
                 ", ".join(map(in_words, names)) or "none",
-                ", ".join(map(in_words, since)) or "nothing",
+                ", ".join(map(in_words, since)) or "none",
             )
         )
     return Table(
@@ -72,7 +72,7 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
             Column(title="Camera", weight=2),
             Column(title="Source", weight=2),
             Column(title="Declared errors", weight=4),
-            Column(title="May have changed since", weight=2),
+            Column(title="Drift", weight=2),
         ),
         rows=tuple(rows),
     )
@@ -108,21 +108,21 @@ def _averaging(tree: xr.DataTree) -> Table:
         noise, calibration = (float(there.sel(error_source=error_source)) for error_source in ("noise", "calibration"))
         return _readings_worth(noise, calibration)
 
+    titles = titles_in(tree, "depth")
+    rows = tuple((title, *(cell(key, float(place)) for place in places)) for key, title in titles.items())
+    no_error = any("∞" in row[1:] for row in rows)
     return Table(
         name="averaging-table",
         caption="How many measurements of one point to average until the noise of their mean equals the calibration "
-        "error. Averaging more "
-        "gains little, because calibration errors do not average out.",
+        "error. Averaging more gains little, because calibration errors do not average out.",
         columns=(
             Column(title="Camera", weight=1),
             *(Column(title=distance(float(place)), align="right") for place in places),
         ),
-        rows=tuple(
-            (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
-        ),
+        rows=rows,
         notes=(
-            "< 1: the noise of one measurement is already below the calibration error. ∞: calibration errors have no "
-            "effect there, or one too small to be simulated.",
+            "< 1: the noise of one measurement is already below the calibration error."
+            + " ∞: calibration errors have no effect there, or one too small to be simulated." * no_error,
         ),
     )
 

@@ -23,15 +23,15 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Data sheets", anchor="datasheets")
     yield Paragraph(
         say(
-            "Values hold on the axis, for the declared scene and cameras, at one sigma unless stated otherwise; "
-            "they follow no published test standard. Percentages in brackets are of the distance. *Z accuracy*: half "
+            "Values hold on the axis, for the declared scene and cameras, following no published test standard. "
+            " Percentages in brackets are of the distance. *Z accuracy*: half "
             "the central 68.27 % interval from calibration errors alone, which remain after averaging many pictures. "
             "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one disparity, as "
             "used for depth. *Plane-fit RMS*: residual of a plane fitted to a flat target; calibration errors shift "
-            "and tilt the whole plane, so only noise remains. *Fill rate*: the fraction of the picture that is "
-            "seen by both views, or by enough microlenses, times the fraction of measurements that do not fail; 0 "
-            "where the camera is unusable. *Field*: width and height of the visible area: those of the sensor, "
-            "multiplied by the object distance and divided by the distance from lens to sensor.{matching}",
+            "and tilt the whole plane, so only noise remains. *Fill rate*: the fraction of the picture that both "
+            "views, or enough microlenses, see, times the fraction of measurements that do not fail; 0 where the "
+            "camera is unusable. *Field*: width and height of the area that one camera sees: those of the "
+            "sensor, times the object distance, divided by the distance from lens to sensor.{matching}",
             matching=_of_matching(tree),
         )
     )

@@ -61,6 +61,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
                     interval(float(low), float(high)) + ("" if bool(camera["converged"]) else " *"),
                 )
             )
+    shown = "".join(str(cell) for row in rows for cell in row)
     return Table(
         name="depth-table",
         caption="Depth discrimination and uncertainty.",
@@ -76,8 +77,11 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         notes=(
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
             "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
-            "and both; ± its error, where that exceeds 1 %. ∞: the interval has no far end. *: not "
-            "converged; the sampling error exceeds the tolerance."
+            "and both"
+            + "; ± its error, where that exceeds 1 %" * ("±" in shown)
+            + "."
+            + " ∞: the interval has no far end." * ("∞" in shown)
+            + " *: not converged; the sampling error exceeds the tolerance." * ("*" in shown)
             + _numerical_error(tree)
             + _noise_is_coarse(tree)
             + "".join(f" {sentence}" for sentence in (best_of_any_matcher(at_the_bound(tree)),) if sentence),
@@ -107,7 +111,9 @@ def _numerical_error(tree: xr.DataTree) -> str:
     relative = (depth["depth_uncertainty_error"] / depth["depth_uncertainty"]).where(depth["usable"])
     values = relative.values[np.isfinite(relative.values)]
     return (
-        f" Numerical error of u where cameras are usable: at most {share(float(values.max()))}." if values.size else ""
+        f" Numerical error of u both, at all usable distances: at most {share(float(values.max()))}."
+        if values.size
+        else ""
     )
 
 

@@ -113,16 +113,15 @@ def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middl
     """Say which cause counts most for one camera at one distance, and where others do."""
     there = camera.isel(distance=middle)
     own = _largest(there)
-    others = [
-        f"{_CAUSES[other[0]]} at {distance(float(place['distance']))} "
-        f"({significant(other[1])} times smaller without it)"
-        for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"]))
-        if (other := _largest(place)) is not None and (own is None or other[0] != own[0])
-    ]
+    others: dict[str, list[str]] = {}
+    for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"])):
+        other = _largest(place)
+        if other is not None and (own is None or other[0] != own[0]):
+            factor = f"{distance(float(place['distance']))} ({significant(other[1])} times)"
+            others.setdefault(_CAUSES[other[0]], []).append(factor)
+    words = listed([f"{cause} at {listed(places)}" for cause, places in others.items()])
     return _sentence(there, titles) + (
-        f" Elsewhere, {'one of them' if own is None else 'another cause'} counts most: {listed(others)}."
-        if others
-        else ""
+        f" Elsewhere, {'one of them' if own is None else 'another cause'} counts most: {words}." if others else ""
     )
 
 
@@ -240,8 +239,10 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
                 else ""
             )
             + "A factor below 1 means that the error would be larger, since blur also removes texture that is too "
-            "fine for the pixels. The causes interact: removing two of them need not multiply their factors. Tenfold "
-            "light (saturation ignored) divides the error by about 3.2 where shot noise limits it, by more where the "
+            "fine for the pixels. "
+            * any("(0" in str(cell) for row in rows for cell in row)
+            + "The causes interact: removing two of them need not multiply their factors. Tenfold light (saturation "
+            "ignored) divides the error by about 3.2 where shot noise limits it, by more where the "
             "sensor adds noise or noise hides the texture, and by less where aliased texture acts as noise. Where a "
             "camera is not usable, a matcher may miss these bounds."
             + (" Brightest light: that of the unsaturated camera with the most electrons." if compared else "")

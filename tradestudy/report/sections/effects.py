@@ -126,7 +126,7 @@ def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
         return in_words(str(row["slot"])), model, _FULL, "—", "—"
     at = "" if math.isnan(row["at"]) else f"; worst at {distance(row['at'])}"
     if math.isinf(row["change"]):
-        known = "not estimated"
+        known = "—"
     elif row["evidence"] == "trial" and row["quantity"] == "pixel_intensity":
         known = f"trial at a few places{at}"
     else:

@@ -51,8 +51,8 @@ def _derived_disparity(needs: str, compared: Iterable[Any], *, matchers: bool) -
             "of the window: the declared one, or the overlap of the compared pictures on an object if that is smaller. "
             "A good matcher reaches the bound where the error is small compared with a pixel and the "
             "window large compared with blur and texture: this requires {needs}. Elsewhere the limit “matching” makes "
-            "a distance unusable. Where it is reached depends on the declared window as much as on the camera; a "
-            "larger window, or an estimator that uses nearer microlenses, moves it.",
+            "a distance unusable. This limit depends on the declared window as much as on the camera: a larger "
+            "window moves it, and so does an estimator that uses nearer microlenses.",
             needs=needs,
         )
     )
@@ -63,7 +63,7 @@ def _derived_disparity(needs: str, compared: Iterable[Any], *, matchers: bool) -
         "darkens the picture. Behind a microlens, each pixel receives light from one part of the "
         "pupil. The rims therefore remove whole views from an unfocused plenoptic camera. In a focused one they narrow "
         "the micro-images, so that fewer microlenses see each point and the baselines between them are shorter. The "
-        "computation uses the radial width of the clipped pupil, the smallest, for all directions."
+        "computation uses the radial width of the clipped pupil, which is the smallest, in all directions."
     )
     if not matchers:
         yield Paragraph(
@@ -129,8 +129,8 @@ def _uncertainty() -> Iterator[Block]:
     yield Paragraph(
         say(
             "*a*~p~ is the depth that a fraction *p* of all measurements does not exceed, and *Q*~ρ~ the quantile of "
-            "the inverse depth *ρ*. The exact model of the camera measures *ρ* at the distance *a* under noise and "
-            "all calibration errors *ε*, drawn jointly."
+            "the inverse depth *ρ*. By the exact model, the camera measures *ρ* for a point at the distance *a*, "
+            "with noise and all calibration errors *ε* drawn jointly."
         )
     )
     yield Paragraph(
@@ -141,7 +141,7 @@ def _uncertainty() -> Iterator[Block]:
             "itself; all distances and designs share them. A result is *converged* when the eight sequences "
             "determine every reported half-width to within the tolerance (95 % *t*-interval); where an interval has "
             "no far end, the fraction of failed measurements is judged instead. The program uses linear propagation "
-            "wherever its error stays within the tolerance."
+            "where a trial shows that its error stays within the tolerance."
         )
     )
     yield Paragraph(

@@ -47,9 +47,9 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="Fitted calibrations", anchor="posterior", level=2)
     yield Paragraph(
         say(
-            "The parameters are fitted to pictures of a board. The poses of the board are marginalised view by view; "
+            "The parameters are fitted to pictures of a board, and the pose of the board in each view is marginalised; "
             "{priors}. The sampler emcee runs four independent ensembles; a result counts as converged if it meets "
-            "every limit below. The spread of the joint draws about their mean is propagated to depth.",
+            "every limit below. The spread of the draws about their mean is propagated to depth.",
             priors=_priors(data),
         )
     )
@@ -114,10 +114,10 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         notes=(
             "Limits: N/τ, the length of the chains in autocorrelation times, at least 50; R-hat, the disagreement of "
             "the chains, at most 1.01; ESS, the effective sample size, at least 400; acceptance, the fraction of "
-            "accepted steps in each ensemble, 0.2 to 0.5; poses, the fraction of the draws that remains effective when "
-            "the poses are solved again at each draw, at least 0.9. Last column: computing times of the sampler and of "
-            "the normal approximation. The number of draws makes standard deviations, and depth uncertainties based on "
-            "them, uncertain by 1/√(2 ESS): at most "
+            "accepted steps in each ensemble, 0.2 to 0.5; poses, the effective fraction of the draws after reweighting "
+            "with board poses fitted anew for each draw, at least 0.9. Last column: computing times of the sampler and "
+            "of Laplace's normal approximation. The number of draws makes standard deviations, and depth uncertainties "
+            "based on them, uncertain by 1/√(2 ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
