@@ -74,7 +74,7 @@ def test_a_question_without_an_answer_gives_the_reason(tmp_path: Path) -> None:
     found = answer(tmp_path, "both", "linear")
     assert math.isnan(found.value)
     assert math.isnan(found.error)
-    assert re.match(r".*10 nm .*100 µm: R5 .*not .*1 % at 500 mm.* 25\.7 mm$", found.answer)
+    assert re.match(r".*10 nm .*100 µm: R5 .*not .*1 % at 500 mm.* 25\.7 mm, exceeds .*5 mm$", found.answer)
 
 
 def test_a_measurement_beyond_infinity_loses_and_two_rank_neither() -> None:
