@@ -396,6 +396,26 @@ def test_of_cameras_that_miss_the_whole_range_the_better_one_is_nearest() -> Non
     assert nearest.camera == "b"
 
 
+def test_a_camera_that_misses_the_value_alone_is_nearer_than_one_that_also_has_a_gap() -> None:
+    study = robot(own={"camera": "any", **ONE_PER_CENT})
+    case = study.definition.case
+    case = replace(case, cameras={"a": case.cameras["stereo-50mm"], "b": case.cameras["stereo-75mm"]})
+    gap = replace(answer(met=False), margin=-0.71, value_margin=-0.71, unusable=0.05)
+    everywhere = replace(answer(met=False), margin=-0.72, value_margin=-0.72)
+    nearest, _ = _Fixed(a=gap, b=everywhere).answer(part(study, "own"), case)
+    assert nearest.camera == "b"
+    nearest, _ = _Fixed(a=replace(gap, value_margin=-0.5, margin=-0.5), b=everywhere).answer(part(study, "own"), case)
+    assert nearest.camera == "a"
+
+
+def test_where_the_value_falls_shorter_than_the_usable_range_no_limit_decides() -> None:
+    study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "0.1 mm", "over": ["0.4 m", "1.1 m"]}})
+    found = check_requirement(part(study, "far"), study.definition.case, "raytrix-r5")
+    assert 0.0 < found.unusable < -found.margin
+    assert found.limit == ""
+    assert "1.09 to 1.1 m: " in found.reason
+
+
 def test_whole_numbers_are_searched_in_whole_numbers() -> None:
     """Met from 6 on, tried at 2 and 11: no study has half an image."""
     from types import SimpleNamespace

@@ -87,10 +87,11 @@ def _check_measured(
     margin = -1.0 if math.isnan(margin) else margin
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
-    reason = f"worst {_distinguished(bound, value, dimension)} at {pretty(place, LENGTH)}"
-    limit = _limit_of(intervals, gap, case, name) if unusable > 0.0 else ""
+    reason, limit = f"worst {_distinguished(bound, value, dimension)} at {pretty(place, LENGTH)}", ""
     if unusable > 0.0:
-        reason = f"{_not_usable(gap, limit)}; {reason}"
+        broken = _limit_of(intervals, gap, case, name)
+        reason = f"{_not_usable(gap, broken)}; {reason}"
+        limit = broken if -unusable <= margin else ""
     return RequirementAnswer(
         camera=name,
         met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
@@ -161,7 +162,7 @@ class Judge:
 
         For ``any``, the best camera decides; for ``all``, the worst. A camera without a value leaves the requirement
         undecided, unless for ``any`` another meets it or for ``all`` another misses it. If none meets it, the closest
-        decides.
+        decides: the one whose value and usable range together fall short by the smallest share.
         """
         names = _names(requirement, case)
         found = {name: self._answer_of(requirement, case, name) for name in names}
@@ -217,9 +218,12 @@ def _distinguished(bound: float, value: float, dimension: Dimension) -> str:
 
 
 def _closeness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, float, float]:
-    """Sort key, larger for better; among cameras that miss the same share of the range, the worst value decides."""
+    """Sort key, larger for better: the margin, or what value and usable range fall short together; then the value."""
     value = -math.inf if math.isnan(answer.value) else answer.value if above else -answer.value
-    return bool(answer.met), -math.inf if math.isnan(answer.margin) else answer.margin, value
+    margin = answer.margin
+    if answer.unusable > 0.0 and answer.value_margin is not None:  # the shares by which value and range fall short
+        margin = min(answer.value_margin, 0.0) - answer.unusable
+    return bool(answer.met), -math.inf if math.isnan(margin) else margin, value
 
 
 def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, name: str) -> RequirementAnswer:
