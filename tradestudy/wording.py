@@ -9,6 +9,8 @@ from typing import Final
 
 from tradestudy.units import LENGTH, pretty, significant
 
+NO_MICROLENSES: Final = "the camera has no microlenses"
+"""Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
 _SPELLED_UNITS: Final = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), " µm"))
 

@@ -23,6 +23,7 @@ from tradestudy.plan.problems.variants import every_variant
 from tradestudy.study.applied_models import complete_in_closed_form
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.root import StudyFile
+from tradestudy.wording import NO_MICROLENSES
 
 # Models are compared at no more than this many of the study's distances, since changes vary slowly with distance.
 _MOST_DISTANCES: Final = 101
@@ -355,7 +356,7 @@ def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
 def _absent(camera: DepthCamera, pictured: Sequence[DepthCamera], slot: SlotName) -> str:
     """Why a picture lacks an effect; empty where some form of the camera has it."""
     if slot in ("microlens_diffraction", "crosstalk") and not camera.pictured_by_microlenses:
-        return "the compared pictures are not taken through single microlenses"
+        return "the compared pictures are not taken through single microlenses" if camera.elements else NO_MICROLENSES
     laws = [(one, one.disparity_error_px) for one in pictured]
     complete = [complete_in_closed_form(one, law) for one, law in laws if isinstance(law, PictureDisparityError)]
     if slot == "spectrum" and complete and all(one.spectrum == OFF for one in complete):

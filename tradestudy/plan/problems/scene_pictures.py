@@ -20,6 +20,7 @@ from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.imaging.render.tiles import Tile, electrons_at
 from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.wording import NO_MICROLENSES
 
 _PATCHES: Final = 3  # along each side of a picture; both models render them
 _SIDE: Final = 24  # pixels along a patch
@@ -90,7 +91,7 @@ class ScenePicturesProblem(SimulationProblem):
             Slot(
                 name=leg,
                 models=models_of(leg, "picture") if leg in self._legs and not reason else (OFF,),
-                reason=reason if leg in self._legs else "the camera has no microlenses",
+                reason=reason if leg in self._legs else NO_MICROLENSES,
             ).under(self._forced)
             for leg in LENSES
         )

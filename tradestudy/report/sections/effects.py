@@ -13,7 +13,7 @@ from tradestudy.accuracy import IN_WORDS, QUANTITIES
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, say
 from tradestudy.report.words import share
 from tradestudy.results.views.groups import group, records
-from tradestudy.wording import distance, in_words, listed
+from tradestudy.wording import NO_MICROLENSES, distance, in_words, listed
 
 _HOW: Final = {
     "computed": "computed",
@@ -140,7 +140,7 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
     by_reason: dict[str, dict[str, list[str]]] = {}
     everything = {str(row["title"]) for row in rows}
     for row in rows:
-        if row["reason"] and not row["forced"]:
+        if row["reason"] and row["reason"] != NO_MICROLENSES and not row["forced"]:
             of = by_reason.setdefault(str(row["reason"]), {})
             of.setdefault(str(row["title"]), []).append(in_words(str(row["slot"])))
     for reason, of in by_reason.items():
