@@ -115,6 +115,7 @@ def test_a_handover_is_given_with_its_error(make_tree: MakeTree) -> None:
         (0.0123, 0.0004, "12.3 ± 0.4 mm"),
         (0.0123, 0.00096, "12 ± 1 mm"),
         (-6.78e-7, 1.2e-6, "−1 ± 1 µm"),
+        (9.94e-7, 6e-7, "1.0 ± 0.6 µm"),
         (0.0123, 0.0, "12.3 mm"),
         (math.inf, math.nan, "∞"),
         (math.nan, math.nan, "—"),

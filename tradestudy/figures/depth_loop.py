@@ -31,9 +31,9 @@ _LARGEST_BIAS = 0.05  # px
 _MARGIN = 1.1  # the axis reaches this factor beyond the planes
 _LARGEST_MARK = 6.5  # points
 _PANELS = {
-    "Spread of depth": "of distance [%]",
+    "Spread of the depth errors": "spread [% of distance]",
     "Spread relative to that from noise": "ratio",
-    "Standard deviation relative to the fitted matcher's": "ratio",
+    "Standard deviation relative to the fitted matcher's prediction": "ratio",
     "Bias of the disparity": "bias [px]",
 }
 
@@ -47,11 +47,11 @@ def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     distance = data["distance"].values
     yield Drawing(
         name="depth_loop",
-        caption="Depth of rendered planes. First: spread of the depth errors (half their central 68.27 % interval; "
-        "marks, with standard errors), and the predicted depth uncertainty (curves). Second: spread relative to the "
-        "standard deviation that noise causes, given the texture in each matching window. Third: standard deviation of "
-        "the errors without false matches, relative to the prediction of the matcher, which was fitted at the "
-        "distances with filled marks; grey: within 10 %. Fourth: bias of the disparity; grey: within 0.05 px.",
+        caption="Depth of rendered planes, with standard errors. First: spread of the depth errors (marks: half their "
+        "central 68.27 % interval) and the predicted depth uncertainty (curves). Second: spread of the errors, each "
+        "divided by the standard deviation that noise causes in its matching window. Third: standard deviation of the "
+        "errors without false matches, relative to the prediction of the matcher fitted at the distances with filled "
+        "marks; grey: within 10 %. Fourth: bias of the disparity; grey: within 0.05 px.",
         alt=f"For {names}, from {span(float(distance[0]), float(distance[-1]))}: achieved and predicted spread, the "
         f"spread relative to noise and to the fitted matcher, and bias. Spread relative to that from noise: "
         f"{_noise_words(tree)}.",

@@ -44,33 +44,33 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     aside = ""
     if "off_axis_error" in data:
         aside = (
-            f" Below: {np.degrees(data.attrs['field_angle']):.2g}° off the axis, at "
+            f" Lower charts: {np.degrees(data.attrs['field_angle']):.2g}° off the axis, at "
             f"{pretty(data.attrs['field_wavelength'], LENGTH)}."
         )
     yield Drawing(
         name="fresnel_error",
-        caption=f"Measured error of Fresnel's point-spread function against f-number (the paper's Figure 6): summed "
-        f"difference from Kirchhoff's over {window} Airy radii, in focus on the axis. Bands: {waves}. Stars: the "
-        "paper's values. Dotted: the camera's f-number. Parabolic: with spherical aberration, as in the paper; "
-        "stigmatic: without it on the axis; perfect: without aberrations." + aside,
+        caption="Error of Fresnel's point-spread function in focus on the axis, against f-number: summed difference "
+        f"from Kirchhoff's over {window} Airy radii. Bands: {waves}. Stars: values of Figure 6 of “Diffraction model "
+        "of a plenoptic camera for in-situ space exploration” (the paper). Dotted: the camera's f-number. Parabolic: "
+        "with spherical aberration, as in the paper; stigmatic: without it on the axis; perfect: without aberrations."
+        + aside,
         alt="Log-log charts of error against f-number, one column per lens, one line per lens phase. " + _words(data),
         draw=partial(draw_fresnel_error, tree),
     )
     yield Drawing(
         name="fresnel_criteria",
-        caption="Minimum f-number for Fresnel's approximation: closed-form criteria, each over the "
-        f"wavelengths of the study, and the f-number from which the measured error (as above, parabolic phase) stays "
-        f"below {pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper. Dotted: the "
-        "camera's f-number.",
+        caption="Minimum f-number for Fresnel's approximation. Bars: ranges over the wavelengths, and for eq. 27 also "
+        "over a quarter wave of path. Blue: the f-number from which the computed error (parabolic phase) stays below "
+        f"{pretty(data.attrs['error_limit'], FRACTION)}; the others are criteria in closed form. Shaded: the paper's "
+        "criterion; diamonds: its values as printed. Dotted: the camera's f-number.",
         alt="Bar chart of minimum f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
         draw=partial(draw_fresnel_criteria, tree),
         values=partial(_criteria_tables, data),
     )
     yield Drawing(
         name="paper_eq27",
-        caption="Why the printed criterion (eq. 27) cannot be trusted: both of its zeros while object and image "
-        "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the curves repeat. "
-        f"Lines: {waves}. Dashed: the f-number printed in the paper, which takes the larger zero.",
+        caption="f-numbers by both zeros of eq. 27 while the path from object to image grows by two quarter waves, a "
+        f"fraction of a micrometre. Lines: {waves}. Black: the f-number that the paper prints for the larger zero.",
         alt="Charts of minimum f-number against extra path within one quarter wave. The smaller zero falls from "
         "infinity, the larger one drifts by a fifth and jumps back. " + _sweep_words(data),
         draw=partial(draw_paper_eq27, tree),
@@ -194,7 +194,7 @@ def _f_number_axis(axes: Axes, inside: FloatArray) -> None:
 
 
 def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, bool]]:
-    """List every criterion with its f-numbers over the wavelengths, and whether they were measured."""
+    """List every criterion with its f-numbers over the wavelengths, and whether they follow from computed errors."""
     one = data.sel(element=element)
 
     def of(name: str, **where: Any) -> FloatArray:
@@ -216,7 +216,7 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
         (f"{plain_number(float(window))} Airy radii", limits.sel(metric="l1", window=window))
         for window in data["window"].values
     ]
-    return found + [(f"measured, {name}", np.asarray(one.values, dtype=float), True) for name, one in measured]
+    return found + [(f"computed, {name}", np.asarray(one.values, dtype=float), True) for name, one in measured]
 
 
 @styled()
@@ -339,7 +339,7 @@ def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
             xlim=(0, 2),
             ylim=(0, top),
             title=shortened(element_title(data, element)),
-            xlabel="longer path, in quarter waves",
+            xlabel="extra path [quarter waves]",
         )
         name_ends(axes, drawn)
     panels[0].set_ylabel("minimum f-number of eq. 27")

@@ -35,10 +35,10 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
     bound = np.asarray(numbers["bound"].values, dtype=float)
     return Drawing(
         name="hard_cases",
-        caption="Relative error of the usual formula (across) against that of this program (up): a chart for each "
-        "family, one mark per case with a number as its answer. On the dashed line both are equally accurate; the "
-        "dotted line is 10⁻¹², the bound for well-conditioned cases. “Wrong”: infinite or NaN although a value exists, "
-        "a value although none exists, or an exception.",
+        caption="Relative error of the usual formula (across) against that of this program (up): one chart for "
+        "each group of cases, one mark for each case whose answer is a number. On the dashed line both are equally "
+        "accurate; the dotted lines are at 10⁻¹², the bound for well-conditioned cases. “Wrong”: no finite relative "
+        "error.",
         alt=f"Scatter chart of {naive.size} hard cases. The usual formula is beyond the bound in "
         f"{int((~(naive <= bound)).sum())} of them and gives no number at all in {int(np.isinf(naive).sum())}; this "
         f"program is beyond it in {int((~(ours <= bound)).sum())}. Its largest error is "

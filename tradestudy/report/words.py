@@ -75,7 +75,8 @@ def plus_minus(value: float, error: float, dimension: Dimension) -> str:
     """
     if not error > 0.0:
         return pretty(value, dimension).replace(" ", "\N{NO-BREAK SPACE}")
-    unit = display_unit(float(f"{max(abs(value), error):.2e}"), dimension)
+    digit = int(np.floor(np.log10(float(f"{error:.0e}"))))
+    unit = display_unit(float(f"{max(abs(round(value, -digit)), error):.2e}"), dimension)
     return _rounded(value / unit.size, error / unit.size, unit.label)
 
 

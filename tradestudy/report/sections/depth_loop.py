@@ -25,17 +25,21 @@ def describe_depth_loop(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
     if not has(tree, "depth_loop", "depth_spread"):
         return
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
-    yield Heading(text="From pictures to depth and back", anchor="depth-loop")
+    yield Heading(text="Depth measured in pictures of planes", anchor="depth-loop")
     yield Paragraph(
-        "The program rendered planes perpendicular to the optical axis, each with its own texture and noise, and "
-        "measured their depth with each camera. The cameras have no calibration errors. The search for a disparity "
-        "started near the true one, so false matches far from it do not occur." + _scaling(run)
+        "The program rendered each camera's pictures of planes perpendicular to the optical axis, with a different "
+        "texture and noise for each plane, and measured depth in them. The cameras have no calibration errors. The "
+        "search for a disparity started near the true one, so false matches far from it do not occur." + _scaling(run)
     )
     yield from pictures_of(drawings, "depth_loop")
     for k, name in enumerate(data["camera"].values):
         yield Paragraph(_fitted_matcher(data.isel(camera=k), titles[str(name)]))
     yield Paragraph(
-        "The file matchers.yaml beside this report contains the fitted matchers, ready for the cameras of a study."
+        say(
+            "In these matchers, `factor` multiplies the Cramér–Rao bound on the disparity error, `floor` adds to it in "
+            "quadrature, and `false_matches` is the fraction of wrong matches. The file matchers.yaml beside this "
+            "report contains them, ready for the cameras of a study."
+        )
     )
     yield from score_tables(name="depth-loop", first=_first_columns(data), rows=list(_rows(data, titles)))
 
@@ -60,10 +64,10 @@ def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
     over = over[np.isfinite(over)]
     text = say("**{title}**: the fit gives `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
     factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), NUMBER)
-    text += say(" Its factor, {factor}, multiplies the bound on the disparity error.", factor=factor)
+    text += say(" Its factor is {factor}.", factor=factor)
     if over.size:
         text += say(
-            " This matcher predicts {low} to {high} of the noise found on {count}.",
+            " The matcher predicts {low} to {high} of the standard deviation of the errors on {count}.",
             count=counted(over.size, "other plane"),
             low=share(float(1.0 / over.max())),
             high=share(float(1.0 / over.min())),

@@ -54,30 +54,29 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
     """Tables that compare measured depth with its prediction: a row for each of `rows`, after its own first cells."""
     yield Table(
         name=f"{name}-depth-table",
-        caption="Measured depth against true depth, ± one standard error.",
+        caption="Errors of measured depth, ± one standard error where it exceeds 1 %.",
         columns=(*first, *_columns("Bias", "Spread", "Predicted", "Within 3σ", "Filled", "Paired (predicted)")),
         rows=tuple(cells if one is None else (*cells, *_of_depth(one)) for cells, one in rows),
         notes=(
-            "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the depth "
-            "uncertainty at these distances. Within 3σ: fraction of errors of at most three times the predicted "
-            "uncertainty. Filled: fraction of points with a depth, among those that appear in two of the estimator's "
-            "pictures. Paired: fraction of all points on a surface that appear in two such pictures, and in brackets "
-            "the predicted one; the prediction counts points of the object, whereas a raw picture counts a point once "
-            "in every micro-image that shows it.",
+            "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the predicted "
+            "depth uncertainty. Within 3σ: fraction of errors of at most three times the predicted uncertainty. "
+            "Paired: fraction of all points on a surface that appear in two of the pictures that the estimator "
+            "compares; in brackets, the predicted fraction. Filled: fraction of paired points that have a depth. In "
+            "raw pictures, a point counts once in every micro-image that shows it; in the prediction, only once.",
         ),
     )
     yield Table(
         name=f"{name}-disparity-table",
-        caption="Errors of disparity, ± one standard error.",
+        caption="Errors of measured disparity, ± one standard error where it exceeds 1 %.",
         columns=(
             *first,
             *_columns("Bias [px]", "Spread [px]", "Spread / noise", "Neighbours", "A window apart", "Windows"),
         ),
         rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
-            "Spread / noise: spread of the errors relative to the first-order error that noise causes in each window, "
-            "given its texture. Neighbours, A window apart: correlation of the errors of adjacent points, and of "
-            "points one window apart. Windows: number of non-overlapping windows measured.",
+            "Spread / noise: spread of the errors, each divided by the standard deviation that noise causes in its "
+            "matching window (to first order). Neighbours, A window apart: correlation of the errors of adjacent "
+            "points, and of points one window apart. Windows: number of non-overlapping windows measured.",
         ),
     )
 

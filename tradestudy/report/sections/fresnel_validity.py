@@ -38,7 +38,13 @@ def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
     yield Heading(text="The answer", anchor="fresnel-answer")
     yield Callout(
         title="From which f-number on Fresnel may replace Kirchhoff",
-        blocks=(Bullets(tuple(_findings(data))),),
+        blocks=(
+            Paragraph(
+                f"The error of Fresnel's point-spread function is its absolute difference from Kirchhoff's, integrated "
+                f"within {significant(middle_window(data))} Airy radii and divided by the integral of Kirchhoff's."
+            ),
+            Bullets(tuple(_findings(data))),
+        ),
         tone="answer",
     )
     yield from pictures_of(drawings, "fresnel_error")
@@ -69,21 +75,18 @@ def _range(values: FloatArray) -> str:
 def _findings(data: xr.Dataset) -> Iterator[Spans]:
     window, limit = middle_window(data), float(data.attrs["error_limit"])
     first = str(data["lens_phase"].values[0])
-    over = f"over {significant(window)} Airy radii"
     for element in data["element"].values:
         one = data.sel(element=element)
         limits = np.asarray(one["limit_f_number"].sel(lens_phase=first, metric="l1", window=window).values, dtype=float)
         yield say(
-            "**{title}, {phase} phase: from {f_numbers} on**, Fresnel's and Kirchhoff's point-spread functions differ "
-            "by less than {limit}, summed {over}.",
+            "**{title}, {phase} phase: from {f_numbers} on**, the error is below {limit}.",
             title=element_title(data, str(element)),
             phase=first,
             f_numbers=_f_numbers(limits, data),
-            over=over,
             limit=share(limit),
         )
     yield say(
-        "At the f-numbers of the camera, this difference, in light from {start} to {end}, is: {each}.",
+        "At the f-numbers of the camera, in light from {start} to {end}, the error is: {each}.",
         start=length(float(data["wavelength"].values[0])),
         end=length(float(data["wavelength"].values[-1])),
         each=_as_used(data, window),
@@ -110,10 +113,11 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         each = [f"{share(float(at.sel(lens_phase=phase)))} ({phase})" for phase in data["lens_phase"].values]
         parts.append(f"{element_title(data, str(element)).lower()}: {', '.join(each)}")
     yield say(
-        "**Off the axis, the lens phase decides how large the difference is.** At the same f-numbers, but "
-        "{angle}° off the axis, this difference is: {parts}. There, a parabolic or stigmatic lens has coma and "
+        "**Off the axis, the lens phase decides how large the error is.** At the same f-numbers, but {angle}° off the "
+        "axis and in light of {wavelength}, the error is: {parts}. There, a parabolic or stigmatic lens has coma and "
         "distortion, which Fresnel's approximation ignores.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
+        wavelength=length(float(data.attrs["field_wavelength"])),
         parts="; ".join(parts),
     )
 
@@ -138,9 +142,10 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
     yield Paragraph(
         say(
             "Both point-spread functions are computed in the plane of the thin-lens image, Fresnel's from paths to "
-            "second order and Kirchhoff's from exact paths and cosines. They are compared without rescaling either. "
-            "The paper does not define the measure of its “percentage of error”, the window or the wavelength, so "
-            "the report shows several of each:"
+            "second order and Kirchhoff's from exact paths and obliquity factors. Neither is rescaled. The paper does "
+            "not define the measure of its “percentage of error”, the window or the wavelength, so the report shows "
+            "several of each. *I*~F~ and *I*~K~ are the two intensities, *I*(0) is that at the image point, and "
+            "integrals and maxima are those over the window:"
         )
     )
     yield Equation(
@@ -153,8 +158,8 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
     )
     yield Paragraph(
         say(
-            "To second order, all three lens phases are the same parabola, so Fresnel's point-spread function is the "
-            "same for all of them. Kirchhoff's is not. With the paper's *parabolic* phase, the exact paths differ by a "
+            "To second order, all lens phases are the same parabola, so they share Fresnel's point-spread function, "
+            "but not Kirchhoff's. With the paper's *parabolic* phase, the exact paths differ by a "
             "spherical aberration *W* = *r*^4^/8 (1/*a*³ + 1/*b*³), where *r* is the distance from the axis in the "
             "pupil, *a* the object distance and *b* the image distance. A *stigmatic* lens cancels this aberration "
             "for the axial point at its object distance, a *perfect* lens for every point. On the axis, these two "
@@ -179,7 +184,7 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
     return Table(
         name=f"fresnel-error-{element}",
         caption=f"{element_title(data, element)} at f/{significant(place)}: error of Fresnel's point-spread function "
-        "in every measure, at every wavelength. Numbers in the column heads: radius of the window in Airy radii.",
+        "by each measure, at each wavelength. Numbers in the column heads: radius of the window in Airy radii.",
         columns=(
             Column(title="Wavelength", weight=1),
             *(
@@ -205,7 +210,7 @@ def _limit_table(data: xr.Dataset) -> Table:
                 rows.append((f"{phase}, {length(float(wave))}", *cells))
     return Table(
         name="fresnel-limits",
-        caption=f"Smallest f-number above which the error on the axis stays below {limit}, by every measure, within "
+        caption=f"Smallest f-number above which the error on the axis stays below {limit}, by each measure, within "
         f"{significant(window)} Airy radii.",
         columns=(
             Column(title="Lens phase and light", weight=1),
@@ -249,21 +254,28 @@ def _criteria_table(data: xr.Dataset) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Goodman's condition ignores the lens and considers only the shorter way, from object to lens or from lens "
-            "to image; he calls it sufficient, not necessary. Southwell's case, a uniformly lit hole on its axis, is "
-            "evaluated at the image distance for an error of "
-            f"{share(float(data.attrs['error_limit']))} of the largest intensity.",
+            "Goodman's condition ignores the lens and treats each side of it separately, so that the shorter distance "
+            "decides; he calls it sufficient, not necessary. Southwell's case: on the axis of a circular hole, at the "
+            f"image distance, with an error of {share(float(data.attrs['error_limit']))} of the largest intensity.",
         ),
     )
 
 
 def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    yield Heading(text="The criterion as printed", anchor="paper-eq27", level=2)
+    yield Heading(text="The paper's criterion, eq. 27", anchor="paper-eq27", level=2)
     yield Equation(
         typst="F = gamma / (2 R), quad R^4 = (8 (alpha + beta) - 2 l) / (1 / alpha^3 + 1 / beta^3)",
         alt="F equals gamma over two R; R to the fourth equals the quantity eight times alpha plus beta, less two l, "
         "over the sum of one over alpha cubed and one over beta cubed.",
         reference="paper, eq. 27",
+    )
+    yield Paragraph(
+        say(
+            "*F* is the f-number, and γ, *R*, α and β are the focal length, the radius of the pupil, and the distances "
+            "of object and image, all divided by the wavelength. The largest integer *l* not above 4 (α + β) gives the "
+            "smaller zero *R*, the integer before it the larger zero. So the numerator is twice the fractional part of "
+            "4 (α + β), plus 2 for the larger zero: it depends on how many quarter waves fit between object and image."
+        )
     )
     yield from pictures_of(drawings, "paper_eq27")
     second = data["paper_eq27_sweep"].sel(zero="second")
@@ -275,13 +287,10 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
     )
     yield Paragraph(
         say(
-            "*F* is the f-number, and γ, *R*, α and β are the focal length, the radius of the pupil, and the distances "
-            "of object and image, all divided by the wavelength; *l* is an integer next to 4 (α + β). So the "
-            "numerator is twice the fractional part of 4 (α + β), plus 2 for the larger zero: it depends on how many "
-            "quarter waves fit between object and image. At all wavelengths of the study, the larger zero lies "
-            "{spans}; the smaller zero takes any value above its minimum. The fractional part magnifies a relative "
-            "change of a length up to {condition} times. So no reproducible reading gives the printed numbers. A bound "
-            "of ε waves on the neglected path gives a criterion that is smooth and monotone:",
+            "At all wavelengths of the study, the larger zero gives an f-number {spans}. The smaller zero can give any "
+            "f-number above a minimum: it depends on the fractional part, which magnifies a relative change of a "
+            "length up to {condition} times. So no reproducible reading gives the printed numbers. A bound of ε "
+            "waves on the neglected path gives a criterion that changes smoothly with all lengths:",
             spans=spans,
             condition=significant(float(data["paper_eq27_condition"].max()), 2),
         )

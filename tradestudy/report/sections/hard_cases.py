@@ -44,11 +44,13 @@ def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Paragraph(
         say(
             "Each case is computed with the usual formula and with the functions of this program, and both results are "
-            "compared with one of 30-digit arithmetic. The bound on the relative error is 10^−12^; "
-            "where the condition number κ magnifies rounding beyond that, 10 κ ε with the machine epsilon ε; and for "
-            "sampled values, six times the stated standard error. Where the ill-conditioned step is a difference of "
-            "the inputs themselves, which floating point computes exactly, κ is shown but not used. One ulp is the "
-            "distance between neighbouring floating-point numbers."
+            "compared with one of 30-digit arithmetic. The bound on the relative error is 10^−12^. It is larger where "
+            "the condition number κ magnifies rounding: 10 κ ε, with the machine epsilon ε. It is also larger where "
+            "the program states a numerical error: that error, or six standard errors of a sampled value. κ is not "
+            "used where it is infinite, or where the program computes the ill-conditioned step without rounding. A "
+            "result without a finite relative error is “wrong”, and the result itself follows. One ulp is the distance "
+            "between neighbouring floating-point numbers. Equation numbers are those of “Diffraction model of a "
+            "plenoptic camera for in-situ space exploration”."
         )
     )
     yield from pictures_of(drawings, "hard_cases")
@@ -61,8 +63,8 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
     beyond = sum(not row["naive_error"] <= row["bound"] for row in numbers)
     wrong = [str(row["case"]) for row in rows if not row["met"]]
     return say(
-        "**The program gets {met} hard cases right.** Of the {numbers} whose answer is a number, the error "
-        "of the usual formula exceeds the bound in {beyond}.{wrong}",
+        "**The program gets {met} hard cases right.** In {beyond} of the {numbers} whose answer is a number, the "
+        "error of the usual formula exceeds the bound.{wrong}",
         met=f"{len(rows) - len(wrong)} of {len(rows)}" if wrong else f"all {len(rows)}",
         numbers=str(len(numbers)),
         beyond=str(beyond),
@@ -103,7 +105,7 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
     if outcomes:
         yield Table(
             name=f"hard-cases-{family}-outcomes",
-            caption=f"{title}: cases whose correct answer is in words.",
+            caption=f"{title}: cases whose correct answer is not a number.",
             columns=(
                 Column(title="Case", weight=2),
                 Column(title="Correct", weight=2),

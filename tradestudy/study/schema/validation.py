@@ -333,7 +333,7 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
     if kind == "string_too_short":
         return "the text is empty", "some text", ""
     if kind == "string_too_long":
-        return "the text is too long", f"at most {context['max_length']} characters", ""
+        return "the text is too long", f"at most {context['max_length']} characters are expected", ""
     if kind == "string_pattern_mismatch":
         return f"{shown} is not a valid name", _NAME, ""
     return str(finding.details["msg"]), "", ""

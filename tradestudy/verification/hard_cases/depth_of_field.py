@@ -40,12 +40,12 @@ FAR: Final = Law(
     ours=lambda focus, f, pupil, blur: depth_of_field(focus, f, pupil, blur).far,
 )
 EXTENT: Final = Law(
-    name="far − near, error relative to the focus",
+    name="far − near, error relative to the focus distance",
     naive=lambda focus, f, pupil, blur: _naive_far(focus, f, pupil, blur) - _naive_near(focus, f, pupil, blur),
     ours=lambda focus, f, pupil, blur: depth_of_field(focus, f, pupil, blur).extent,
 )
 ALLOWANCE: Final = Law(
-    name="blur left beside diffraction √(c² − d²)",
+    name="blur √(c² − d²) left by diffraction d within criterion c",
     naive=lambda criterion, spot: np.sqrt(np.float64(criterion) ** 2 - np.float64(spot) ** 2),
     ours=lambda criterion, spot: blur_allowance(criterion, spot).geometric_diameter,
     magnified=False,
@@ -61,7 +61,7 @@ def _limit(name: str, law: Law, focus: float, blur: float = _BLUR) -> NumericCas
 
 def _around_hyperfocal(name: str, focus: float, expected: str) -> OutcomeCase:
     return OutcomeCase(
-        name=f"far limit {name}",
+        name=f"far limit, focused {name}",
         law="infinite from the hyperfocal distance on, positive before it",
         naive=lambda: _far_in_words(float(_naive_far(focus, **_LENS, blur=_BLUR))),
         ours=lambda: _far_in_words(float(depth_of_field(focus, _LENS["f"], _LENS["pupil"], _BLUR).far)),
@@ -91,29 +91,29 @@ DEPTH_OF_FIELD: Final = Family(
     name="depth-of-field",
     title="Depth of field",
     cases=(
-        _limit("near limit at the hyperfocal distance", NEAR, _HYPERFOCAL),
+        _limit("near limit, focused at the hyperfocal distance", NEAR, _HYPERFOCAL),
         _limit("near limit, focused at infinity", NEAR, math.inf),
-        _limit("far limit a millionth before the hyperfocal distance", FAR, _HYPERFOCAL * (1.0 - 1e-6)),
-        _limit("far limit beyond the hyperfocal distance", FAR, _HYPERFOCAL * 1.5),
+        _limit("far limit, focused a millionth before the hyperfocal distance", FAR, _HYPERFOCAL * (1.0 - 1e-6)),
+        _limit("far limit, focused beyond the hyperfocal distance", FAR, _HYPERFOCAL * 1.5),
         _limit("far limit, focused at infinity", FAR, math.inf),
         _around_hyperfocal("at the hyperfocal distance", _HYPERFOCAL, "infinite"),
         _around_hyperfocal("one ulp beyond the hyperfocal distance", math.nextafter(_HYPERFOCAL, 99.0), "infinite"),
         _around_hyperfocal("one ulp before the hyperfocal distance", math.nextafter(_HYPERFOCAL, 0.0), "positive"),
-        _limit("near limit without any blur", NEAR, 2.0, 0.0),
-        _limit("far limit without any blur", FAR, 2.0, 0.0),
+        _limit("near limit for a blur of 0", NEAR, 2.0, 0.0),
+        _limit("far limit for a blur of 0", FAR, 2.0, 0.0),
         _limit("near limit for a blur of 10⁻³⁰⁰ m", NEAR, 2.0, 1e-300),
         _limit("far limit for a blur of 10⁻³⁰⁰ m", FAR, 2.0, 1e-300),
         _limit("depth of field for a blur of 1 pm", EXTENT, 2.0, 1e-12),
         _limit("near limit for a blur wider than the pupil", NEAR, 2.0, 0.02),
-        _limit("near limit focused one ulp outside the focal plane", NEAR, math.nextafter(0.05, 1.0)),
-        _limit("far limit focused one ulp outside the focal plane", FAR, math.nextafter(0.05, 1.0)),
+        _limit("near limit, focused one ulp outside the focal plane", NEAR, math.nextafter(0.05, 1.0)),
+        _limit("far limit, focused one ulp outside the focal plane", FAR, math.nextafter(0.05, 1.0)),
         NumericCase(
-            name="a trillionth more blur allowed than diffraction makes",
+            name="blur criterion a trillionth larger than diffraction",
             law=ALLOWANCE,
             inputs={"criterion": 5.5e-6 * (1.0 + 1e-12), "spot": 5.5e-6},
         ),
         OutcomeCase(
-            name="diffraction larger than the criterion",
+            name="diffraction larger than the blur criterion",
             law="no depth of field, and the reason",
             naive=_naive_diffraction,
             ours=_more_diffraction_than_allowed,

@@ -29,7 +29,7 @@ FRACTIONAL_PART: Final = Law(
     magnified=False,
 )
 FIRST_ZERO: Final = Law(
-    name="f-number of the first zero",
+    name="f-number of the smaller zero",
     naive=lambda f, a, wavelength: _naive_zero(f, a, wavelength, 0),
     ours=lambda f, a, wavelength: (
         paper_eq27(focal_length=f, object_distance=a, wavelength=wavelength).first_zero_f_number
@@ -37,7 +37,7 @@ FIRST_ZERO: Final = Law(
     magnified=False,
 )
 SECOND_ZERO: Final = Law(
-    name="f-number of the second zero",
+    name="f-number of the larger zero",
     naive=lambda f, a, wavelength: _naive_zero(f, a, wavelength, 2),
     ours=lambda f, a, wavelength: (
         paper_eq27(focal_length=f, object_distance=a, wavelength=wavelength).second_zero_f_number
@@ -48,11 +48,11 @@ SECOND_ZERO: Final = Law(
 # f = 50 mm and a = 100 mm make a + b = 200 mm: exactly 1.6 million quarter waves of 500 nm.
 _PERIOD: Final = {
     "at the jump": 500e-9,
-    "a millionth after the jump": 4.999999999996875e-07,
-    "a quarter of the period": 4.99999921875012e-07,
-    "half the period": 4.99999843750049e-07,
-    "three quarters of the period": 4.9999976562511e-07,
-    "a millionth before the next jump": 4.99999687500508e-07,
+    "a millionth of the period after the jump": 4.999999999996875e-07,
+    "a quarter of the period after the jump": 4.99999921875012e-07,
+    "half a period after the jump": 4.99999843750049e-07,
+    "three quarters of the period after the jump": 4.9999976562511e-07,
+    "a millionth of the period before the next jump": 4.99999687500508e-07,
 }
 
 
@@ -62,11 +62,11 @@ def _at(name: str, law: Law, wavelength: float) -> NumericCase:
 
 EQUATION_27: Final = Family(
     name="equation-27",
-    title="Printed criterion, eq. 27",
+    title="Minimum f-number by eq. 27",
     cases=(
         *(_at(f"fractional part {where}", FRACTIONAL_PART, light) for where, light in _PERIOD.items()),
-        *(_at(f"first zero {where}", FIRST_ZERO, light) for where, light in _PERIOD.items()),
-        *(_at(f"second zero {where}", SECOND_ZERO, light) for where, light in _PERIOD.items()),
+        *(_at(f"smaller zero {where}", FIRST_ZERO, light) for where, light in _PERIOD.items()),
+        *(_at(f"larger zero {where}", SECOND_ZERO, light) for where, light in _PERIOD.items()),
         NumericCase(
             name="fractional part of the paper's camera",
             law=FRACTIONAL_PART,

@@ -51,7 +51,7 @@ def _naive_dropped(rho: float, a: float, b: float) -> FloatArray:
 
 
 DROPPED_PATH: Final = Law(
-    name="path that Fresnel drops",
+    name="path that Fresnel's approximation neglects",
     naive=_naive_dropped,
     ours=lambda rho, a, b: dropped_path(aperture_radius=rho, object_distance=a, image_distance=b),
     magnified=False,
@@ -64,7 +64,7 @@ def _naive_axis(z: float, radius: float, wavelength: float) -> FloatArray:
 
 
 AXIS: Final = Law(
-    name="intensity on the axis of a hole",
+    name="intensity on the axis behind a hole",
     naive=_naive_axis,
     ours=lambda z, radius, wavelength: collimated_axis_intensity(
         distance=z, aperture_radius=radius, wavelength=wavelength
@@ -89,7 +89,7 @@ def _in_single(z: float, rho: float) -> NumericCase:
 def _lens(f_number: float) -> NumericCase:
     focal_length, a = 12.5e-3, 0.15
     inputs = {"rho": focal_length / (2 * f_number), "a": a, "b": a * focal_length / (a - focal_length)}
-    return NumericCase(name=f"dropped path at f/{f_number:g}", law=DROPPED_PATH, inputs=inputs)
+    return NumericCase(name=f"neglected path at f/{f_number:g}", law=DROPPED_PATH, inputs=inputs)
 
 
 def _hole(fresnel_number: float, radius: float = 1e-3, wavelength: float = _GREEN) -> NumericCase:
@@ -111,7 +111,7 @@ PHASES: Final = Family(
         _in_single(1e6, 1e-2),
         *(_lens(f_number) for f_number in (0.5, 3.8, 100.0, 1000.0)),
         NumericCase(
-            name="dropped path of a plane wave and a focus a metre away",
+            name="neglected path of a plane wave focused at 1 m",
             law=DROPPED_PATH,
             inputs={"rho": 1e-5, "a": 1e8, "b": 1.0},
         ),

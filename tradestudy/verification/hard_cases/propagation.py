@@ -60,7 +60,7 @@ def _propagate(
     failures = ", ".join(
         f"{cause} {100.0 * share:g} %" for cause, share in zip(CAUSES, found.failed_fraction[:, 0], strict=True)
     )
-    return found, f"{found.status[0]}; {failures}"
+    return found, f"status {found.status[0]}; failed draws: {failures}"
 
 
 def _normal(name: str, deviation: float) -> Source:
@@ -282,7 +282,7 @@ def _failing() -> tuple[OutcomeCase, ...]:
                 np.ones((1, 1)),
                 inverse_depth=False,
             )[1],
-            expected=("unranked", "nonfinite 100 %"),
+            expected=("status unranked", "nonfinite 100 %"),
         ),
         OutcomeCase(
             name="one draw",
@@ -322,7 +322,7 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
         from tradestudy.calibration.posterior.sampling import diagnose
 
         found = diagnose(chains(), np.full(4, 0.3), ("p0",))
-        return f"not converged: {'; '.join(found.failures)}; ensembles to blame: {found.stuck_ensembles}"
+        return f"not converged: {'; '.join(found.failures)}; stuck ensembles: {list(found.stuck_ensembles)}"
 
     return (
         OutcomeCase(
@@ -334,10 +334,10 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
         ),
         OutcomeCase(
             name="an ensemble of walkers in a mode of its own",
-            law="the draws are rejected, and the ensemble is named",
+            law="not converged, and the ensemble is named",
             naive=lambda: f"mean {float(np.mean(chains())):.3g}, from {chains().size} draws",
             ours=stuck,
-            expected=("not converged", "ensembles disagree", "(1,)"),
+            expected=("not converged", "ensembles disagree", "stuck ensembles: [1]"),
         ),
     )
 

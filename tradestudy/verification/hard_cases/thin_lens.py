@@ -47,18 +47,18 @@ BLUR: Final = Law(
     ours=lambda a, focus, f, pupil: blur_diameter(a, focus, f, pupil),
 )
 RELAY_DISTANCE: Final = Law(
-    name="image before the array a_L = z − b",
+    name="distance from array to image a_L = z − b",
     naive=lambda a, z, f: z - 1.0 / (1.0 / np.float64(f) - 1.0 / np.float64(a)),
     ours=lambda a, z, f: microlens_object_distance(a, z, f),
     magnified=False,
 )
 RELAY_DISTANCE_TO_SCALE: Final = Law(
-    name="image before the array a_L, error relative to z − f",
+    name="distance from array to image a_L, error relative to z − f",
     naive=lambda a, z, f: z - 1.0 / (1.0 / np.float64(f) - 1.0 / np.float64(a)),
     ours=lambda a, z, f: microlens_object_distance(a, z, f),
 )
 MICRO_IMAGE: Final = Law(
-    name="place under a microlens (x_off − x′) b_L/a_L",
+    name="position under a microlens (x_off − x′) b_L/a_L",
     naive=lambda x, a, z, f, gap: (x * gap) / (z - 1.0 / (1.0 / np.float64(f) - 1.0 / np.float64(a))),
     ours=lambda x, a, z, f, gap: project_to_detector(0.0, a, x, mla_distance=z, microlens_gap=gap, focal_length=f),
     magnified=False,
@@ -163,9 +163,9 @@ THIN_LENS: Final = Family(
             law=RELAY_DISTANCE_TO_SCALE,
             inputs={"a": 1e8, "z": 0.012505, "f": 0.0125},
         ),
-        _relay("micro-image with the image on the array", MICRO_IMAGE, _Z, x=1e-4, gap=5e-4),
-        _relay("micro-image, Keplerian by one ulp", MICRO_IMAGE, math.nextafter(_Z, 1.0), x=1e-4, gap=5e-4),
-        _relay("micro-image, Galilean by one ulp", MICRO_IMAGE, math.nextafter(_Z, 0.0), x=1e-4, gap=5e-4),
+        _relay("micro-image, image on the array", MICRO_IMAGE, _Z, x=1e-4, gap=5e-4),
+        _relay("micro-image, image one ulp before the array", MICRO_IMAGE, math.nextafter(_Z, 1.0), x=1e-4, gap=5e-4),
+        _relay("micro-image, image one ulp behind the array", MICRO_IMAGE, math.nextafter(_Z, 0.0), x=1e-4, gap=5e-4),
         _of_eq8("eq. 8 at disparity 0", 0.0),
         _of_eq8("eq. 8 one ulp above disparity 0", _TINY),
         _of_eq8("eq. 8 one ulp below disparity 0", -_TINY),
