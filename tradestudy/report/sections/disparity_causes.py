@@ -116,9 +116,8 @@ def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middl
     others: dict[str, list[str]] = {}
     for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"])):
         other = _largest(place)
-        if other is not None and (own is None or other[0] != own[0]):
-            factor = f"{distance(float(place['distance']))} ({significant(other[1])} times)"
-            others.setdefault(_CAUSES[other[0]], []).append(factor)
+        if other is not None and other != own:
+            others.setdefault(_CAUSES[other], []).append(distance(float(place["distance"])))
     words = listed([f"{cause} at {listed(places)}" for cause, places in others.items()])
     return _sentence(there, titles) + (
         f" Elsewhere, {'one of them' if own is None else 'another cause'} counts most: {words}." if others else ""
@@ -146,13 +145,13 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
             ]
         )
         return f"{light}, and no texture left to match. There would be {left}."
-    changes = listed([f"{_change(error, changed[name])} {words[name]}" for name in order])
+    changes = listed([f"{_value_or_same(error, changed[name])} {words[name]}" for name in order])
     largest = _largest(there)
     real = _is_real(there)
     subject = "bound" if real else "error"
     what = f"None of these causes increases the {subject}"
     if largest is not None:
-        cause = _CAUSES[largest[0]]
+        cause = _CAUSES[largest]
         what = f"{cause[0].upper()}{cause[1:]} counts most"
     if real:
         matched = f"a disparity error of {significant(float(there['matched_error_px']))} px by the declared matcher"
@@ -171,22 +170,16 @@ def _changed(there: xr.Dataset) -> dict[str, float]:
     return {name: value for name, value in changed.items() if not np.isnan(value)}
 
 
-def _largest(there: xr.Dataset) -> tuple[str, float] | None:
-    """The cause that counts most, and how many times smaller the error is without it; None if no cause counts."""
+def _largest(there: xr.Dataset) -> str | None:
+    """The cause without which the error is smallest; None if no cause counts."""
     error = float(there["disparity_error_px"])
     factors = {name: _factor(error, value) for name, value in _changed(there).items()}
     name = max(factors, key=lambda name: factors[name], default="")
-    return (name, factors[name]) if name and factors[name] > 1.0 else None
+    return name if name and factors[name] > 1.0 else None
 
 
-def _change(error: float, changed: float) -> str:
-    """Write a change: the same, or how many times smaller or larger."""
-    factor = _factor(error, changed)
-    if factor == 1.0:
-        return "the same"
-    if factor > 1.0:
-        return f"{significant(factor)} times smaller"
-    return f"{significant(1.0 / factor if factor else np.inf)} times larger"
+def _value_or_same(error: float, changed: float) -> str:
+    return "the same" if _factor(error, changed) == 1.0 else f"{significant(changed)} px"
 
 
 def _factor(error: float, changed: float) -> float:
