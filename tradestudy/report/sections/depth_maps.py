@@ -24,9 +24,9 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="Depth measured in the pictures", anchor="depth-maps", level=2)
     yield Paragraph(
         "Each camera measures depth in its pictures with its own estimator, as if its calibration were perfect. "
-        "Calibration errors of the rendered camera, if any, therefore appear mainly as a bias; the predicted "
-        "uncertainty includes them. Points hidden from the estimator do not count as failures; points without "
-        "depth, or with a false one, do."
+        "Calibration errors of the camera that takes the pictures, if any, therefore appear mainly as a bias; the "
+        "predicted uncertainty includes them. Points that the estimator cannot see in two pictures do not count as "
+        "failures; points without depth, or with a false depth, do."
     )
     yield from pictures_of(drawings, "depth_maps", "depth_achieved")
     rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
@@ -62,8 +62,8 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
             "uncertainty at these distances. Within 3σ: fraction of errors of at most three times the predicted "
             "uncertainty. Filled: fraction of points with a depth, among those that appear in two of the estimator's "
             "pictures. Paired: fraction of all points on a surface that appear in two such pictures, and in brackets "
-            "the predicted one; the prediction counts points of the object, whereas a raw picture counts a point once "
-            "in every micro-image that shows it.",
+            "the predicted fraction. The prediction counts each point of the object once; in a raw plenoptic picture, a "
+            "point counts once for every micro-image that shows it.",
         ),
     )
     yield Table(
@@ -75,9 +75,10 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         ),
         rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
-            "Spread / noise: spread of the errors relative to the first-order error that noise causes in each window, "
-            "given its texture. Neighbours, A window apart: correlation of the errors of adjacent points, and of "
-            "points one window apart. Windows: number of non-overlapping windows measured.",
+            "Spread / noise: spread of the errors, each divided by the error that noise causes in its matching window "
+            "(to first order, given the texture there); for a camera that measures no disparity, of the errors of depth. "
+            "Neighbours, a window apart: correlation of the errors of adjacent points, and of points one window apart. "
+            "Windows: number of measured points, divided by the number of points in a window.",
         ),
     )
 
