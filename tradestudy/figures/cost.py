@@ -48,10 +48,8 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="cost",
         caption="Cost of accuracy on this machine: relative error against computing time, one dot for each set of "
-        "models. Ring: the set that the run uses."
-        + (" Star: the fastest set with at most a tenth of the run's error." if bool(data["next_digit"].any()) else "")
-        + " Grey: the Pareto front. Errors are differences from a reference, the most exact computation that the time "
-        "allowed; dotted: its own error, below which errors cannot be distinguished.",
+        "models. Ring: the set that the run uses. Star: the fastest set with a tenth of its error or less. Grey: the "
+        "Pareto front. Dotted: the error of the reference, below which errors cannot be distinguished.",
         alt="Log-log charts of error against seconds. " + "".join(_in_words(data, name) for name in _drawn(data)),
         draw=partial(draw_cost, data),
     )
@@ -89,7 +87,7 @@ def draw_cost(data: xr.Dataset) -> StudyFigure:
         "a set of models": _MODELS,
         "Pareto front": _FRONTIER,
         "used by the run": _RING,
-        **({"a tenth of the run's error": _STAR} if bool(data["next_digit"].any()) else {}),
+        "a tenth of the error": _STAR,
     }
     handles = [Line2D([], [], **style) for style in (*styles.values(), _REFERENCE)]
     legend(figure, handles, [*styles, "error of the reference"], len(handles))
@@ -110,7 +108,7 @@ def _panel(axes: Axes, problem: xr.Dataset) -> None:
     _frame(axes, "x", seconds)
     _frame(axes, "y", np.append(error, floor))
     for took in seconds[star]:  # the corner for slow and inaccurate models has the fewest marks
-        price = f"★ a tenth of the run's error: {pretty(float(took), DURATION, digits=2)}"
+        price = f"★ a tenth of the error: {pretty(float(took), DURATION, digits=2)}"
         axes.text(0.985, 0.97, price, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
     axes.set_title(shortened(str(problem["title"].item()), _TITLE))
     axes.set(xlabel="computing time [s]", ylabel="error [%]")

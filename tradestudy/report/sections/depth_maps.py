@@ -62,8 +62,8 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
             "uncertainty at these distances. Within 3σ: fraction of errors of at most three times the predicted "
             "uncertainty. Filled: fraction of points with a depth, among those that appear in two of the estimator's "
             "pictures. Paired: fraction of all points on a surface that appear in two such pictures, and in brackets "
-            "the predicted fraction. The prediction counts each point of the object once; a raw plenoptic picture "
-            "counts it once for every micro-image that shows it.",
+            "the predicted one; the prediction counts points of the object, whereas a raw picture counts a point once "
+            "in every micro-image that shows it.",
         ),
     )
     yield Table(
@@ -75,10 +75,9 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         ),
         rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
-            "Spread / noise: spread of the errors, each divided by the error that noise causes in its matching window "
-            "(to first order, given the texture there); of depth, for a camera that measures no disparity. "
-            "Neighbours, A window apart: correlation of the errors of adjacent points, and of points one window apart. "
-            "Windows: number of measured points, divided by the number of points in a window.",
+            "Spread / noise: spread of the errors relative to the first-order error that noise causes in each window, "
+            "given its texture. Neighbours, A window apart: correlation of the errors of adjacent points, and of "
+            "points one window apart. Windows: number of non-overlapping windows measured.",
         ),
     )
 
