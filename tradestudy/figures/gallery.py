@@ -291,7 +291,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         name="pareto",
         caption=f"Depth uncertainty at {place} against the nearest usable distance, for all designs usable at "
         f"{place}. The line joins the Pareto-optimal designs.{why}",
-        alt=f"Scatter chart of depth uncertainty at {place} against the nearest usable distance. {_frontier_words(tree)}",
+        alt=f"Scatter chart of depth uncertainty at {place} against nearest usable distance. {_frontier_words(tree)}",
         draw=partial(sweeps.draw_pareto, tree),
     )
 
