@@ -120,7 +120,7 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
             yield say("**{method}**{legs} is the reference: {took}.", method=long_title(method), legs=legs, took=took)
         else:
             yield say(
-                "**{method}** differs from the reference by **{difference}**, summed over all pixels; {took}.",
+                "**{method}: {difference}** difference from the reference, summed over all pixels; {took}.",
                 method=long_title(method),
                 difference=share(float(one["difference"].sel(against=reference))),
                 took=took,
