@@ -54,14 +54,14 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
     shown = "Smallest margin of the requirements that must be met" if len(dims) == 2 else "Margin of each requirement"
     marks = (
-        "Thick line: a margin of 0. Dots: computed designs, filled where all these requirements are met."
+        "Thick line: a margin of 0. Filled dots: designs that meet all of them."
         if len(dims) == 2
-        else "Marks: computed designs; the curves cross 0 at the limits found between them. Shaded: all requirements "
-        "that must be met are met."
+        else "A requirement is met where its margin is positive. Marks: computed designs; the curves cross 0 at the "
+        "limits found between them. Shaded: all requirements that must be met are met."
     )
     return Drawing(
         name="requirement_margins",
-        caption=f"{shown}, against the {names}. A requirement is met where its margin is positive. {marks} "
+        caption=f"{shown}, against the {names}. {marks} "
         "Dashed: the study as declared. Where no camera is usable throughout, the margin is at most minus the unusable "
         "fraction of the range, on a logarithmic scale.",
         alt=f"Margins over the {names}. {conclusions}.",

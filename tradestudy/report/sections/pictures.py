@@ -20,7 +20,7 @@ def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     yield Heading(text="Pictures of the scene", anchor="pictures")
     yield Paragraph(
         say(
-            "The pictures are computed by rays through every lens, with diffraction where that effect is simulated. "
+            "The pictures are rendered through every lens, with diffraction where that effect is simulated. "
             "The folder `pictures` beside this report contains them in full, with the true depth in each pixel and the "
             "parameters of each camera."
         )
@@ -29,7 +29,7 @@ def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     yield Table(
         name="scene-pictures-table",
         caption="The pictures. Sampling error: relative root-mean-square difference from a picture with 16 times as "
-        "many rays, both without noise.",
+        "many rays and, with diffraction, with four times as many point-spread functions; both without noise.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Picture", weight=2),
