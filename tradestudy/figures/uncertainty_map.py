@@ -41,7 +41,9 @@ def _end_of_scale(tree: xr.DataTree, key: str) -> str:
     one = group(tree, "depth_map").sel(camera=key)
     ratios = np.concatenate([_ratio(one.sel(distance=place)) for place in one["distance"].values])
     return (
-        f", which ends at {_MOST:g} times" if np.nanmax(ratios, initial=0.0, where=np.isfinite(ratios)) > _MOST else ""
+        f"; values above {_MOST:g} are drawn as {_MOST:g}"
+        if np.nanmax(ratios, initial=0.0, where=np.isfinite(ratios)) > _MOST
+        else ""
     )
 
 
