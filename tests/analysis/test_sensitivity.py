@@ -45,7 +45,7 @@ def test_errors_that_are_drawn_jointly_have_no_bars_of_their_own() -> None:
     )
     found = sensitivity_of("rig", stereo(calibration=Calibration(groups=(joint,))), AT, 0.0)
     assert found.parameters is None
-    assert "left focal length and right focal length by +0.900" in found.refused
+    assert "+0.900 between left focal length and right focal length" in found.refused
     assert set(found.groups.names) == {"tied", "pixel_noise"}
 
 

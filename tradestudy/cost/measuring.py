@@ -143,7 +143,8 @@ def measure(problem: CostProblem, seconds: float) -> Measured:
         if predicted >= left():
             if held is None:
                 left_out.append(
-                    f"no time left for a reference, which needs about {_words(predicted)}; give a larger --budget"
+                    f"not measured: the reference needs about {_words(predicted)}, more than the time left; give a "
+                    "larger --budget"
                 )
             break
         started = time.perf_counter()

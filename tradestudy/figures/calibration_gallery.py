@@ -155,9 +155,9 @@ def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         name=f"trust-{name}",
         caption=f"How far to trust the calibration of {camera_titles(tree)[name]}. Above: mean residuals of each "
         "camera fitted alone, in cells of its picture; arrows that agree in neighbouring cells show errors of the lens "
-        "model or of the board. Below, midway between the optical axes: the RMS difference between the depths that "
-        "random halves of the views give, that difference as predicted from the uncertainties of these halves, "
-        "and the uncertainty of the fit to all views.",
+        "model or of the board. Below, for a point midway between the cameras: the RMS difference between the depths "
+        "that random halves of the views give (found); this difference as the uncertainties of the halves predict it "
+        "(claimed); and the depth uncertainty that the fit to all views claims.",
         alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart of halves of the views, whose "
         "differences, divided by the claimed ones, are: "
         + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))

@@ -31,9 +31,9 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="depth_maps",
         caption="Depth measured in the pictures, its error, and the fraction of the surface that the estimator sees "
-        "in no second picture, such as behind edges and beyond the overlap. Each block is the median of "
-        "its points; hatched blocks have no depth. Errors range from blue at minus the stated value to red at plus "
-        "that value. Left: the all-in-focus picture that the camera makes with the map, if any.",
+        "in no second picture, such as behind edges and beyond the overlap. Each block shows the median of "
+        "its points; hatched blocks have no depth. The scale of the error runs from blue at minus the value in the "
+        "title to red at plus this value. Left: the all-in-focus picture, of cameras that compute one from the map.",
         alt="Measured depth, its error, and the hidden fraction of the surface, as pictures. Median error and half the "
         "central 68.27 % interval of the errors: " + _error_words(tree),
         draw=lambda: draw_depth_maps(tree),
@@ -41,8 +41,8 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="depth_achieved",
-        caption="Errors of measured depth against true depth. Dots: median with its standard error; thin bars: "
-        "half the central 68.27 % interval to either side; band: predicted depth uncertainty.",
+        caption="Errors of measured depth against true depth. Markers: median, with its standard error as a thick bar. "
+        "Thin bars: half the central 68.27 % interval to either side. Band: predicted depth uncertainty.",
         alt=f"For {names}: the median and the spread of the errors of measured depth in classes of true depth, with "
         "the predicted uncertainty as a band around zero. Over all depths: " + _error_words(tree),
         draw=lambda: draw_achieved(tree),
@@ -90,11 +90,11 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
         bare(wrong, f"error, ±{limit:.2g} mm" if np.isfinite(limit) else "error")
         limit = limit if np.isfinite(limit) and limit > 0.0 else 1.0
         _map(wrong, one["map_depth_error"].values[: shape[0], : shape[1]] * 1e3, (-limit, limit), "RdBu_r")
-        bare(missing, "hidden share")
+        bare(missing, "hidden fraction")
         hidden = _map(missing, one["map_hidden"].values[: shape[0], : shape[1]], (0.0, 1.0), "magma")
     if last is not None and hidden is not None:
         everything = panels.ravel().tolist()
-        for shown, label in ((last, "measured depth [mm]"), (hidden, "hidden share")):
+        for shown, label in ((last, "measured depth [mm]"), (hidden, "hidden fraction")):
             figure.colorbar(
                 shown, ax=everything, label=label, location="bottom", fraction=0.02, aspect=60, panchor=False
             )

@@ -279,7 +279,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     if moved := sweeps.moved_cameras(tree):
         yield Drawing(
             name="sweep_map",
-            caption=f"Depth uncertainty at {place}, numbers in mm, over the swept {names}.{unseen}{why}",
+            caption=f"Depth uncertainty at {place} over the swept {names}; the numbers are in mm.{unseen}{why}",
             alt=f"Depth uncertainty at {place} over the swept {names}. "
             + "".join(f"{camera.title}: {_swept_words(tree, camera.key)}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),
@@ -289,9 +289,9 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         return  # a logarithmic axis needs at least one point
     yield Drawing(
         name="pareto",
-        caption=f"All designs usable at {place}: nearest usable distance against depth uncertainty at "
+        caption=f"Depth uncertainty at {place} against the nearest usable distance, for all designs usable at "
         f"{place}. The line joins the Pareto-optimal designs.{why}",
-        alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}. {_frontier_words(tree)}",
+        alt=f"Scatter chart of depth uncertainty at {place} against nearest usable distance. {_frontier_words(tree)}",
         draw=partial(sweeps.draw_pareto, tree),
     )
 

@@ -34,9 +34,9 @@ from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 _DARKEST = 1e-4  # decades of the cut
 _SPREADS = {
-    "half_energy_radius": "half the light",
+    "half_energy_radius": "50 % of the light",
     "energy_radius_80": "80 % of the light",
-    "rms_width": "rms",
+    "rms_width": "RMS distance",
     "full_width": "full width at half maximum",
 }
 _VARIED = {
@@ -55,9 +55,13 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         reference = reference_method(data)
         yield Drawing(
             name="light_spot",
-            caption="The light spot on the detector by every method, as in the paper's Figure 7, on one scale of "
-            f"brightness. Below: the difference from {short_title(reference)}, in per cent of its brightest pixel, "
-            "and a cut through the middle row of pixels.",
+            caption="The light spot on the detector by every method, relative to the brightest pixel of all."
+            + (
+                f" Below: the difference from {short_title(reference)}, in per cent of its brightest pixel."
+                if data.sizes["propagator"] > 1
+                else ""
+            )
+            + " Bottom: a cut through the middle row of pixels.",
             alt="Images of a spot behind an array of microlenses. " + _image_words(data, reference),
             draw=partial(draw_light_spot, tree),
             values=partial(light_tables, tree),
@@ -67,11 +71,11 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         yield Drawing(
             name="point_spread",
             caption="Spread of a point behind each lens, one quantity varied at a time: radii of the circles around "
-            "the thin-lens image that contain 50 % and 80 % of the light, root-mean-square distance within "
-            f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Defocus "
-            "is in waves at the rim of the pupil. Solid: "
-            "Kirchhoff, with its numerical error as a bar; pale and dotted: Fresnel. Grey: one pixel."
-            + (" A bar across the whole panel: a width that is not determined." if _undetermined(spread) else ""),
+            "the thin-lens image that contain 50 % and 80 % of the light; root-mean-square distance of the light from "
+            f"that image, within {plain_number(float(spread.attrs['rms_radius']))} Airy radii; full width at half "
+            "maximum. Defocus is in waves of path at the rim of the pupil. Solid: Kirchhoff, with its numerical error "
+            "as a bar; pale and dotted: Fresnel. Grey line: pixel pitch."
+            + (" A bar across the whole panel: the error exceeds the width." if _undetermined(spread) else ""),
             alt="Line charts of widths, one row per lens, one column per varied quantity. " + _spread_words(spread),
             draw=partial(draw_point_spread, tree),
         )

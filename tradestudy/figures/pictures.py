@@ -27,8 +27,8 @@ def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
     names = listed([titles[str(data["camera_of"].values[k])] for k in shown])
     return Drawing(
         name="scene_pictures",
-        caption="Pictures of the scene by each camera: the full picture, its middle pixel by pixel, and the true depth "
-        "in each pixel. Brightness is scaled for each picture.",
+        caption="The first picture by each camera: in full, its middle enlarged, and the true depth in each pixel "
+        "(white: no light, or no surface). Brightness is scaled for each picture separately.",
         alt=f"Pictures of the scene by {names}, each with a detail of {data.sizes['detail_row']} pixels and its true "
         f"depth, from {near} to {far}.",
         draw=lambda: draw_pictures(tree),
@@ -50,7 +50,7 @@ def draw_pictures(tree: xr.DataTree) -> StudyFigure:
         one = data.isel(picture=k)
         title = titles[str(one["camera_of"].item())]
         _grey(whole, one["brightness"].values, f"{shortened(title, _LONGEST)}")
-        _grey(detail, one["detail"].values, f"middle {data.sizes['detail_column']} pixels")
+        _grey(detail, one["detail"].values, f"middle {data.sizes['detail_row']} × {data.sizes['detail_column']} pixels")
         bare(deep, "true depth")
         last = deep.imshow(cropped(depth[k]) * 1e3, cmap="cividis", vmin=ends[0] * 1e3, vmax=ends[1] * 1e3)
     if last is not None:

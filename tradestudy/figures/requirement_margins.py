@@ -52,12 +52,16 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         return None
     names = parameter_words(tree, dims)
     conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
-    shown = "Smallest margin of all requirements that must hold" if len(dims) == 2 else "Margin of each requirement"
-    curves = "Marks: computed designs; the curves cross 0 at the limits found between them. Shaded: all that must hold"
-    marks = "Thick line: a margin of 0. Filled dots: all of them" if len(dims) == 2 else curves
+    shown = "Smallest margin of the requirements that must be met" if len(dims) == 2 else "Margin of each requirement"
+    marks = (
+        "Thick line: a margin of 0. Filled dots: designs that meet all of them."
+        if len(dims) == 2
+        else "A requirement is met where its margin is positive. Marks: computed designs; the curves cross 0 at the "
+        "limits found between them. Shaded: all requirements that must be met are met."
+    )
     return Drawing(
         name="requirement_margins",
-        caption=f"{shown}, against the {names}. A requirement is met where its margin is positive. {marks} are met. "
+        caption=f"{shown}, against the {names}. {marks} "
         "Dashed: the study as declared. Where no camera is usable throughout, the margin is at most minus the unusable "
         "fraction of the range, on a logarithmic scale.",
         alt=f"Margins over the {names}. {conclusions}.",

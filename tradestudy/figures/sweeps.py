@@ -66,7 +66,7 @@ def why_this_distance(tree: xr.DataTree) -> str:
     declared, used = _declared_distance(tree), distance(reference_distance(tree))
     if declared is None or distance(declared) == used:
         return ""
-    return f" Designs are computed at the distances of the scene; of these, {used} is nearest to {distance(declared)}."
+    return f" Of the distances at which designs are computed, {used} is nearest to {distance(declared)}."
 
 
 def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:

@@ -27,13 +27,24 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     for key in map(str, group(tree, "depth_map")["camera"].values):
         yield Drawing(
             name=f"depth-map-{key}",
-            caption=f"Depth uncertainty of {titles[key]} over the picture, relative to its middle, on one "
-            "scale for all distances. Blank: not seen by both cameras, outside the valid field of a lens, or without a "
-            "bound.",
+            caption=f"Depth uncertainty of {titles[key]} over the picture, relative to that in the middle, on one "
+            f"scale for all distances{_end_of_scale(tree, key)}. Blank: the point is not seen by both cameras or lies "
+            "outside the valid field of a lens model, or its uncertainty has no bound.",
             alt=map_words(tree, key),
             draw=partial(draw_uncertainty_map, tree, key),
             values=partial(_tables, tree, key),
         )
+
+
+def _end_of_scale(tree: xr.DataTree, key: str) -> str:
+    """Say that larger values share the last colour; empty if there are none."""
+    one = group(tree, "depth_map").sel(camera=key)
+    ratios = np.concatenate([_ratio(one.sel(distance=place)) for place in one["distance"].values])
+    return (
+        f"; values above {_MOST:g} are drawn as {_MOST:g}"
+        if np.nanmax(ratios, initial=0.0, where=np.isfinite(ratios)) > _MOST
+        else ""
+    )
 
 
 def map_words(tree: xr.DataTree, key: str) -> str:
@@ -45,13 +56,10 @@ def map_words(tree: xr.DataTree, key: str) -> str:
         known = ratio[np.isfinite(ratio)]
         if known.size:
             middle = float(one["depth_uncertainty"].sel(distance=place, down=0.0, across=0.0, method="nearest"))
-            found.append(f"{pretty(middle, LENGTH)} at {distance(float(place))} (up to {known.max():.1f} times)")
-    return (
-        f"Depth uncertainty of {title} in the middle of the picture, and its largest multiple elsewhere: "
-        f"{listed(found)}."
-        if found
-        else ""
-    )
+            found.append(
+                f"{pretty(middle, LENGTH)} at {distance(float(place))} (elsewhere up to {known.max():.1f} times)"
+            )
+    return f"Depth uncertainty of {title} in the middle of the picture: {listed(found)}." if found else ""
 
 
 @styled()
@@ -67,7 +75,7 @@ def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
         bare(axes, distance(float(place)))
         shown = axes.imshow(np.where(np.isfinite(ratio), ratio, np.nan), cmap="viridis", vmin=low, vmax=high)
     bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.8)
-    bar.set_label("times that\nin the middle", fontsize=SMALL)
+    bar.set_label("relative to\nthe middle", fontsize=SMALL)
     return figure
 
 

@@ -265,7 +265,7 @@ def _matcher(point: PicturesToRead, found: DepthMap, truth: TrueDepth) -> str:
     camera = point.reader.taken.camera
     if point.error_source == "both" and isinstance(camera, DepthCamera) and camera.calibration.groups:
         return (
-            "no matcher can be fitted: calibration errors in these pictures would count as matching errors; set "
+            "no matcher can be fitted to these errors, because they include those of the calibration; set "
             "scene.image.rig to as-designed"
         )
     try:

@@ -102,8 +102,8 @@ def _require_weak_correlation(group: Group) -> None:
         first, second = (in_words(group.parameters[k]) for k in (i, j))
         raise OutOfRangeError(
             "parameters are too strongly correlated for separate bars",
-            value=f"{first} and {second} by {correlation[i, j]:+.3f}",
-            limit=f"magnitudes up to {LARGEST_CORRELATION}",
+            value=f"{correlation[i, j]:+.3f} between {first} and {second}",
+            limit=f"at most {LARGEST_CORRELATION} in magnitude",
             remedy="use the bar of the whole group, which moves them together",
         )
 

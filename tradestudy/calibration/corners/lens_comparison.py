@@ -83,7 +83,7 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
             wider = FreeLens(model=lens.model, free=(*lens.free, *more))
             start = _with_more(explained.shared, lens.model, more)
             other = _leave_one_out(fit, wider, start, explained.states, explained.lever, seen)
-            found[f"{lens.model.name}, also with {', '.join(more)}"] = _compared(own, other, z)
+            found[f"{lens.model.name} with {' '.join(wider.free)}"] = _compared(own, other, z)
     for other_lens in others:
         corners = replace(fit.corners, lens=other_lens)
         white = replace(corners, noise=None)

@@ -24,9 +24,9 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="Depth measured in the pictures", anchor="depth-maps", level=2)
     yield Paragraph(
         "Each camera measures depth in its pictures with its own estimator, as if its calibration were perfect. "
-        "Calibration errors of the rendered camera, if any, therefore appear mainly as a bias; the predicted "
-        "uncertainty includes them. Points hidden from the estimator do not count as failures; points without "
-        "depth, or with a false one, do."
+        "Calibration errors of the camera that takes the pictures, if any, therefore appear mainly as a bias; the "
+        "predicted uncertainty includes them. Points that the estimator cannot see in two pictures do not count as "
+        "failures; points without depth, or with a false depth, do."
     )
     yield from pictures_of(drawings, "depth_maps", "depth_achieved")
     rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.light_methods import long_title, title_within_a_sentence
+from tradestudy.light_methods import legs_of, long_title, title_within_a_sentence
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -30,18 +30,30 @@ from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import significant
 
 _NOT_STATED = (
-    "The discretisation and the machine behind the published times are unknown, so published and measured times "
-    "compare two computations, not two methods on one machine."
+    "The discretisation and the machine behind the published times are unknown: they too, not only the method, may "
+    "explain why a measured time differs from the published one."
 )
 _SOURCES = {
     "incoherent disc": "The points of the spot radiate independently. Each spherical",
     "coherent disc": "The spot is coherent: one wave, of one phase over the disc. This",
     "point": "The spot is a point. Its spherical",
 }
+_LAWS = {
+    "geometric": "**Paraxial rays** give each pixel the light of the area of the pupil that it sees.",
+    "exact-rays": "**Exact rays** follow the exact directions of Kirchhoff's integral, without diffraction and "
+    "interference.",
+    "boundary-wave": "The **boundary wave** is the leading term of the difference between rays and Kirchhoff's "
+    "integral: a wave from the rim of the main lens, or of every microlens that is fully lit and out of focus. It is "
+    "added to the rays.",
+    "fresnel": "**Fresnel** expands the path to second order and leaves out the obliquity factor (eqs. 17 to 22 of "
+    "the paper).",
+    "kirchhoff": "**Kirchhoff** keeps the exact path and the obliquity factor on each leg (eqs. 9 to 16 of the paper).",
+}
 _ERRORS = {
-    True: "contains three errors: of replacing the spot by the chosen points (found by comparison with points between "
-    "them), of the image of one point (found by an independent computation), and of the integration over pixels. All "
-    "methods use the same points, so differences between them are more accurate than each image.",
+    True: "combines three errors: that of replacing the disc by a finite number of points (found by comparison with "
+    "points between them), that of the image of each point (found by an independent computation), and that of the "
+    "integration over pixels. All methods use the same points, so differences between images are more accurate than "
+    "the images themselves.",
     False: "is found by comparison with an image from fewer nodes and samples, and with direct quadrature at random "
     "places.",
 }
@@ -94,7 +106,7 @@ def _duration(seconds: float) -> str:
 
 def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
     reference = reference_method(data)
-    for method in (str(name) for name in data["propagator"].values):
+    for method in sorted(map(str, data["propagator"].values), key=lambda name: name != reference):
         one = data.sel(propagator=method)
         published = str(one["published_words"].item())
         seconds = _seconds(run, f"image: {method}")
@@ -102,7 +114,7 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
             np.isnan(seconds) and data.sizes["propagator"] == 1
         ):  # the study declares no methods: this is its own picture
             seconds = _seconds(run, "image: chosen")
-        took = f"{_duration(seconds)} here" + (f" (published: {published})" if published else "")
+        took = f"computed in {_duration(seconds)}" + (f" (published: {published})" if published else "")
         if method == reference:
             legs = " (to the array and behind it)" if long_title(method).endswith("both legs") else ""
             yield say("**{method}**{legs} is the reference: {took}.", method=long_title(method), legs=legs, took=took)
@@ -121,18 +133,21 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     picture, compared = data["chosen_image"], data["image"].sel(propagator=reference)
     same = [str(name) for name in data["propagator"].values if (data["image"].sel(propagator=name) == picture).all()]
     if reference in same:
-        found = "this is the reference itself"
+        found = "It is the reference itself"
     elif same:
-        found = "this is the same picture as above"
+        found = "It is the same picture as above"
     else:
-        took = f"{_duration(_seconds(run, 'image: chosen'))} here"
-        found = f"{share(float(abs(picture - compared).sum() / compared.sum()))} difference from the reference; {took}"
+        difference = share(float(abs(picture - compared).sum() / compared.sum()))
+        took = f"computed in {_duration(_seconds(run, 'image: chosen'))}"
+        found = f"It differs from the reference by {difference}; {took}"
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
-        "**Models chosen for the tolerance** ({method}, sampled to {tolerance}, {reached}): {found}.",
+        "**The study's own picture** is computed by {method}; its stated error of {error} is {side} the tolerance of "
+        "{tolerance}. {found}.",
         method=title_within_a_sentence(str(data.attrs["chosen_method"])),
+        error=share(error),
+        side="above" if error > asked else "within",
         tolerance=share(asked),
-        reached=f"stated error {share(error)}" + (", above that" if error > asked else ""),
         found=found,
     )
 
@@ -164,10 +179,10 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
         )
     return Table(
         name="light-spot-table",
-        caption="The images in numbers.",
+        caption="Computing times, errors and light of the images.",
         columns=(
             Column(title="Method", weight=3),
-            Column(title="Time here", align="right"),
+            Column(title="Time", align="right"),
             Column(title="Published", align="right", weight=1),
             Column(title="Error", align="right"),
             Column(title="Sum", align="right"),
@@ -178,12 +193,13 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Published: the time that the paper states. Error: the stated numerical error, as a root mean square over "
-            "pixels, relative to the root mean square of the image; marked if above the tolerance. Sum: the absolute "
-            "differences from the reference, summed over pixels, relative to the sum of the reference. RMS: the root "
-            "mean square of these differences, relative to the root mean square of the reference. "
-            "Lit: pixels with more than 1 % of the light of the brightest. Beyond rays: fraction of the light on "
-            "pixels that paraxial rays leave dark. Power: fraction of the pupil's light that reaches the detector.",
+            "Time: on this machine. Published: the time that the paper states. Error: the stated numerical error, as a "
+            "root mean square over pixels, relative to the root mean square of the image; marked if above the "
+            "tolerance. Sum: the absolute differences from the reference, summed over pixels, relative to the sum of "
+            "the reference. RMS: the root mean square of these differences, relative to the root mean square of the "
+            "reference. Lit: number of pixels with more than 1 % of the light of the brightest. Beyond rays: fraction "
+            "of the light that falls on pixels that paraxial rays leave dark. Power: fraction of the pupil's light "
+            "that reaches the detector.",
         ),
     )
 
@@ -205,19 +221,11 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
             array=_array(data),
         )
     )
+    methods = [*map(str, data["propagator"].values), str(data.attrs["chosen_method"])]
+    used = {leg for method in methods for leg in legs_of(method)}
     yield Bullets(
         (
-            say(
-                "**Paraxial rays** give each pixel the light of the area of the pupil that it sees. Where waves "
-                "describe only one leg, these rays describe the other. **Exact rays**, used where diffraction is off, "
-                "follow the directions of Kirchhoff's paths, without diffraction and interference. The **boundary "
-                "wave** adds to rays the leading term of what they lack of Kirchhoff's integral: a wave from the rim "
-                "of the main lens, or of every microlens that is fully lit and out of focus."
-            ),
-            say(
-                "**Kirchhoff** keeps the exact path and the cosine on each leg (eqs. 9 to 16 of the paper). "
-                "**Fresnel** keeps the path to second order and no cosine (eqs. 17 to 22)."
-            ),
+            *(say(text) for leg, text in _LAWS.items() if leg in used),
             say("The **stated error** of an image " + _ERRORS[source == "incoherent disc"]),
         )
     )
@@ -297,12 +305,14 @@ def _spread_table(data: xr.Dataset, element: str) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "FWHM: full width at half maximum. 50 %, 80 %: radii that contain these fractions of the pupil's light. "
-            "RMS: root mean square distance from the thin-lens image. MTF: at half the Nyquist frequency "
-            "of the pixels, along the field angle. Outside rays: fraction of the light outside the disc that paraxial "
-            "rays fill, which in focus is a point. Neighbours: fraction on the eight pixels around the one centred on "
-            "the image. Defocus in waves of path at the rim of the pupil, positive for a nearer object. —: not within "
-            "the computed window.",
+            "FWHM: full width at half maximum. 50 %, 80 %: radii of the circles around the thin-lens image that "
+            "contain these fractions of the pupil's light. RMS: root-mean-square distance of the light from the "
+            f"thin-lens image, within {significant(float(data.attrs['rms_radius']))} Airy radii. MTF: at half the "
+            "Nyquist frequency of the pixels, in the direction of the field angle. Outside rays: fraction of the light "
+            "outside the disc that paraxial rays fill, which in focus is a point. Neighbours: fraction of the light on "
+            "the eight pixels around the one centred on the image. Defocus: in waves of path at the rim of the pupil, "
+            "positive for a nearer object."
+            + (" —: not within the computed window." if any("—" in row for row in rows) else ""),
         ),
     )
 

@@ -20,20 +20,21 @@ def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     yield Heading(text="Pictures of the scene", anchor="pictures")
     yield Paragraph(
         say(
-            "Rays are traced through every lens, with diffraction where that effect is simulated. The folder "
-            "`pictures` beside this report contains the full pictures, their true depth and their cameras."
+            "The pictures are rendered through every lens, with diffraction where that effect is simulated. "
+            "The folder `pictures` beside this report contains them in full, with the true depth in each pixel and the "
+            "parameters of each camera."
         )
     )
     yield from pictures_of(drawings, "scene_pictures")
     yield Table(
         name="scene-pictures-table",
-        caption="The pictures; their sampling error is the relative difference (root mean square) from pictures with "
-        "16 times the rays, noise apart.",
+        caption="The pictures. Sampling error: relative root-mean-square difference from a picture with 16 times as "
+        "many rays and, with diffraction, with four times as many point-spread functions; both without noise.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Picture", weight=2),
             Column(title="Pixels", align="right"),
-            Column(title="Pitch", align="right"),
+            Column(title="Pixel pitch", align="right"),
             Column(title="Saturated pixels", align="right"),
             Column(title="Sampling error", align="right"),
         ),

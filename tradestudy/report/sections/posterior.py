@@ -212,9 +212,9 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "with the moving board; ± is the standard deviation by generalised least squares. The noise differs from "
             "view to view, and neighbouring corners share part of it; restricted maximum likelihood estimates how "
             "much. Outlying corners have little or no weight, and the fit includes a warp of the board. Accuracy: the "
-            "claimed uncertainty, multiplied by the ratio of the differences between random halves where that ratio "
-            "exceeds 1. Corners cannot reveal the size of the squares: an error of 0.1 % in their size is an error of "
-            "0.1 % in depth, 0.3 mm at 0.3 m.",
+            "claimed depth uncertainty of a point midway between the cameras, multiplied by the ratio of the "
+            "differences between random halves where that ratio exceeds 1. Corners cannot reveal the size of the "
+            "squares: an error of 0.1 % in their size is an error of 0.1 % in depth, 0.3 mm at 0.3 m.",
         ),
     )
 
@@ -232,8 +232,8 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
         ]
     yield Table(
         name="lens-model-table",
-        caption="Other lens models; “also with”: the model in use, with these coefficients added. Support: gain in log "
-        "likelihood over the model in use, for views left out of the fit one at a time, ± standard error over views. "
+        caption="Other lens models, named as in study files, with their fitted coefficients. Support: gain over the "
+        "model in use in the log likelihood of views left out of the fit one at a time, ± standard error over views. "
         "Under each distance: the change in mm of the depth of a point midway between the cameras, ± standard error by "
         "the jackknife over views.",
         columns=(

@@ -104,7 +104,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
 def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str]]:
     for z, good, claimed in zip(trust.distances, trust.good_to, trust.claimed, strict=True):
         where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
-        yield f"accuracy of this calibration at {where}", f"{to}; it claims {says}"
+        yield f"accuracy of this calibration at {where}", f"{to} (claimed: {says})"
     yield (
         f"difference between random halves of the views, divided by the claimed difference ({trust.halves} splits)",
         ", ".join(
@@ -112,13 +112,13 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
         ),
     )
     rms = trust.view_rms
-    yield "residual of the views, smallest and largest", f"{pretty(rms.min(), PIXELS)}, {pretty(rms.max(), PIXELS)}"
+    yield "smallest and largest residual of a view", f"{pretty(rms.min(), PIXELS)}, {pretty(rms.max(), PIXELS)}"
     along = trust.neighbour_correlation.mean(axis=0)
     yield "correlation of neighbouring residuals, along rows and columns", f"{along[0]:.2f}, {along[1]:.2f}"
     noise = fit.corners.noise
     assert noise is not None
     yield (
-        "share of the noise variance common to neighbours, and its correlation length",
+        "share of the noise variance that neighbours have in common, and its correlation length",
         f"{100.0 * noise.share:.0f} %, {pretty(noise.length, LENGTH)}",
     )
     yield "ratio of the largest to the smallest noise of a view", f"{noise.deviation.max() / noise.deviation.min():.2g}"
@@ -126,17 +126,16 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     names = ("bowl", "saddle along the edges", "saddle along the diagonals")
     for name, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
         yield f"warp of the board, {name}", f"{_digits(1e6 * float(value), 1e6 * float(deviation))} µm"
-    yield (
-        "synchrony of the exposures",
-        f"the two pictures differ as if the board moved by {pretty(fit.explained.motion_scale, LENGTH)} between them",
-    )
 
 
 def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     """Corners excluded as outliers, and the number of corners with reduced weight."""
     there = fit.present
     low = (fit.weights < 1.0) & there[:, None]
-    yield "corners with a weight below 1, counted in each picture", f"{int(low.sum())} of {2 * int(there.sum())}"
+    yield (
+        "corners with a weight below 1, in the left and right pictures together",
+        f"{int(low.sum())} of {2 * int(there.sum())}",
+    )
     for view, side, corner in zip(*np.nonzero((fit.weights == 0.0) & there[:, None]), strict=True):
         yield f"excluded outlier: view {fit.corners.views[view]}, {('left', 'right')[side]}", f"corner {corner + 1}"
 

@@ -50,7 +50,7 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
             Convention(name="format", says="corners of a board", key=top.key),
             Convention(name="length unit", says="that of the columns board_x_… and board_y_…", key=top.key),
             Convention(name="pictures", says="raw: as taken, before rectification", key=top.key),
-            Convention(name="order of cameras", says="left and right by the names of the columns", key=top.key),
+            Convention(name="order of cameras", says="left and right as the columns are named", key=top.key),
         ),
         key=top.key,
     )
