@@ -60,6 +60,7 @@ _EXAMPLES: Final = {
     "image_scale": "14.5 um",
     "working_distance": "22.5 mm",
     "StereoDeclaration.principal_distance": "focused",
+    "source": "section 5.3, Figure 7",
     # Calibrations
     "FocusedPlenopticDeclaration.calibration": "{errors: {mla_distance: {standard_deviation: 1 um}}}",
     "UnfocusedPlenopticDeclaration.calibration": "{errors: {mla_distance: {standard_deviation: 1 um}}}",

@@ -45,11 +45,12 @@ _REFERENCE: Final[dict[str, Any]] = {"color": SOFT, "linewidth": 0.8, "linestyle
 def cost_drawing(tree: xr.DataTree) -> Drawing:
     """Describe the figure of `draw_cost`."""
     data = tree["cost"].to_dataset()
+    star = "Star: the fastest set with a tenth of its error or less. " if data["next_digit"].any() else ""
     return Drawing(
         name="cost",
         caption="Cost of accuracy on this machine: error relative to the reference (the most complete models) against "
-        "computing time, one dot for each set of models. Ring: the set that the run uses. Star: the fastest set with a "
-        "tenth of its error or less. Grey: the Pareto front. Dotted: the error of the reference itself, below which "
+        f"computing time, one dot for each set of models. Ring: the set that the run uses. {star}Grey: the Pareto "
+        "front. Dotted: the error of the reference itself, below which "
         "errors cannot be distinguished.",
         alt="Log-log charts of error against seconds. " + "".join(_in_words(data, name) for name in _drawn(data)),
         draw=partial(draw_cost, data),
@@ -88,8 +89,9 @@ def draw_cost(data: xr.Dataset) -> StudyFigure:
         "a set of models": _MODELS,
         "Pareto front": _FRONTIER,
         "used by the run": _RING,
-        "a tenth of the error": _STAR,
     }
+    if data["next_digit"].any():
+        styles["a tenth of the error"] = _STAR
     handles = [Line2D([], [], **style) for style in (*styles.values(), _REFERENCE)]
     legend(figure, handles, [*styles, "error of the reference"], len(handles))
     return figure

@@ -174,8 +174,9 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
         worst = int(np.nanargmax(ratio))
         claimed = float(rig["rig_claimed"].values[worst])
         yield say(
-            "**The calibration of {camera}** is good to {good} at {where}, although it claims {claimed}: random halves "
-            "of its views differ by {ratio} times what they claim. This report uses the claimed uncertainty.",
+            "**The calibration of {camera}** is good to {good} at {where}, although it claims {claimed}: depths "
+            "from random halves of its views differ by {ratio} times as much as claimed. This report uses the claimed "
+            "uncertainty.",
             camera=titles[name],
             good=length(ratio[worst] * claimed),
             where=distance(float(rig["rig_distance"].values[worst])),

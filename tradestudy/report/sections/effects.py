@@ -49,7 +49,8 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
             together=" ".join(_together(tree)),
         )
     )
-    matter = [row for row in rows if row["chosen"] and (row["change"] > 0.0 or _is_simulated(row) or row["forced"])]
+    changing = (row for row in rows if row["chosen"] and (row["forced"] or not row["reason"]))
+    matter = [row for row in changing if row["change"] > 0.0 or row["model"] != "off" or row["forced"]]
     if matter:
         yield Table(
             name="effects-that-matter",
@@ -103,10 +104,6 @@ def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
             }
         )
     return found
-
-
-def _is_simulated(row: Mapping[str, Any]) -> bool:
-    return str(row["model"]) != "off" and not row["reason"]
 
 
 def _grouped(rows: list[dict[str, Any]], *, marked: bool = False) -> Iterator[tuple[str, ...]]:
