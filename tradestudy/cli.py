@@ -133,8 +133,8 @@ def run(
         bool,
         typer.Option(
             "--with-cost",
-            help="Also measure the error and computing time of every set of models that can answer the study; the "
-            "report shows them.",
+            help="Also measure the error and computing time of every set of models with which the study can be "
+            "computed; the report shows them.",
         ),
     ] = False,
     as_json: Annotated[

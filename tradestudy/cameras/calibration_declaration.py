@@ -55,7 +55,7 @@ class CalibratedAtPart(Part):
 
 
 class StabilityPart(Part):
-    """Changes of the air and the camera since the calibration; by default, none."""
+    """Changes in the air and in the camera since the calibration; by default, none."""
 
     temperature: TemperatureDistribution | None = Field(
         default=None, description="Change of the air temperature since the calibration."

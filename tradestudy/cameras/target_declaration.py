@@ -37,8 +37,8 @@ _REMEDY: Final = "tilt it by some 20 deg, differently in each view, or declare p
 class PosePart(Part):
     """The pose of the board in one view: its rotation about its centre, and its position in the frame of the camera.
 
-    The axis x points right, y down and z along the optical axis; for a stereo rig, the origin is midway between the
-    cameras.
+    The x axis points right, the y axis down and the z axis along the optical axis; for a stereo rig, the origin is
+    midway between the cameras.
     """
 
     rotation: tuple[Angle, Angle, Angle] = Field(

@@ -114,7 +114,7 @@ def _distance_to_rim(psf: PointSpread, start: tuple[float, float], direction: tu
 def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius: FloatArray) -> Measured:
     """Fraction of the power through the pupil that falls inside a circle, ∬ I dA / P, for one or more radii.
 
-    I is the intensity, integrated over the circle, and P the power through the pupil.
+    I is the intensity and P the power through the pupil; the integral extends over the circle.
 
     Parameters
     ----------

@@ -191,14 +191,14 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "near_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="names of the limits that set usable_near, 'matching' with its violated condition; 'range of the "
-        "study' if scene.distances begins there; empty beyond the last interval",
+        long_name="names of the limits that set usable_near ('matching' is followed by the condition that is "
+        "violated); 'range of the study' if scene.distances begins there; empty beyond the last interval",
     ),
     "far_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="names of the limits that set usable_far, 'matching' with its violated condition; 'range of the "
-        "study' if scene.distances ends there; empty beyond the last interval",
+        long_name="names of the limits that set usable_far ('matching' is followed by the condition that is "
+        "violated); 'range of the study' if scene.distances ends there; empty beyond the last interval",
     ),
 }
 

@@ -60,7 +60,7 @@ else:
 
 
 class StereoDeclaration(DepthCameraDeclaration):
-    """A stereo rig; its two cameras are equal, unless ``geometry`` describes each of them."""
+    """A stereo rig; its two cameras are identical, unless ``geometry`` describes each of them."""
 
     camera: ClassVar[type[StereoRig]] = StereoRig
     reader: ClassVar[DepthReaderOfKind | None] = PairReader
@@ -87,7 +87,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     focus_distance: ObjectDistanceOrInfinity | Literal["autofocus"] = Field(
         default="autofocus",
         validate_default=True,
-        description="Distance on which the lenses are focused; with `autofocus`, a mechanism focuses them on every "
+        description="Distance at which the lenses are focused; with `autofocus`, a mechanism focuses them on every "
         "object.",
     )
     principal_distance: Literal["focal_length", "focused"] = Field(

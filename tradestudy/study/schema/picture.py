@@ -141,7 +141,10 @@ class SpectralLinePart(Part):
 
 
 class PicturePart(Part):
-    """Inputs from which the program derives disparity errors and renders pictures, the same for every camera."""
+    """Inputs from which the program derives disparity errors and renders pictures.
+
+    They apply to every camera; keys of a camera, such as `depth.matcher`, replace some of them.
+    """
 
     texture: TexturePart
     matching_window: PictureWindow = Field(
