@@ -9,6 +9,7 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.run.groups.datasheet import datasheet_group
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -49,3 +50,12 @@ def test_fill_is_the_share_seen_by_both_views_and_nan_where_nothing_is_usable(fo
     assert float(far["usable"]) == 0.0
     assert float(far["fill_rate"]) == 0.0
     assert 1.0 < float(data["far_limit"].sel(camera="raytrix-r5")) < 1.2
+
+
+def test_a_camera_measures_nothing_where_no_point_is_seen_twice() -> None:
+    """At 90 mm the R5 sees no point behind two microlenses of a type."""
+    study = tradestudy.load(STUDIES / "robot.yaml", ["decision.at=[90 mm, 0.5 m, 1 m]"])
+    one = datasheet_group(study.plan().definition).sel(camera="raytrix-r5")
+    for variable in ("z_accuracy", "temporal_noise", "subpixel_rms", "plane_fit_rms"):
+        assert np.isnan(one[variable].values).tolist() == [True, False, False], variable
+    assert float(one["fill_rate"][0]) == 0.0

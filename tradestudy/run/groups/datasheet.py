@@ -28,16 +28,16 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
     columns: dict[str, list[FloatArray]] = {}
     single: dict[str, list[float]] = {}
     for name, camera in case.cameras.items():
-        usable, noise = is_usable(case, name, places), depth_uncertainty(camera, places, "noise")
+        usable, seen = is_usable(case, name, places), _seen_twice(camera, places) > 0.0
         behind = np.array([camera.depth_behind_lens(float(place)) for place in places])
         ranges = usable_intervals(camera, case.criteria, case.distance)
         sizes = [count * camera.sensor.pixel_pitch for count in (camera.sensor.columns, camera.sensor.rows)]
         at_middle = camera.depth_behind_lens(middle)
         for key, values in {
-            "z_accuracy": depth_uncertainty(camera, places, "calibration"),
-            "temporal_noise": depth_uncertainty(_repeating(camera), places, "noise"),
-            "subpixel_rms": np.where(camera.images(places), disparity_error_at(camera, places), np.nan),
-            "plane_fit_rms": noise,
+            "z_accuracy": np.where(seen, depth_uncertainty(camera, places, "calibration"), np.nan),
+            "temporal_noise": np.where(seen, depth_uncertainty(_repeating(camera), places, "noise"), np.nan),
+            "subpixel_rms": np.where(camera.images(places) & seen, disparity_error_at(camera, places), np.nan),
+            "plane_fit_rms": np.where(seen, depth_uncertainty(camera, places, "noise"), np.nan),
             "fill_rate": np.where(usable, fill_rate(camera, places), 0.0),
             "field_width": sizes[0] * places / behind,
             "field_height": sizes[1] * places / behind,
@@ -64,12 +64,18 @@ def _repeating(camera: DepthCamera) -> DepthCamera:
 
 def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     """Share of the picture that has a depth: the part seen by both views or enough microlenses, minus failures."""
+    measured = 1.0 - DepthErrors.of(camera, distance).failed_fraction
+    return np.asarray(np.nan_to_num(_seen_twice(camera, distance) * measured))
+
+
+def _seen_twice(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Share of the picture that both views, or enough microlenses, see."""
     limits = camera.limits(distance, UsableCriteria())
     shared = np.ones(distance.shape)
     for name in ("overlap", "availability"):
         if name in limits:
             shared = shared * np.clip(limits[name].value, 0.0, 1.0)
-    return np.asarray(np.nan_to_num(shared * (1.0 - DepthErrors.of(camera, distance).failed_fraction)))
+    return shared
 
 
 def _places(definition: StudyDefinition) -> FloatArray:
