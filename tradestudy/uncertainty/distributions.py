@@ -85,7 +85,7 @@ class Normal:
     def quantile(self, probability: ArrayLike) -> FloatArray:
         """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument.
 
-        They are −∞ at 0 and +∞ at 1.
+        Unless the standard deviation is 0, they are −∞ at 0 and +∞ at 1.
         """
         from scipy.special import ndtri
 
@@ -229,7 +229,7 @@ class StudentT:
     def quantile(self, probability: ArrayLike) -> FloatArray:
         """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument.
 
-        They are −∞ at 0 and +∞ at 1.
+        Unless the scale is 0, they are −∞ at 0 and +∞ at 1.
         """
         from scipy.special import stdtrit
 

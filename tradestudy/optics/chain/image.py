@@ -81,8 +81,8 @@ def chain_image(
         Function called, for an incoherent disc, with the completed fraction of the propagation behind the array.
     compute
         Function ``compute(parts, progress)`` that calls each of the functions ``parts``, returns their results in
-        order, and calls ``progress`` with the completed fraction. Each part computes some of the points of an
-        incoherent disc, and may run in any process. Default: one part after another in this process.
+        order, and calls ``progress`` with the completed fraction. Each part computes the light from some points
+        of an incoherent disc, and may run in any process. Default: one part after another in this process.
 
     Returns
     -------
@@ -197,7 +197,7 @@ def spectral_image(
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
 ) -> ChainImage:
-    """Image in light of several wavelengths: the weighted mean of the images that `chain_image` computes for each.
+    """Image formed by several wavelengths: the weighted mean of the images that `chain_image` computes for each.
 
     Parameters
     ----------
