@@ -37,7 +37,7 @@ def as_point_spread(field: SpreadField) -> PointSpread:
     ------
     OutOfRangeError
         The targets do not form a regular grid at one distance, they have fewer than 33 rows or columns, or an intensity
-        is infinite, as rays give at a focus.
+        is infinite, as with rays at a focus.
 
     References
     ----------

@@ -24,7 +24,7 @@ from tradestudy.optics.spread_fields import SpreadField, as_point_spread
 def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     """Full width at half maximum along a line through the peak [m].
 
-    The width ends, on either side of the peak, where the intensity first falls to half the peak.
+    On either side of the peak, the width extends to where the intensity first falls to half the peak.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
 
     References
     ----------
-    Airy's pattern has the width 1.029 λ N, where λ is the wavelength and N the working f-number. At f/8, the width
+    Airy's pattern has a width of 1.029 λ N, where λ is the wavelength and N the working f-number. At f/8, the width
     computed with exact paths is 0.2 % greater.
 
     Examples
@@ -138,7 +138,7 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
 
     References
     ----------
-    For Airy's pattern, the fraction inside the radius r is 1 − J₀(v)² − J₁(v)² with v = π r/(λ N), where λ is the
+    For Airy's pattern, the fraction inside radius r is 1 − J₀(v)² − J₁(v)² with v = π r/(λ N), where λ is the
     wavelength, N the working f-number, and J₀ and J₁ are Bessel functions (Rayleigh 1881). It is 0.838 at the first
     dark ring.
 
@@ -233,7 +233,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
 def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float) -> Measured:
     """Root-mean-square distance of the light from the centre of a circle: √(∬ r² I dA / ∬ I dA) [m].
 
-    I is the intensity at the distance r from the centre, and both integrals extend over the circle. Behind an
+    I is the intensity, r the distance from the centre, and both integrals extend over the circle. Behind an
     aperture with a hard edge, I falls as r⁻³, so that the width grows with the radius of the circle without limit.
 
     Parameters

@@ -42,8 +42,8 @@ class Spread:
     median
         Median, shape (…).
     standard_deviation
-        Standard deviation of the outputs, shape (…). If the distribution has no finite one, this value grows with the
-        number of draws.
+        Standard deviation of the outputs, shape (…). It grows with the number of draws if the distribution's
+        own is infinite or undefined.
     low
         Lower ends of the intervals, shape (m, …). An interval is central: values below and above it are equally
         probable.

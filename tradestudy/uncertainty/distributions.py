@@ -85,7 +85,7 @@ class Normal:
     def quantile(self, probability: ArrayLike) -> FloatArray:
         """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument.
 
-        They are −∞ at 0 and +∞ at 1.
+        Unless the standard deviation is 0, they are −∞ at 0 and +∞ at 1.
         """
         from scipy.special import ndtri
 
@@ -229,7 +229,7 @@ class StudentT:
     def quantile(self, probability: ArrayLike) -> FloatArray:
         """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument.
 
-        They are −∞ at 0 and +∞ at 1.
+        Unless the scale is 0, they are −∞ at 0 and +∞ at 1.
         """
         from scipy.special import stdtrit
 
@@ -272,7 +272,7 @@ class Arcsine(_Limited):
 class CurvilinearTrapezoid(_Limited):
     """Uniform distribution whose limits are known only to within ± ``inexactness`` (JCGM 101:2008, 6.4.3).
 
-    Both limits move by the same amount in opposite directions, so that the middle between them is fixed. All amounts
+    Both limits move by the same amount in opposite directions, so that their midpoint is fixed. All amounts
     from ``-inexactness`` to ``inexactness`` are equally probable.
 
     Parameters
@@ -344,7 +344,7 @@ def _flank_depth(e: FloatArray) -> FloatArray:
 class Empirical:
     """Distribution given by draws, each with the same probability.
 
-    The quantile at the probability p is the ⌈n p⌉-th smallest of n draws, without interpolation.
+    The quantile at probability p is the ⌈n p⌉-th smallest of n draws, without interpolation.
 
     Parameters
     ----------

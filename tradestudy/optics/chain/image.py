@@ -81,8 +81,8 @@ def chain_image(
         Function called, for an incoherent disc, with the completed fraction of the propagation behind the array.
     compute
         Function ``compute(parts, progress)`` that calls each of the functions ``parts``, returns their results in
-        order, and calls ``progress`` with the completed fraction. Each part computes some of the points of an
-        incoherent disc, and may run in any process. Default: one part after another in this process.
+        order, and calls ``progress`` with the completed fraction. Each part computes the light from some points
+        of an incoherent disc, and may run in any process. Default: one part after another in this process.
 
     Returns
     -------
@@ -197,7 +197,7 @@ def spectral_image(
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
 ) -> ChainImage:
-    """Image in light of several wavelengths: the weighted mean of the images that `chain_image` computes for each.
+    """Image formed by several wavelengths: the weighted mean of the images that `chain_image` computes for each.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def spectral_image(
     -------
     ChainImage
         Fraction of the power through the pupil on each pixel. Its error is the weighted sum of the errors at the
-        single wavelengths.
+        individual wavelengths.
 
     Raises
     ------
@@ -304,7 +304,7 @@ def separate_image(
     done: Callable[[float], None] = lambda _share: None,
     compute: ComputeParts = in_turn,
 ) -> ChainImage:
-    """Image without cross-talk: every pixel receives only the light of the microlens to which it belongs.
+    """Image without cross-talk: every pixel receives only light from the microlens to which it belongs.
 
     A pixel belongs to the microlens whose centre, projected from the centre of the main lens onto the detector, is
     nearest to the pixel. Light that a microlens sends to pixels of its neighbours is discarded.
@@ -328,13 +328,13 @@ def separate_image(
         Function called after each microlens with the fraction of microlenses completed.
     compute
         Function ``compute(parts, progress)`` that calls each of the functions ``parts``, returns their results in
-        order, and calls ``progress`` with the completed fraction. Each part computes the light of one microlens,
+        order, and calls ``progress`` with the completed fraction. Each part computes the light from one microlens,
         and may run in any process. Default: one part after another in this process.
 
     Returns
     -------
     ChainImage
-        Fraction of the power through the pupil on each pixel. The errors of the single microlenses are added in
+        Fraction of the power through the pupil on each pixel. The errors of the individual microlenses are added in
         quadrature.
 
     Raises

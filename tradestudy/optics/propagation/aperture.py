@@ -152,7 +152,7 @@ def aperture_field(
     limits: Limits | None = None,
     counts: NodeCounts | None = None,
 ) -> ApertureField:
-    """Field and intensity of a point source behind a circular lens, with their errors.
+    """Field and intensity behind a circular lens lit by a point source, with their errors.
 
     U(P) = ∬ U_s(q) t(q) exp(i φ(q)) K(q, P) dq is the field at a target P. The integral extends over the points q of
     the aperture. U_s is the field of the source just in front of the lens, t the amplitude transmission of the pupil, φ

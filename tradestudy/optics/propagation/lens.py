@@ -42,7 +42,7 @@ def check_obliquity(obliquity: str) -> None:
 class PointSource:
     """A monochromatic point source of unit strength in front of a lens, or a virtual one behind it.
 
-    Unit strength means that on the line through the source parallel to the axis, the field at the distance r from the
+    Unit strength means that on the line through the source parallel to the axis, the field at a distance r from the
     source is exp(i k r)/(iλ r) [1/m²], where λ is the wavelength and k = 2π/λ.
 
     Parameters

@@ -247,14 +247,14 @@ class Pupil:
         Returns
         -------
         tuple
-            One term for the Zernike polynomials and one for `path`, each only if given. Its method ``value(x, y)``
-            returns the path [m] at positions relative to the centre of the aperture [m].
+            One term for the Zernike polynomials and one for `path`, each only if given. The method ``value(x, y)`` of a
+            term returns the path [m] at positions relative to the centre of the aperture [m].
 
         Raises
         ------
         OutOfRangeError
-            A coefficient is not smaller than R, probably because waves were given as metres, or the wavelength not in
-            metres.
+            A coefficient is not smaller than R, probably because waves were given as metres, or the wavelength was not
+            in metres.
         """
         for index, coefficient in self.zernikes.items():
             if not abs(coefficient) < radius:

@@ -43,7 +43,7 @@ class DepthOfFieldPart(Part):
         description="Nearest and farthest distance of the range that must be sharp."
     )
     criteria: Annotated[dict[CriterionName, BlurPart], Field(min_length=1, max_length=20)] = Field(
-        description="Blur criteria by name; the answer of the report rests on the first one."
+        description="Blur criteria by name; the report's answer rests on the first."
     )
     equal_resolution: PositiveLength | None = Field(
         default=None,

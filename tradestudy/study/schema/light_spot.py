@@ -90,8 +90,8 @@ class SpotMicrolensesPart(Part):
         default="square", description="Arrangement of the microlenses; the rows of a hexagonal array run along x."
     )
     lenses_across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(
-        description="Number of microlenses along one side of a square array, or along the middle row of a "
-        "hexagonal array (an odd number)."
+        description="Number of microlenses along one side of a square array, or (an odd number) along the "
+        "middle row of a hexagonal array."
     )
     pitch: MicrolensPitch = Field(description="Distance between the centres of neighbouring microlenses.")
     focal_length: OneLength | Annotated[tuple[FocalLength, ...], Field(min_length=2, max_length=4)] = Field(
@@ -253,7 +253,7 @@ class LightSpotPart(Part):
     )
     methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
         default=(),
-        description="Methods to compare, in addition to the models that the program chooses: paraxial rays "
+        description="In addition to the models that the program chooses, methods to compare: paraxial rays "
         "(`geometric`); rays without the paraxial approximation (`exact-rays`); rays and the wave diffracted at the "
         "edge of the aperture (`boundary-wave`); Fresnel's approximation (`fresnel`); Kirchhoff's integral "
         "(`kirchhoff`). A pair of names, such as `kirchhoff-fresnel`, gives the method up to the microlens array and "
@@ -262,10 +262,10 @@ class LightSpotPart(Part):
     tolerance: ImageTolerance = Field(
         default=0.01, description="Largest relative numerical error of the compared pictures."
     )
-    seed: Seed = Field(default=0, description="Random seed of the points drawn on the source.")
+    seed: Seed = Field(default=0, description="Seed of the random points at which the pictures are checked.")
     benchmarks: bool = Field(
         default=False,
-        description="Whether also to measure how long Kirchhoff's integral takes for the light of one point: through "
+        description="Whether also to measure how long Kirchhoff's integral takes for the light from one point: through "
         "the main lens alone, with each value of `lens_phase`, on and off the axis; and through main lens and "
         "microlenses.",
     )

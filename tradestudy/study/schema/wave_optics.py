@@ -107,7 +107,8 @@ class OffAxisPart(Part):
 class FresnelValidityPart(Part):
     """The error of point-spread functions computed by Fresnel's approximation, relative to Kirchhoff's integral.
 
-    The report compares the smallest f-number at which the error is acceptable with those of closed-form criteria.
+    The report compares the smallest f-number at which the error is acceptable with the f-numbers that closed-form
+    criteria give.
     """
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
@@ -157,8 +158,8 @@ class PointSpreadPart(Part):
         description="Phase that each lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
     )
     pixel_pitch: PixelPitch = Field(
-        description="Pixel pitch at which the report states the modulation transfer at half the Nyquist frequency, and "
-        "the light on neighbouring pixels."
+        description="Pixel pitch for which the report states the modulation transfer at half the Nyquist frequency, "
+        "and the light on neighbouring pixels."
     )
     window: PositiveNumber = Field(
         description="Half the side of the square in which the image of a point is computed, in Airy radii of each lens."
