@@ -35,6 +35,15 @@ def test_quantile_mean_and_deviation_agree_with_scipy(mine, scipy):
     assert mine.standard_deviation == pytest.approx(scipy.std(), rel=1e-12)
 
 
+@pytest.mark.parametrize("width", [0.0, 2.0])
+def test_unlimited_distributions_reach_infinity_unless_they_have_no_width(width):
+    normal = Normal(mean=3.0, standard_deviation=width)
+    student = StudentT(location=3.0, scale=width, degrees_of_freedom=4.5)
+    for one in (normal, student):
+        reach = np.inf if width else 3.0
+        np.testing.assert_array_equal(one.quantile([0.0, 0.5, 1.0]), [-reach if width else 3.0, 3.0, reach])
+
+
 def trapezoid_density(low, high, d):
     """Density printed in JCGM 101, 6.4.3.2."""
     x, w = 0.5 * (low + high), 0.5 * (high - low)

@@ -85,11 +85,16 @@ class Normal:
     def quantile(self, probability: ArrayLike) -> FloatArray:
         """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument.
 
-        Unless the standard deviation is 0, they are −∞ at 0 and +∞ at 1.
+        They are −∞ at 0 and +∞ at 1, or the mean everywhere if the standard deviation is 0.
         """
         from scipy.special import ndtri
 
-        return np.asarray(self.mean + self.standard_deviation * ndtri(np.asarray(probability, float)))
+        return _scaled(self.mean, self.standard_deviation, ndtri(np.asarray(probability, float)))
+
+
+def _scaled(location: float, scale: float, standard: FloatArray) -> FloatArray:
+    """Quantiles of a distribution from those of the standard one, which may be infinite although the scale is 0."""
+    return np.asarray(location + scale * standard if scale > 0.0 else np.full_like(standard, location))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,12 +234,13 @@ class StudentT:
     def quantile(self, probability: ArrayLike) -> FloatArray:
         """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument.
 
-        Unless the scale is 0, they are −∞ at 0 and +∞ at 1.
+        They are −∞ at 0 and +∞ at 1, or the location everywhere if the scale is 0.
         """
         from scipy.special import stdtrit
 
         p = np.asarray(probability, float)
-        return np.asarray(self.location + self.scale * stdtrit(self.degrees_of_freedom, p))
+        standard = np.where(p == 0.0, -np.inf, stdtrit(self.degrees_of_freedom, p))  # stdtrit gives +∞ at 0
+        return _scaled(self.location, self.scale, standard.astype(np.float64))
 
 
 @dataclass(frozen=True, kw_only=True)
