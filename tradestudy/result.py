@@ -93,8 +93,8 @@ class Result:
             study declares as unknown (null if it declares none);
           - in a sweep, the number ``designs_met`` of designs that meet the requirement, and the number of all
             ``designs``;
-          - in a sweep of one number, ``met_with``: the ranges of this ``parameter`` in which a ``camera`` meets the
-            requirement, ``from`` one value ``to`` another, with the ``error`` of these two values;
+          - in a sweep of one numerical parameter, ``met_with``: the ranges of the ``parameter`` in which a ``camera``
+            meets the requirement, ``from`` one value ``to`` another, with the ``error`` of these two values;
           - if the value depends on the error of a matcher, ``bound_alone``: ``met``, ``camera`` and ``reason`` for a
             matcher as precise as the Cramér–Rao bound.
 
@@ -118,8 +118,8 @@ class Result:
           f-number of the study, null if it does not even at the largest. The difference of the spots is the integral of
           the absolute difference of their intensities over a disc with the radius ``window`` [Airy radii], relative to
           the integral of the intensity.
-        - ``hard_cases``: the number of ``cases`` with known answers, and the number ``met`` that the program gets
-          right; empty if the study computed none.
+        - ``hard_cases``: the number of ``cases`` with known answers, and how many of them the program gets right
+          (``met``); empty if the study computed none.
         - ``rests_on``: the inputs and limits that decide the answers, in words.
         - ``measure_first``: what to measure next, in words; empty if the results do not tell.
         - ``assumptions``: for each ``assumption``, the most valuable first, the values ``between`` which it lies, in

@@ -105,8 +105,8 @@ class ChainAccuracy:
     def compared(self) -> ChainAccuracy:
         """Settings of a second computation, whose difference from the first gives the stated error.
 
-        `tolerance` and `diffraction_reach` become larger; `pupil_nodes`, `microlens_nodes` and `field_sampling` become
-        smaller, or 1 if they are below 1.
+        `tolerance` (up to 0.2) and `diffraction_reach` become larger; `pupil_nodes`, `microlens_nodes` and
+        `field_sampling` become smaller, or 1 if they are below 1.
 
         Returns
         -------

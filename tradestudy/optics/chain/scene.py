@@ -29,7 +29,7 @@ class Legs:
     * ``fresnel``: Fresnel's integral, see `FresnelKernel`.
     * ``kirchhoff``: Kirchhoff's integral, see `KirchhoffKernel`.
     * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
-      Kirchhoff's integral; the integral itself where rays or edge wave are singular.
+      Kirchhoff's integral; the integral itself where the rays or the edge wave are singular.
 
     The constants `GEOMETRIC`, `EXACT_RAYS`, `FRESNEL` and `KIRCHHOFF` of this package use one method on both legs;
     `KIRCHHOFF_FRESNEL` uses ``kirchhoff`` to the array and ``fresnel`` to the detector.
