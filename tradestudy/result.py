@@ -101,8 +101,8 @@ class Result:
         - ``designs``, in a sweep with requirements: the ``count`` of all designs, the number of ``feasible`` ones, and
           the ``best`` design, with its ``values`` by dotted path and its smallest ``margin``.
         - ``questions``: for each inverse question, its ``name`` and ``says``, the ``answer`` in words, the smallest
-          ``value`` that solves it and the ``error`` of this value in ``units`` (null if there is no such value), and
-          the number of ``solutions``.
+          ``value`` that solves it and its ``error``, both in ``units`` (null if there is no such value), and the
+          number of ``solutions``.
         - ``trade_off``: for each ``camera``, the fraction of all possible weights that rank it ``first``, and the
           ``error`` of this fraction.
         - ``measured``: for each ``camera``, the ``spread`` (half the width of the central 68.27 % interval) and the
@@ -115,7 +115,7 @@ class Result:
           pixels, as a fraction of the light in the reference (null for the reference itself).
         - ``fresnel_validity``: for each ``element`` (a lens) and ``lens_phase``, the ``f_number`` above which the spot
           by Fresnel's integral differs from that by Kirchhoff's by less than ``limit``; 0 if it does so at every
-          f-number of the study, null if it does not even at the largest. The difference of the spots is the integral of
+          f-number of the study, null if not even at the largest. The difference of the spots is the integral of
           the absolute difference of their intensities over a disc with the radius ``window`` [Airy radii], relative to
           the integral of the intensity.
         - ``hard_cases``: the number of ``cases`` with known answers, and how many of them the program gets right

@@ -99,7 +99,7 @@ class NodeCounts:
 
     @property
     def total(self) -> int:
-        """Upper bound on the total number of nodes: `radial` times `angular`."""
+        """Upper bound on the total number of nodes, `radial` times `angular`."""
         return self.radial * self.angular
 
     @property
