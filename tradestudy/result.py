@@ -117,7 +117,7 @@ class Result:
           by Fresnel's integral differs from that by Kirchhoff's by less than ``limit``; 0 if it does so at every
           f-number of the study, null if not even at the largest. The difference of the spots is the integral of
           the absolute difference of their intensities over a disc with the radius ``window`` [Airy radii], relative to
-          the integral of the intensity.
+          the integral of Kirchhoff's intensity.
         - ``hard_cases``: the number of ``cases`` with known answers, and how many of them the program gets right
           (``met``); empty if the study computed none.
         - ``rests_on``: the inputs and limits that decide the answers, in words.

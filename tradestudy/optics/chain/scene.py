@@ -157,12 +157,12 @@ class PixelGrid:
 
     @property
     def edges_x(self) -> FloatArray:
-        """Positions x of the edges between and around the columns [m], shape (columns + 1,)."""
+        """x positions of the edges between and around the columns [m], shape (columns + 1,)."""
         return np.asarray(self.corner[0] + self.pitch * np.arange(self.shape[1] + 1))
 
     @property
     def edges_y(self) -> FloatArray:
-        """Positions y of the edges between and around the rows [m], shape (rows + 1,)."""
+        """y positions of the edges between and around the rows [m], shape (rows + 1,)."""
         return np.asarray(self.corner[1] + self.pitch * np.arange(self.shape[0] + 1))
 
 
