@@ -142,7 +142,7 @@ class Study:
         return f"{self.name}: {words or 'no mistakes'}"
 
     def check(self) -> str:
-        """Check that the declared tolerances can be met with the models that the study forces.
+        """Check that the declared tolerances can be met, with any models that the study forces.
 
         The time of the run is not predicted.
 
@@ -156,7 +156,7 @@ class Study:
         UnaffordableError
             If even the most complete models exceed a tolerance.
         StudyError
-            If the study forces a model of an effect that none of its cameras, lenses and light paths has.
+            If the study forces a model of an effect that occurs in none of its cameras, lenses and light paths.
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:

@@ -245,7 +245,7 @@ def plan(
     verbose: Annotated[
         bool,
         typer.Option(
-            "--verbose", help="Show every choice of a model and the numbers behind it, and every step of the run."
+            "--verbose", help="Show every choice of model and the numbers behind it, and every step of the run."
         ),
     ] = False,
     debug: DebugOption = False,
@@ -275,7 +275,7 @@ def cost(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure error and computing time of every set of models that can answer a study; write cost.json and cost.svg."""
+    """Measure error and computing time of every set of models that a study can use; write cost.json and cost.svg."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 

@@ -93,16 +93,16 @@ class Result:
             study declares as unknown (null if it declares none);
           - in a sweep, the number ``designs_met`` of designs that meet the requirement, and the number of all
             ``designs``;
-          - in a sweep of one number, ``met_with``: the ranges of this ``parameter`` in which a ``camera`` meets the
-            requirement, ``from`` one value ``to`` another, with the ``error`` of these two values;
+          - in a sweep of one numerical parameter, ``met_with``: the ranges of the ``parameter`` in which a ``camera``
+            meets the requirement, ``from`` one value ``to`` another, with the ``error`` of these two values;
           - if the value depends on the error of a matcher, ``bound_alone``: ``met``, ``camera`` and ``reason`` for a
             matcher as precise as the Cramér–Rao bound.
 
         - ``designs``, in a sweep with requirements: the ``count`` of all designs, the number of ``feasible`` ones, and
           the ``best`` design, with its ``values`` by dotted path and its smallest ``margin``.
         - ``questions``: for each inverse question, its ``name`` and ``says``, the ``answer`` in words, the smallest
-          ``value`` that solves it and the ``error`` of this value in ``units`` (null if there is no such value), and
-          the number of ``solutions``.
+          ``value`` that solves it and its ``error``, both in ``units`` (null if there is no such value), and the
+          number of ``solutions``.
         - ``trade_off``: for each ``camera``, the fraction of all possible weights that rank it ``first``, and the
           ``error`` of this fraction.
         - ``measured``: for each ``camera``, the ``spread`` (half the width of the central 68.27 % interval) and the
@@ -115,11 +115,11 @@ class Result:
           pixels, as a fraction of the light in the reference (null for the reference itself).
         - ``fresnel_validity``: for each ``element`` (a lens) and ``lens_phase``, the ``f_number`` above which the spot
           by Fresnel's integral differs from that by Kirchhoff's by less than ``limit``; 0 if it does so at every
-          f-number of the study, null if it does not even at the largest. The difference of the spots is the integral of
+          f-number of the study, null if not even at the largest. The difference of the spots is the integral of
           the absolute difference of their intensities over a disc with the radius ``window`` [Airy radii], relative to
-          the integral of the intensity.
-        - ``hard_cases``: the number of ``cases`` with known answers, and the number ``met`` that the program gets
-          right; empty if the study computed none.
+          the integral of Kirchhoff's intensity.
+        - ``hard_cases``: the number of ``cases`` with known answers, and how many of them the program gets right
+          (``met``); empty if the study computed none.
         - ``rests_on``: the inputs and limits that decide the answers, in words.
         - ``measure_first``: what to measure next, in words; empty if the results do not tell.
         - ``assumptions``: for each ``assumption``, the most valuable first, the values ``between`` which it lies, in

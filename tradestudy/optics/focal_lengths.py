@@ -32,7 +32,7 @@ class FocalLengths:
     focal_lengths
         f(θ, λ) [m], shape (n, m); finite, ≠ 0, all of one sign.
     reference_wavelength
-        Wavelength for which the camera is focused on the axis [m], within the table.
+        Wavelength at which the camera is in focus on the axis [m], within the table.
 
     Raises
     ------

@@ -51,7 +51,7 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 
 @dataclass(frozen=True, kw_only=True)
 class LensPointSpread(PointSpread):
-    """Point-spread function of a lens, as `point_spread` computes it: a `PointSpread` with data of the lens.
+    """Point-spread function of a lens, as `point_spread` computes it: a `PointSpread` with data on the lens.
 
     Its own methods return numbers with errors; the inherited `at` and `moments` return numbers without. The square that
     the samples cover is called the window.
@@ -61,7 +61,7 @@ class LensPointSpread(PointSpread):
     x, y
         Positions of the samples in the image plane [m].
     intensity
-        Fraction of the light through the pupil per area of the image plane [1/m²], shape (len(y), len(x)).
+        Fraction of the light through the pupil per unit area of the image plane [1/m²], shape (len(y), len(x)).
     pupil_power
         Always 1, because `intensity` is a fraction of the light through the pupil [1].
     relative_error

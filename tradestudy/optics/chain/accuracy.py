@@ -105,8 +105,8 @@ class ChainAccuracy:
     def compared(self) -> ChainAccuracy:
         """Settings of a second computation, whose difference from the first gives the stated error.
 
-        `tolerance` and `diffraction_reach` become larger; `pupil_nodes`, `microlens_nodes` and `field_sampling` become
-        smaller, or 1 if they are below 1.
+        `tolerance` (up to 0.2) and `diffraction_reach` become larger; `pupil_nodes`, `microlens_nodes` and
+        `field_sampling` become smaller, or 1 if they are below 1.
 
         Returns
         -------
@@ -159,10 +159,10 @@ class ChainImage:
         intensity on the detector is checked at points, without integration over pixels, so its difference does not
         measure the error of `pixels`. Empty if there was no check.
     microlens_share
-        Fraction of the power through the pupil of the main lens that passes the plane of the microlenses [1]; NaN where
+        Fraction of the power through the pupil of the main lens that passes the plane of the microlenses [1]; NaN if
         it was not computed. Its error is not stated; `direct_check` shows the error of the light on the array.
     effort
-        Numbers of nodes, samples and source points that the computation took, by name.
+        Numbers of nodes, samples and source points that the computation used, by name.
     handed_over
         Fraction of the points on the array, or of the light behind it, for which ``boundary_wave`` used Kirchhoff's
         integral instead [1]: the larger of the two fractions. 0 for other methods.

@@ -29,7 +29,7 @@ class Legs:
     * ``fresnel``: Fresnel's integral, see `FresnelKernel`.
     * ``kirchhoff``: Kirchhoff's integral, see `KirchhoffKernel`.
     * ``boundary_wave``: rays and the wave diffracted at the edge of the aperture, which together approximate
-      Kirchhoff's integral; the integral itself where rays or edge wave are singular.
+      Kirchhoff's integral; the integral itself where the rays or the edge wave are singular.
 
     The constants `GEOMETRIC`, `EXACT_RAYS`, `FRESNEL` and `KIRCHHOFF` of this package use one method on both legs;
     `KIRCHHOFF_FRESNEL` uses ``kirchhoff`` to the array and ``fresnel`` to the detector.
@@ -157,12 +157,12 @@ class PixelGrid:
 
     @property
     def edges_x(self) -> FloatArray:
-        """Positions x of the edges between and around the columns [m], shape (columns + 1,)."""
+        """x positions of the edges between and around the columns [m], shape (columns + 1,)."""
         return np.asarray(self.corner[0] + self.pitch * np.arange(self.shape[1] + 1))
 
     @property
     def edges_y(self) -> FloatArray:
-        """Positions y of the edges between and around the rows [m], shape (rows + 1,)."""
+        """y positions of the edges between and around the rows [m], shape (rows + 1,)."""
         return np.asarray(self.corner[1] + self.pitch * np.arange(self.shape[0] + 1))
 
 

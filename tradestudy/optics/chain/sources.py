@@ -33,7 +33,7 @@ class DiscSource:
     distance
         Distance in front of the main lens [m], > 0.
     x, y
-        Transverse position of the centre [m], in the same axes as the centre of the lens.
+        Transverse position of the centre [m], in the same coordinates as the centre of the lens.
     coherent
         False: the points of the disc radiate independently, so their intensities add. True: the whole disc emits one
         wave, with the same phase at every point.

@@ -123,7 +123,7 @@ class KirchhoffKernel:
     def path_and_spreading(
         self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
     ) -> tuple[Array, Array]:
-        """Path to a target from a node minus that from the centre of the aperture, and the factor C/s of `spreading`.
+        """Path from a node to a target minus that from the aperture's centre, and the factor C/s of `spreading`.
 
         The difference of the paths is computed without cancellation.
 
@@ -330,7 +330,7 @@ class FresnelKernel:
     def path_and_spreading(
         self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
     ) -> tuple[Array, Array]:
-        """Path to a target from a node minus that from the centre of the aperture [m], and 1/z [1/m].
+        """Path from a node to a target minus that from the centre of the aperture [m], and 1/z [1/m].
 
         The arguments are as in `KirchhoffKernel.path_and_spreading`.
         """

@@ -48,7 +48,7 @@ class PointSource:
     Parameters
     ----------
     x, y
-        Transverse position [m], in the same axes as the centre of the lens.
+        Transverse position [m], in the same coordinates as the centre of the lens.
     distance
         Distance in front of the lens plane [m], ≠ 0; < 0 for light that converges to a point behind this plane.
 

@@ -64,7 +64,7 @@ class Limits:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Numbers of quadrature nodes on a disc: of rings, and of nodes that a ring at the edge would have.
+    """Number of rings of quadrature nodes on a disc, and of nodes that a ring at the edge would have.
 
     Rings nearer to the centre have fewer nodes, because the phase varies less along them.
 
@@ -99,7 +99,7 @@ class NodeCounts:
 
     @property
     def total(self) -> int:
-        """Upper bound on the number of all nodes, which is `radial` times `angular`."""
+        """Upper bound on the total number of nodes, `radial` times `angular`."""
         return self.radial * self.angular
 
     @property

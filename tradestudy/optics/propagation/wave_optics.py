@@ -85,8 +85,8 @@ class FieldAccuracy:
     tolerance
         Largest relative L2 error of the intensity over the targets [1], in 1e-10 … 0.1.
     check_targets
-        Number of targets at which the result is checked, ≥ 4. They are drawn at random, mostly from bright ones. The
-        check is direct quadrature with twice as many nodes in each direction.
+        Number of targets at which the result is checked, ≥ 4. They are drawn at random, mostly from the bright ones.
+        The check is direct quadrature with twice as many nodes in each direction.
     seed
         Seed of the random draw: the same call gives the same digits.
 
