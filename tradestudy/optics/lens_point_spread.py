@@ -330,7 +330,7 @@ def point_spread(
     tolerance
         Largest relative L2 error of the intensity over the window [1], from 1e-10 to 0.1.
     focus_distance
-        Object distance on which the lens is focused [m]. The image plane is where an axial point at this distance is
+        Object distance at which the lens is focused [m]. The image plane is where an axial point at this distance is
         imaged; with a table of focal lengths, at its reference wavelength. Default: the distance of the source.
     lens_phase
         Phase of the lens:
