@@ -69,7 +69,7 @@ class StabilityPart(Part):
         "colour.",
     )
     ageing: ErrorsPart = Field(
-        default_factory=ErrorsPart, description="Errors that have been added to the parameters since the calibration."
+        default_factory=ErrorsPart, description="Errors that the parameters have acquired since the calibration."
     )
     calibrated_at: CalibratedAtPart = Field(
         default_factory=CalibratedAtPart, description="Temperature and pressure of the air during the calibration."

@@ -76,7 +76,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Coefficient {name} of the {side} camera's lens model; without one, of the rational model.",
+                meaning=f"Coefficient {name} of the {side} camera's lens model, by default the rational model.",
             ),
         )
 

@@ -55,7 +55,7 @@ class UnfocusedMicrolensesPart(Part):
 
 
 class UnfocusedFocusPart(Part):
-    """The distance on which an unfocused plenoptic camera is focused."""
+    """The distance at which an unfocused plenoptic camera is focused."""
 
     distance: ObjectDistance = Field(
         description="Distance of the objects that the main lens images onto the microlenses."
