@@ -82,7 +82,7 @@ def test_a_group_moves_together_in_the_tornado():
     ids=["covariance", "copula", "posterior"],
 )
 def test_a_parameter_alone_is_refused_where_it_is_correlated(group):
-    with pytest.raises(OutOfRangeError, match=r"correlated.*: z and f by [+-]0\.\d+ .*the whole group"):
+    with pytest.raises(OutOfRangeError, match=r"correlated.*: [+-]0\.\d+ between z and f .*the whole group"):
         parameter_tornado(
             lambda v: Outcome(values=v["z"] - v["f"]),
             Sources(groups=(group,)),
