@@ -112,8 +112,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether every requirement of priority 'must' is met; one that any camera may meet must be met by "
-        "this candidate",
+        long_name="whether every requirement of priority 'must' is met; where one camera suffices, by this candidate",
         error=EXACT,
     ),
     "on_pareto_front": Variable(
