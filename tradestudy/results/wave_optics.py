@@ -124,8 +124,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
         "minimum f-number by eq. 27 of the paper as printed; not to be trusted, because a tiny change in a length "
-        "changes it greatly (see paper_eq27_condition); 'first' is infinite where the fractional part of 4 (a + b)/λ "
-        "is 0",
+        "can change it considerably (see paper_eq27_condition); 'first' is infinite where the fractional part of "
+        "4 (a + b)/λ is 0",
         f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
