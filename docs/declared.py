@@ -124,7 +124,7 @@ the study with models of its own: a camera, its pictures, a light path, the poin
 """,
     "cost": """
 Error and computing time of the sets of models with which the answers of a study can be computed, as measured by
-[`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
+the command [`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
     "datasheet": "Each camera in the terms of depth-camera data sheets, at one to five distances (`sheet_distance`).",
@@ -148,7 +148,7 @@ is not usable, the value of that key replaces it. The attribute `draws` of the g
 """,
     "assumptions": """
 Every value of the study with its basis. `path` is the place of the value in the study file; for values of cameras, it
-begins below the name of the camera.
+leaves out `cameras` and the name of the camera.
 """,
     "contradictions": "Inputs that contradict each other, and the value that the program uses.",
 }

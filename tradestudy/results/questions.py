@@ -150,8 +150,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="smallest value of the varied input that solves the question, in the unit in solved_units; NaN if "
-        "there is none",
+        long_name="smallest value of the varied input that solves the question, in the unit given by solved_units; NaN "
+        "if there is none",
         error="see solved_error",
     ),
     "solved_error": Variable(

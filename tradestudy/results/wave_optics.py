@@ -307,7 +307,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("element", "varied", "step"),
         units="mixed",
-        long_name="value of the varied input, in the unit in varied_units; NaN beyond its last value",
+        long_name="value of the varied input, in the unit given by varied_units; NaN beyond its last value",
         error=DECLARED,
     ),
     "chosen": Variable(
@@ -324,7 +324,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "standing": Variable(
         dims=("element", "varied"),
         units="mixed",
-        long_name="value of the input while another one varies, in the unit in varied_units",
+        long_name="value of the input while another one varies, in the unit given by varied_units",
         error=DECLARED,
     ),
     **_spread(
