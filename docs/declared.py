@@ -124,7 +124,8 @@ the study with models of its own: a camera, its pictures, a light path, the poin
 """,
     "cost": """
 Error and computing time of the sets of models with which the answers of a study can be computed, as measured by
-the command [`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
+the command [`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a
+problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
     "datasheet": "Each camera in the terms of depth-camera data sheets, at one to five distances (`sheet_distance`).",
