@@ -71,7 +71,7 @@ possible weights of the criteria in `trade_off.criteria` (along `weighed`).
     "decision": """
 Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
 cameras of `decision.between`. Two depth uncertainties are *equal within their error* if their difference is at most
-their combined error, in which standard errors count 5.4 times.
+their combined error, with standard errors multiplied by 5.4.
 
 `place` lists the distances of `decision.at`, `pair` the pairs of `decision.compare` (or the main pair), and `question`
 the questions of `solve`. `change` and `crossing` number changes and crossovers, from the nearest. `rank_distance` and
@@ -124,7 +124,8 @@ the study with models of its own: a camera, its pictures, a light path, the poin
 """,
     "cost": """
 Error and computing time of the sets of models with which the answers of a study can be computed, as measured by
-[`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
+the command [`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a
+problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
     "datasheet": "Each camera in the terms of depth-camera data sheets, at one to five distances (`sheet_distance`).",
@@ -144,11 +145,11 @@ without the errors of a declared matcher.
 How much knowing each assumption would improve the choice of a camera. The values of all assumptions are drawn at random
 together. The *utility* of a camera is minus its relative depth uncertainty, averaged over the distances of
 `value_of_information.at` (along `place`). Where that uncertainty exceeds `value_of_information.unusable` or the camera
-is not usable, this value replaces it. The attribute `draws` of the group is the number of draws.
+is not usable, the value of that key replaces it. The attribute `draws` of the group is the number of draws.
 """,
     "assumptions": """
 Every value of the study with its basis. `path` is the place of the value in the study file; for values of cameras, it
-begins below the name of the camera.
+leaves out `cameras` and the name of the camera.
 """,
     "contradictions": "Inputs that contradict each other, and the value that the program uses.",
 }

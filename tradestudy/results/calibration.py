@@ -96,8 +96,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_best": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="best fit of a parameter, with which a stereo rig calibrated from corners measures depth; NaN for "
-        "other cameras and parameters",
+        long_name="best-fit value of a parameter, with which a stereo rig calibrated from corners measures depth; NaN "
+        "for other cameras and parameters",
         error="see posterior_deviation",
     ),
     "posterior_lens_model": Variable(
@@ -227,7 +227,8 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "parameter_refused": Variable(
         dims=("camera",),
         units="",
-        long_name="why parameter_uncertainty is not computed, such as strong correlations; empty where it is",
+        long_name="why parameter_uncertainty is not computed, for example because of strong correlations; empty "
+        "where it is",
     ),
     "first_index": Variable(
         dims=("camera", "field", "distance", "source"),

@@ -36,8 +36,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="error of depth_uncertainty: the standard error over scrambles or, if the camera's calibration is "
-        "propagated linearly, the estimated error of that; NaN where depth_uncertainty is infinite or NaN",
+        long_name="error of depth_uncertainty: the standard error over scrambles or, if the calibration is propagated "
+        "linearly, the estimated error of doing so; NaN where depth_uncertainty is infinite or NaN",
         error=ESTIMATE,
     ),
     "depth_uncertainty_by_error_source": Variable(

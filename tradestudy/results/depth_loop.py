@@ -10,7 +10,7 @@ from tradestudy.results.variable import ESTIMATE, EXACT, Variable
 
 _POINT: Final = ("camera", "distance", "contrast", "electrons")
 _CAMERA: Final = ("camera",)
-_FIT: Final = "itself a standard error, for one independent depth error per matching window"
+_FIT: Final = "itself a standard error, assuming one independent depth error per matching window"
 
 DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     **score_variables(_POINT),
@@ -24,7 +24,7 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation, without false matches, of the depth errors, each converted to disparity and "
+        long_name="standard deviation of the depth errors without false matches, each converted to disparity and "
         "divided by the disparity error that the fitted matcher predicts for the matching window of the point; NaN "
         "where nothing was measured or no matcher was fitted",
         error="see over_matcher_error",

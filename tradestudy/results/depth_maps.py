@@ -128,7 +128,7 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_hidden": Variable(
         dims=_MAP,
         units="1",
-        long_name="fraction of the points in a block that show a surface but are not seen; NaN where no point "
+        long_name="of the points in a block that show a surface, the fraction that is not seen; NaN where no point "
         "shows one",
         error=EXACT,
     ),

@@ -25,7 +25,7 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "diffraction": Variable(
         dims=("sharp",),
         units="",
-        long_name="width of the diffraction spot that counts in addition to the blur by defocus: 'none', 'fwhm' (full "
+        long_name="which width of the diffraction spot counts in addition to defocus blur: 'none', 'fwhm' (full "
         "width at half maximum) or 'airy-diameter'",
     ),
     "slice_name": Variable(
@@ -78,8 +78,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images that the camera takes: a focus stack for its own range, a camera that focuses on "
-        "every object for depth_of_field.range, any other camera one; 0 where no number shows the range sharp",
+        long_name="number of images that a focus stack takes over its own range, or a camera that focuses on every "
+        "object over depth_of_field.range; 1 for any other camera; 0 where no number makes the range sharp",
         error=COUNTED,
     ),
     "reason": Variable(
@@ -89,8 +89,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "lateral_resolution": _length(
         ("camera", "distance"),
-        "size of the smallest detail on the object that the camera resolves (without diffraction; a focus stack, if "
-        "planned for a blur of 1 px); NaN where the camera forms no image",
+        "size of the smallest detail on the object that the camera resolves, without diffraction; a focus stack is "
+        "taken as planned for a blur of 1 px; NaN where the camera forms no image",
         "r",
         "the larger of pixel (or microlens) and geometric blur, both projected to the object; see "
         "tradestudy.optics.lateral_resolution",
@@ -122,8 +122,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range in which the camera resolves depth_of_field.equal_resolution (without diffraction; a "
-        "focus stack, if planned for this resolution); NaN beyond the last range",
+        "near end of a range in which the camera resolves depth_of_field.equal_resolution, without diffraction; a "
+        "focus stack is taken as planned for this resolution; NaN beyond the last range",
         reference="",
     ),
     "resolved_far": _length(

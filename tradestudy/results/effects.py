@@ -44,7 +44,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "joint_change": Variable(
         dims=_TOGETHER,
         units="1",
-        long_name="relative change of the quantity due to everything that the applied models leave out, together; "
+        long_name="relative change of the quantity due to everything that the applied models leave out; "
         "infinite where unknown, NaN where the problem lacks the quantity",
         error=_KNOWN_AS,
     ),

@@ -102,7 +102,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_best_camera": Variable(
         dims=("design_place",),
         units="",
-        long_name="best_camera of each design in a sweep, interpolated between the distances of /depth",
+        long_name="best_camera of each design in a sweep, by depth uncertainties interpolated between the distances of "
+        "/depth",
     ),
     "design_best_camera_along": Variable(
         dims=("distance",), units="", long_name="best_camera of each design in a sweep, at the distances of /depth"
@@ -149,8 +150,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="smallest value of the varied input that solves the question, in the unit in solved_units; NaN if "
-        "there is none",
+        long_name="smallest value of the varied input that solves the question, in the unit given by solved_units; NaN "
+        "if there is none",
         error="see solved_error",
     ),
     "solved_error": Variable(
@@ -261,8 +262,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         units="percent",
         long_name="how far 'value' may worsen before it reaches 'bound': their ratio minus 1; for a required usable or "
         "sharp range, how far the camera's range reaches beyond it at the tighter end; negative if the bound is "
-        "missed; where the camera is unusable over part of the required distances, at most minus the percentage of "
-        "them, on a logarithmic scale, that this part covers; NaN where 'value' is NaN",
+        "missed; where the camera is unusable over part of the required distances, at most minus that part in "
+        "percent, on a logarithmic scale; NaN where 'value' is NaN",
         error="that of the worst value",
     ),
     "margin_sigma": Variable(
@@ -282,14 +283,14 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "within_tolerance": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="whether 'met' could be reversed by changes of 'value', or of the ends of usable ranges, within "
+        long_name="whether 'met' could be reversed by changes in 'value', or in the ends of usable ranges, within "
         "their tolerances under 'accuracy'",
         error=EXACT,
     ),
     "reason": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="'value' and 'place', and where the camera is not usable, in words",
+        long_name="'value', 'place' and distances at which the camera is not usable, in words",
     ),
     "limited_by": Variable(
         dims=_OF_REQUIREMENT,

@@ -88,7 +88,7 @@ CRITERIA: Final[Mapping[str, Variable]] = {
     "number": Variable(
         dims=("camera", "criterion"),
         units="mixed",
-        long_name="value of the criterion as a number, in the unit in number_units; NaN where it has no number",
+        long_name="value of the criterion as a number, in the unit given by number_units; NaN where it has no number",
         error=ROUNDING,
     ),
     "number_units": Variable(

@@ -14,7 +14,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weighed_value": Variable(
         dims=_BOTH,
         units="mixed",
-        long_name="value of the weighed criterion for a candidate, in the unit in weighed_units; NaN where the "
+        long_name="value of the weighed criterion for a candidate, in the unit given by weighed_units; NaN where the "
         "candidate has none, for example because it is not usable",
         error="see weighed_value_error",
     ),
@@ -26,10 +26,16 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     ),
     "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the weighed criterion"),
     "worst": Variable(
-        dims=("weighed",), units="mixed", long_name="value that scores 0, in the unit in weighed_units", error=DECLARED
+        dims=("weighed",),
+        units="mixed",
+        long_name="value that scores 0, in the unit given by weighed_units",
+        error=DECLARED,
     ),
     "best": Variable(
-        dims=("weighed",), units="mixed", long_name="value that scores 1, in the unit in weighed_units", error=DECLARED
+        dims=("weighed",),
+        units="mixed",
+        long_name="value that scores 1, in the unit given by weighed_units",
+        error=DECLARED,
     ),
     "worth": Variable(
         dims=_BOTH,
@@ -112,8 +118,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether every requirement of priority 'must' is met; one that any camera may meet must be met by "
-        "this candidate",
+        long_name="whether every requirement of priority 'must' is met; where one camera suffices, by this candidate",
         error=EXACT,
     ),
     "on_pareto_front": Variable(

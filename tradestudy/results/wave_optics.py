@@ -123,8 +123,9 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
-        "minimum f-number by eq. 27 of the paper as printed; not to be trusted, because tiny changes of a length "
-        "change it (see paper_eq27_condition); 'first' is infinite where the fractional part of 4 (a + b)/λ is 0",
+        "minimum f-number by eq. 27 of the paper as printed; not to be trusted, because a tiny change in a length "
+        "can change it considerably (see paper_eq27_condition); 'first' is infinite where the fractional part of "
+        "4 (a + b)/λ is 0",
         f"{PAPER}, eq. 27",
     ),
     "paper_eq27_condition": Variable(
@@ -192,7 +193,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "outside_geometric": Variable(
         dims=("propagator",),
         units="1",
-        long_name="fraction of the light on the detector that falls on pixels that are dark by the method 'geometric'",
+        long_name="fraction of the light on the detector that falls on pixels that the method 'geometric' leaves dark",
         error="at most numerical_error",
     ),
     "difference": Variable(
@@ -306,7 +307,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("element", "varied", "step"),
         units="mixed",
-        long_name="value of the varied input, in the unit in varied_units; NaN beyond its last value",
+        long_name="value of the varied input, in the unit given by varied_units; NaN beyond its last value",
         error=DECLARED,
     ),
     "chosen": Variable(
@@ -323,7 +324,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "standing": Variable(
         dims=("element", "varied"),
         units="mixed",
-        long_name="value of the input while another one varies, in the unit in varied_units",
+        long_name="value of the input while another one varies, in the unit given by varied_units",
         error=DECLARED,
     ),
     **_spread(
