@@ -44,7 +44,7 @@ class UsableRangePart(Part):
     blur: PositivePixels | None = Field(
         default=None,
         description="Largest diameter of the geometric blur, in lateral samples: pixels or, for an unfocused plenoptic "
-        "camera, microlenses. With several types of microlenses, the largest blur among those that the estimator "
+        "camera, microlenses. With several types of microlenses, the largest blur of the types that the estimator "
         "needs counts.",
     )
     disparity_step: PositivePixels | None = Field(
@@ -226,10 +226,10 @@ class LimitDistanceClaim(_ClaimPart):
         "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
         "relative_uncertainty", "saturation", "matching",
     ] = Field(
-        description="Limit that the claim is about. Some names differ from those in usable_range: `total_covering_plane` "
-        "is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on disparity_step. Two "
-        "exist only for a derived disparity error: no pixel saturates (`saturation`), and a matcher can reach that "
-        "error (`matching`)."
+        description="Limit that the claim is about. Some names differ from those in usable_range: "
+        "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on "
+        "disparity_step. Two exist only for a derived disparity error: no pixel saturates (`saturation`), and a "
+        "matcher can reach that error (`matching`)."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(
         description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."
@@ -317,7 +317,7 @@ class DepthOfFieldRatioClaim(_ClaimPart):
 
 
 _METRIC = (
-    "Measure of the error: the difference of intensity at the image point, relative to Kirchhoff's intensity there "
+    "Measure of the error: the difference in intensity at the image point, relative to Kirchhoff's intensity there "
     "(`peak`); the absolute difference integrated over the window, relative to the integral of Kirchhoff's intensity "
     "(`l1`); or the largest difference in the window, relative to Kirchhoff's largest intensity there (`largest`)."
 )
