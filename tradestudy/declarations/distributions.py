@@ -166,11 +166,11 @@ class NumberDistribution(DistributionPart[Number, PositiveNumber]):
 
 
 class TemperatureDistribution(DistributionPart[TemperatureDifference, PositiveTemperatureDifference]):
-    """The distribution of a change of temperature."""
+    """The distribution of a change in temperature."""
 
 
 class PressureDistribution(DistributionPart[PressureDifference, PositivePressureDifference]):
-    """The distribution of a change of pressure."""
+    """The distribution of a change in pressure."""
 
 
 AnyDistribution = (

@@ -118,11 +118,11 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
         default = f"{math.degrees(start):.3g} deg" if name in ANGLES else f"{start:g}"
         what = Field(default=None, description=f"{meanings[name]} Default: {default}.")
         fields[name] = (_coefficient(family, name) | None, what)
+    several = "coefficients below; those that `fitted` omits keep their values"
     made = create_model(
         f"Fitted{family.__name__}Part",
         __base__=FittedLensModelPart,
-        __doc__=f"{_ABOUT[family.name]}. The fit starts from the coefficients below; those that `fitted` omits keep "
-        "their values.",
+        __doc__=f"{_ABOUT[family.name]}. The fit starts from the {several if len(names) > 1 else 'coefficient below'}.",
         **fields,
     )
     made.family = family

@@ -41,7 +41,7 @@ class DepthLoopPart(Part):
         Annotated[tuple[PositiveElectrons, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)] | None
     ) = Field(
         default=None,
-        description="Mean numbers of electrons in a pixel to test; default: scene.picture.light.electrons.",
+        description="Mean numbers of electrons per pixel to test; default: scene.picture.light.electrons.",
     )
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,

@@ -186,7 +186,7 @@ class PicturePart(Part):
     )
     lens_phase: Literal["perfect", "parabolic"] = Field(
         default="perfect",
-        description="Phase of the lens where diffraction is computed by Kirchhoff's integral: that of a well corrected "
+        description="Phase of the lens when diffraction is computed by Kirchhoff's integral: that of a well-corrected "
         "lens (`perfect`), or the parabolic phase of the paper (`parabolic`).",
     )
 

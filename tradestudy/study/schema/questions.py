@@ -44,8 +44,8 @@ class UsableRangePart(Part):
     blur: PositivePixels | None = Field(
         default=None,
         description="Largest diameter of the geometric blur, in lateral samples: pixels or, for an unfocused plenoptic "
-        "camera, microlenses. Of several types of microlenses, the least sharp of those that the estimator needs "
-        "counts.",
+        "camera, microlenses. With several types of microlenses, the largest blur of the types that the estimator "
+        "needs counts.",
     )
     disparity_step: PositivePixels | None = Field(
         default=None,
@@ -104,7 +104,7 @@ class ReadingPart(Part):
 
     says: Text = Field(description="What this reading assumes, in words.")
     set: Annotated[dict[str, Scalar], Field(min_length=1)] = Field(
-        description="The new values, each by the path of the value that it replaces."
+        description="The new values, each under the path of the value that it replaces."
     )
 
 
@@ -117,7 +117,7 @@ class SolvePart(Part):
 
     says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
-        description="Path of the value to vary, or several paths, whose values are then equal."
+        description="Path of the value to vary, or paths of several values, which are kept equal."
     )
     low: QuantityText = Field(description="Smallest value to try, with its unit.")
     high: QuantityText = Field(description="Largest value to try, with its unit.")
@@ -226,10 +226,10 @@ class LimitDistanceClaim(_ClaimPart):
         "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
         "relative_uncertainty", "saturation", "matching",
     ] = Field(
-        description="Limit that the claim is about. Some have other names than in usable_range: `total_covering_plane` "
-        "is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on disparity_step. Two "
-        "exist only for a derived disparity error: no pixel saturates (`saturation`), and a matcher can reach that "
-        "error (`matching`)."
+        description="Limit that the claim is about. Some names differ from those in usable_range: "
+        "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on "
+        "disparity_step. Two exist only for a derived disparity error: no pixel saturates (`saturation`), and a "
+        "matcher can reach that error (`matching`)."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(
         description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."
@@ -317,16 +317,16 @@ class DepthOfFieldRatioClaim(_ClaimPart):
 
 
 _METRIC = (
-    "Measure of the error: the difference of intensity at the image point, relative to Kirchhoff's intensity there "
+    "Measure of the error: the difference in intensity at the image point, relative to Kirchhoff's intensity there "
     "(`peak`); the absolute difference integrated over the window, relative to the integral of Kirchhoff's intensity "
     "(`l1`); or the largest difference in the window, relative to Kirchhoff's largest intensity there (`largest`)."
 )
 
 
 class PsfErrorClaim(_ClaimPart):
-    """A claim about the error of the point-spread function by Fresnel's approximation, on axis at one f-number.
+    """A claim about the error of the point-spread function in Fresnel's approximation, on axis at one f-number.
 
-    The error is relative to the point-spread function by Kirchhoff's integral.
+    The error is relative to the point-spread function that Kirchhoff's integral gives.
     """
 
     quantity: Literal["psf_error"]
@@ -345,7 +345,7 @@ class PsfErrorClaim(_ClaimPart):
 class FresnelFNumberClaim(_ClaimPart):
     """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
 
-    Its error is that of the point-spread function, relative to the one by Kirchhoff's integral.
+    Its error is that of the point-spread function, relative to the one that Kirchhoff's integral gives.
     """
 
     quantity: Literal["fresnel_f_number"]
@@ -386,9 +386,9 @@ class CriterionFNumberClaim(_ClaimPart):
 
 
 class ImageDifferenceClaim(_ClaimPart):
-    """A claim about the difference of two pictures of the light spot.
+    """A claim about the difference between two pictures of the light spot.
 
-    It is the sum of the absolute differences of all pixels, relative to the sum of the second picture.
+    It is the sum of the absolute differences of all pixels, relative to the sum of all pixels of the second picture.
     """
 
     quantity: Literal["image_difference"]

@@ -188,11 +188,11 @@ class RequirementPart(Part):
         description="Bound on the fraction of measurements that fail; see usable_range.failed_fraction.",
     )
     depth_of_field: SharpPart | None = Field(
-        default=None, description="Bound on the depth of field, also of cameras that measure no depth."
+        default=None, description="Bound on the depth of field, also for cameras that measure no depth."
     )
     criterion: CriterionPart | None = Field(
         default=None,
-        description="Bound on a criterion such as mass, power or moving parts, also of cameras that measure no depth.",
+        description="Bound on a criterion such as mass, power or moving parts, also for cameras that measure no depth.",
     )
     guard_band: GuardBandPart | None = None
 

@@ -58,7 +58,7 @@ class StairsPart(Part):
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
         default=None,
-        description="Width of each tread of a staircase. The first and the last tread are infinitely wide.",
+        description="Width of each tread of a staircase, except the first and the last, which are infinitely wide.",
     )
     edge: Length = Field(
         default=0.0,
@@ -130,7 +130,7 @@ class DepthMapPart(Part):
     )
     field_of_view: PositiveAngle | None = Field(
         default=None,
-        description="Instead of `width`: horizontal field of view of the depth map, if its lines of sight meet in "
+        description="Instead of `width`: horizontal field of view of the depth map, if its lines of sight meet at "
         "one point. That point is the main lens or, for a stereo rig, the middle of the baseline.",
     )
     picture: FileName | None = Field(
@@ -171,7 +171,7 @@ class SceneImagePart(Part):
     Texture, light, noise, fill factor and stop separation are those of scene.picture; its other keys (window, matcher,
     field angle, spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
 
-    The program renders pictures with rays. Instead, it uses waves of the wavelength scene.wavelength if diffraction
+    The program renders pictures with rays. It uses waves of the wavelength scene.wavelength instead if diffraction
     changes a picture by more than accuracy.pixel_intensity, or if effects.main_lens_diffraction or
     effects.microlens_diffraction is `fresnel`.
     """

@@ -22,7 +22,7 @@ class AssumptionPart(Part):
         "of this entry.",
     )
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
-        default=(), description="Path of the value to vary, or several paths, whose values are then equal."
+        default=(), description="Path of the value to vary, or paths of several values, which are kept equal."
     )
     low: QuantityText = Field(default="", description="Smallest possible value, with its unit.")
     high: QuantityText = Field(default="", description="Largest possible value, with its unit.")
