@@ -30,6 +30,6 @@ METHOD: Final = Method(
         "*f*/(*a*\u00a0−\u00a0*f*). The derived properties of the cameras list both.",
     ),
     baseline_note="The reference rig has parallel axes. A rig with converging axes and baseline *B* measures as well "
-    "as a parallel one with baseline *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity. Where the axes "
-    "meet, *x* = 0, this is less than *B*, because the lines of sight are longer than the distance *Z*.",
+    "as a parallel one with baseline *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity. Where "
+    "the axes meet, *x* = 0, this is less than *B*, because the lines of sight are longer than the distance *Z*.",
 )
