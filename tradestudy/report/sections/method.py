@@ -47,8 +47,8 @@ def _derived_disparity(needs: str, compared: Iterable[Any], *, matchers: bool) -
     yield Paragraph(
         say(
             "*ν* is the spatial frequency in the picture, *ν*~x~ its component along the disparity, *S* the spectrum "
-            "of the texture, *N* that of the noise, and *H* the transfer function of lenses and pixels. *W* is the side "
-            "of the window: as declared or, if smaller, that of the part of an object that both pictures show. "
+            "of the texture, *N* that of the noise, and *H* the transfer function of lenses and pixels. *W* is the "
+            "side of the window: as declared or, if smaller, that of the part of an object that both pictures show. "
             "A good matcher reaches the bound where the error is small compared with a pixel and the "
             "window large compared with blur and texture: this requires {needs}. Elsewhere the limit “matching” makes "
             "a distance unusable. This limit depends on the declared window as much as on the camera: a larger "
