@@ -26,7 +26,7 @@ METHOD: Final = Method(
         "The principal distance *c* is the distance from the lens to the sensor. By default it equals the focal length "
         "*f*, which is right if *f* comes from a calibration in pixels. If the study declares "
         "`principal_distance: focused`, it is *f* *a*/(*a*\u00a0−\u00a0*f*), the image "
-        "distance of a thin lens focused at *a*, which exceeds *f* by the fraction "
+        "distance of a thin lens focused at *a*, and exceeds *f* by the fraction "
         "*f*/(*a*\u00a0−\u00a0*f*). The derived properties of the cameras list both.",
     ),
     baseline_note="The reference rig has parallel axes. A rig with converging axes and baseline *B* measures as well "
