@@ -167,6 +167,20 @@ def test_an_answer_is_marked_where_the_value_or_an_end_could_reverse_it() -> Non
     assert replace(narrow, value_margin=-0.05).could_be_overturned(0.1, 0.01)
 
 
+@pytest.mark.parametrize(
+    ("camera", "met", "reversible"),
+    [("any", True, False), ("any", False, True), ("all", True, True), ("all", False, False)],
+)
+def test_a_second_camera_can_keep_an_answer_that_the_first_would_lose(camera: str, met: bool, reversible: bool) -> None:
+    from tradestudy.run.groups.requirements import _could_be_reversed
+
+    near, far = answer(met=met, end_shift=0.005), answer(met=met, margin=0.5 if met else -0.5)
+    if not met:
+        near = replace(near, margin=-0.05)
+    assert _could_be_reversed(near, [near], camera, 0.1, 0.01)
+    assert _could_be_reversed(near, [near, far], camera, 0.1, 0.01) == reversible
+
+
 def test_a_camera_that_is_nowhere_usable_names_the_first_limit_broken() -> None:
     study = robot(own={"camera": "raytrix-r5", "usable": {"over": ["2 m", "3 m"]}})
     found = check_requirement(part(study, "own"), study.definition.case, "raytrix-r5", known=())

@@ -109,7 +109,7 @@ def test_usable_cameras_that_are_not_candidates_are_named(make_tree: Callable[..
     found = list(sentences(document_of(tree)))
     assert found[0] == (
         "0.05 to 0.15 m: no candidate is usable (Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across: too little "
-        "overlap); usable in at least part of it, but not a candidate: Stereo 100 mm, f = 30.5 mm."
+        "overlap); usable in at least part of this range, but not a candidate: Stereo 100 mm, f = 30.5 mm."
     )
     drawing = figures.build(tree)["whole_range"]
     assert "of the candidates Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across" in drawing.caption
@@ -151,16 +151,18 @@ def test_equal_uncertainties_do_not_count_as_a_loss(make_tree: Callable[..., xr.
         decision["uncertainty_ratio"].loc[spot] = ratio
     tree["decision"] = xr.DataTree(decision)
     favoured = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
-    assert "noise alone favours Stereo 100 mm, 65.24° across at 2 of 3 declared distances, ties them at 1;" in favoured
     assert (
-        "calibration alone favours Raytrix R5, Keplerian at 1 of 3 declared distances, ties them at 1, "
+        "noise alone favours Stereo 100 mm, 65.24° across at 2 of 3 declared distances, leaves a tie at 1;" in favoured
+    )
+    assert (
+        "calibration alone favours Raytrix R5, Keplerian at 1 of 3 declared distances, leaves a tie at 1, "
         "decides nothing at 1." in favoured
     )
     decision["more_certain"].loc[{"error_source": "calibration"}] = ""
     decision["uncertainty_ratio"].loc[{"error_source": "calibration"}] = 1.0
     tree["decision"] = xr.DataTree(decision)
     favoured = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
-    assert favoured.endswith("calibration alone ties them at all 3 declared distances.")
+    assert favoured.endswith("calibration alone leaves a tie at all 3 declared distances.")
 
 
 def test_the_answer_gives_both_ends_of_a_range_in_millimetres_and_per_cent(tree: xr.DataTree) -> None:

@@ -166,7 +166,7 @@ def test_the_report_says_what_counts_most_and_has_the_table() -> None:
     assert own.endswith(f"{error:.3g}")
     assert most.startswith("Lack of light")
     assert f"{lit} px with the light of f/5.6 pair" in most
-    assert most.endswith(f"{sharp} px without diffraction and the same without blur.")
+    assert most.endswith(f"{sharp} px without diffraction and unchanged without blur.")
     assert "Diffraction counts most:" in reported[2]
     assert re.search(r"[Ee]lsewhere.*defocus blur at 53 mm", reported[2])
     table = rows(blocks)
@@ -227,7 +227,7 @@ def test_larger_equal_and_missing_errors_are_described(found: xr.Dataset) -> Non
     own, _, elsewhere = bullet.partition(" Elsewhere")
     assert own.startswith("f/9.8 pair: 4030 electrons")
     assert "0.04 px. None of these causes" in own
-    assert own.endswith("the same without blur and 0.05 px without diffraction.")
+    assert own.endswith("unchanged without blur and 0.05 px without diffraction.")
     assert elsewhere.endswith("defocus blur at 58 mm.")
     assert rows(blocks)[1][1:] == ["—", "—", "no picture", "—", "—", "—"]
     nothing = found.isel(distance=[2])
@@ -238,6 +238,6 @@ def test_larger_equal_and_missing_errors_are_described(found: xr.Dataset) -> Non
     noiseless["disparity_error_px"][:], noiseless["disparity_error_px_changed"][:] = 0.0, [[[0.0, 0.01, np.nan, 0.0]]]
     (free,) = bullets(section(noiseless))
     assert "0 px. None of these causes" in free
-    assert free.endswith("the same without blur and 0.01 px without diffraction.")
+    assert free.endswith("unchanged without blur and 0.01 px without diffraction.")
     pictureless = found.isel(distance=[0])
     assert bullets(section(pictureless)) == ["f/9.8 pair: no picture is formed there."]

@@ -25,8 +25,8 @@ def test_a_value_set_for_a_run_does_not_claim_the_source_of_the_study_s_own() ->
     own = register()
     rows = register("pair-f22.lenses.f_number=16")
     key = ("lenses.f_number", "pair-f22")
-    assert own[key] == ("22", "assumed", "the smallest stop of a usual iris")
-    assert rows[key] == ("16", "set for this run", "replaces 22 (assumed: the smallest stop of a usual iris)")
+    assert own[key] == ("22", "assumed", "the smallest stop of a typical iris")
+    assert rows[key] == ("16", "set for this run", "replaces 22 (assumed: the smallest stop of a typical iris)")
     assert {path: row for path, row in rows.items() if path != key} == {
         path: row for path, row in own.items() if path != key
     }
@@ -76,7 +76,7 @@ def test_a_tolerance_is_set_for_the_run_and_a_reading_s_value_is_the_study_s_own
 
 def test_set_values_identify_a_stored_run() -> None:
     same_number = load(
-        CLOSE, ["pair-f22.lenses.f_number={value: 22, basis: assumed, note: the smallest stop of a usual iris}"]
+        CLOSE, ["pair-f22.lenses.f_number={value: 22, basis: assumed, note: the smallest stop of a typical iris}"]
     )
     assert same_number.definition.document.tree == load(CLOSE).definition.document.tree
     assert same_number.hash != load(CLOSE).hash  # its register differs

@@ -200,7 +200,7 @@ def verdict_over_readings(met: Mapping[str, bool | None], says: Mapping[str, str
     if not decided:
         return "cannot be decided from the paper", "no reading gives a value"
     if not (yes and no):
-        tried = f"under {_all_of(len(decided), met=bool(yes))}" if len(met) > 1 else "no other reading was tried"
+        tried = _all_of(len(decided), met=bool(yes)) if len(met) > 1 else "no other reading was tried"
         return "met" if yes else "not met", tried + without
     if len(yes) <= len(no):
         reason = f"met under {_named(yes, len(met), says)}; not under {_the_other(len(no))}"
@@ -212,10 +212,10 @@ def verdict_over_readings(met: Mapping[str, bool | None], says: Mapping[str, str
 def _all_of(count: int, *, met: bool) -> str:
     """All readings that give a value, or none of them."""
     if count == 1:
-        return "the only reading with a value"
+        return "under the only reading with a value"
     if count == 2:
-        return "both readings tried" if met else "neither reading tried"
-    return f"{'all' if met else 'none of the'} {count} readings tried"
+        return "under both readings tried" if met else "met under neither reading tried"
+    return f"{'under all' if met else 'met under none of the'} {count} readings tried"
 
 
 def _named(names: Sequence[str], among: int, says: Mapping[str, str]) -> str:

@@ -25,11 +25,11 @@ METHOD: Final = Method(
         "width of each field of view at the distance *Z*.",
         "The principal distance *c* is the distance from the lens to the sensor. By default it equals the focal length "
         "*f*, which is right if *f* comes from a calibration in pixels. If the study declares "
-        "`principal_distance: focused`, it is the image distance of a thin lens focused at *a*, "
-        "*f* *a*/(*a*\u00a0−\u00a0*f*), which exceeds *f* by the fraction "
+        "`principal_distance: focused`, it is *f* *a*/(*a*\u00a0−\u00a0*f*), the image "
+        "distance of a thin lens focused at *a*, and exceeds *f* by the fraction "
         "*f*/(*a*\u00a0−\u00a0*f*). The derived properties of the cameras list both.",
     ),
     baseline_note="The reference rig has parallel axes. A rig with converging axes and baseline *B* measures as well "
-    "as a parallel one with *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity. Where the axes "
-    "meet, *x* = 0, this is less than *B*, because the lines of sight are longer than the distance *Z*.",
+    "as a parallel one with baseline *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity. Where "
+    "the axes meet, *x* = 0, this is less than *B*, because the lines of sight are longer than the distance *Z*.",
 )

@@ -293,7 +293,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
             if near < end and far > start
         )
     ]
-    others = f"; usable in at least part of it, but not a candidate: {', '.join(beside)}" if beside else ""
+    others = f"; usable in at least part of this range, but not a candidate: {', '.join(beside)}" if beside else ""
     return (f" ({'; '.join(explained)})" if explained else "") + others
 
 
@@ -326,8 +326,8 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     count = len(handed) - 1
     among = f"{count - alone} of the {count} other" if alone else "the other"
     readings = "readings (sets of assumptions)," if count > 1 else "reading (set of assumptions),"
-    nowhere = f", and nowhere under the other{'s' * (alone > 1)}" if alone else ""
-    moved = f"; under {among} {readings} {'too' if where == own else where}{nowhere}" if others else ""
+    nowhere = f", and under the other{'s' * (alone > 1)} nowhere" if alone else ""
+    moved = f"; under {among} {readings} it changes {'there too' if where == own else where}{nowhere}" if others else ""
     yield say(
         "Of {first} and {second}, the better usable camera changes **{own}**{moved}.",
         first=first,

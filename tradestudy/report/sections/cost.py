@@ -20,9 +20,7 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
     if has(tree, "depth"):
-        yield Paragraph(
-            "The error of a camera is that of its depth uncertainty, over the distances where it is usable."
-        )
+        yield Paragraph("Errors are those of the depth uncertainty, over the distances where the camera is usable.")
     yield Bullets(tuple(answers(group(tree, "cost"))))
     yield from pictures_of(drawings, "cost")
 

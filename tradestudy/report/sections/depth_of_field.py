@@ -137,10 +137,10 @@ def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
         one = data.sel(sharp=name)
         if str(one["diffraction"].item()) != "none":
             blind = int(np.sum(np.asarray(one["extent"].values, dtype=np.float64) == 0.0))
-            of = "" if words else f" of {counted(data.sizes['camera'], 'camera')} sharp nowhere"
-            words.append(f"{blind or 'none'}{of} by the criterion “{_criterion_words(one)}”")
+            of = "" if words else f" of {counted(data.sizes['camera'], 'camera')}"
+            words.append(f"“{_criterion_words(one)}” in {blind or 'none'}{of}")
     if words:
-        yield say("Diffraction alone leaves {words}.", words=listed(words))
+        yield say("Diffraction alone exceeds the criterion {words}.", words=listed(words))
 
 
 def _criterion_words(one: xr.Dataset) -> str:

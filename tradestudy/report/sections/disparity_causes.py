@@ -41,8 +41,8 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     yield Paragraph(
         say(
             "A disparity error derived from the simulated picture is the smallest that any matcher can reach. To find "
-            "its causes, the program recomputes it with one change at a time: without defocus blur, without the "
-            "diffraction of all lenses, or with the light of the brightest of these cameras. At {place} (see "
+            "its causes, the program recomputes it with one change at a time: without defocus blur, without "
+            "diffraction, or with the light of the brightest of these cameras. At {place} (see "
             "[](#disparity-causes-table) for the other distances):",
             place=distance(float(found["distance"][middle])),
         )
@@ -179,7 +179,7 @@ def _largest(there: xr.Dataset) -> str | None:
 
 
 def _value_or_same(error: float, changed: float) -> str:
-    return "the same" if _factor(error, changed) == 1.0 else f"{significant(changed)} px"
+    return "unchanged" if _factor(error, changed) == 1.0 else f"{significant(changed)} px"
 
 
 def _factor(error: float, changed: float) -> float:

@@ -70,8 +70,9 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="Every model of each effect that offers a choice. Change: that due to its omissions alone, of the "
-            "quantity that changes most relative to its tolerance. A dot marks the models in use.",
+            caption="Every model of each effect that offers a choice. Change: due to what this model "
+            "alone leaves out. Quantity: the one that then changes most, relative to its tolerance. A dot marks the "
+            "models in use.",
             columns=_COLUMNS,
             rows=tuple(_grouped(rows, marked=True)),
             notes=(_EVIDENCE,),
@@ -174,8 +175,9 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             yield f"Models that the study forces change the {changed} by up to {_share(worst)}, {more} the tolerance."
     if changes:
         yield f"What the chosen models leave out changes {listed(changes)}."
+    what = "It" if changes else "What the chosen models leave out"
     for tolerance, names in unchanged.items():
-        yield f"What the chosen models leave out does not change {' or '.join(names)} (tolerance {tolerance})."
+        yield f"{what} does not change {' or '.join(names)} (tolerance {tolerance})."
 
 
 def _share(value: float) -> str:

@@ -34,7 +34,7 @@ def describe_method(tree: xr.DataTree) -> Iterator[Block]:
 def _derived_disparity(needs: str, compared: Iterable[Any], *, matchers: bool) -> Iterator[Block]:
     yield Heading(text="Disparity errors derived from the picture", anchor="method-derived", level=2)
     yield Paragraph(
-        "A derived disparity error is the Cramér–Rao bound of matching two windows of the camera's pictures. They "
+        "A derived disparity error is the Cramér–Rao bound for matching two windows of the camera's pictures. They "
         "show a random texture of the declared contrast and correlation length, blurred by defocus, diffraction and "
         "pixels, with shot, read and quantisation noise; aliased texture counts as noise."
     )
@@ -46,13 +46,13 @@ def _derived_disparity(needs: str, compared: Iterable[Any], *, matchers: bool) -
     )
     yield Paragraph(
         say(
-            "*ν* is spatial frequency in the picture, *ν*~x~ its component along the disparity, *S* the spectrum of "
-            "the texture, *N* that of the noise, and *H* the transfer function of lenses and pixels. *W* is the side "
-            "of the window: the declared one, or the overlap of the compared pictures on an object if that is smaller. "
+            "*ν* is the spatial frequency in the picture, *ν*~x~ its component along the disparity, *S* the spectrum "
+            "of the texture, *N* that of the noise, and *H* the transfer function of lenses and pixels. *W* is the "
+            "side of the window: as declared or, if smaller, that of the part of an object that both pictures show. "
             "A good matcher reaches the bound where the error is small compared with a pixel and the "
             "window large compared with blur and texture: this requires {needs}. Elsewhere the limit “matching” makes "
             "a distance unusable. This limit depends on the declared window as much as on the camera: a larger "
-            "window moves it, and so does an estimator that uses nearer microlenses.",
+            "window moves it, and so does an estimator that compares microlenses closer together.",
             needs=needs,
         )
     )
@@ -63,7 +63,7 @@ def _derived_disparity(needs: str, compared: Iterable[Any], *, matchers: bool) -
         "darkens the picture. Behind a microlens, each pixel receives light from one part of the "
         "pupil. The rims therefore remove whole views from an unfocused plenoptic camera. In a focused one they narrow "
         "the micro-images, so that fewer microlenses see each point and the baselines between them are shorter. The "
-        "computation uses the radial width of the clipped pupil, which is the smallest, in all directions."
+        "computation uses the radial width of the clipped pupil, the smallest, for all directions."
     )
     if not matchers:
         yield Paragraph(
@@ -129,8 +129,8 @@ def _uncertainty() -> Iterator[Block]:
     yield Paragraph(
         say(
             "*a*~p~ is the depth that a fraction *p* of all measurements does not exceed, and *Q*~ρ~ the quantile of "
-            "the inverse depth *ρ*. By the exact model, the camera measures *ρ* for a point at the distance *a*, "
-            "with noise and all calibration errors *ε* drawn jointly."
+            "the inverse depth *ρ*, which the exact model gives for a point at the distance *a*, with noise and all "
+            "calibration errors *ε* drawn jointly."
         )
     )
     yield Paragraph(

@@ -281,8 +281,8 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
         name="requirement-table",
         caption="Requirements of the study, each with the camera that comes closest. A positive margin is room to "
         "spare, in % of the worst value; “margin / error” is the margin as a multiple of the estimated numerical error "
-        "of that value. For a camera that is unusable over part of the range, the margin is at most minus that part, "
-        "in % of the range on a logarithmic scale.",
+        "of that value. Where a camera is unusable over part of the range, its margin is at most minus the unusable "
+        "share, in % of the range on a logarithmic scale.",
         columns=(
             Column(title="Requirement", weight=3),
             Column(title="Met", weight=2),

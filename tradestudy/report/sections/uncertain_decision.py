@@ -28,9 +28,8 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Paragraph(
         say(
-            "For one specimen of each camera, **{first}** has a smaller depth error than {second} with a probability "
-            "of **{rig}** if all noise is averaged out, and of **{reading}** in a single measurement, from {near} to "
-            "{far}.",
+            "From {near} to {far}, one specimen of **{first}** has a smaller depth error than one of {second} with a "
+            "probability of **{rig}** if all noise is averaged out, and of **{reading}** in a single measurement.",
             first=first,
             second=second,
             rig=between("calibration"),

@@ -47,7 +47,7 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
     parts = [
         f"favours {titles[key]} at {wins[key]}" for key in sorted(pair, key=lambda key: -wins[key]) if wins[key] > 0
     ]
-    parts += [f"ties them at {neither.size - undecided}"] if neither.size > undecided else []
+    parts += [f"leaves a tie at {neither.size - undecided}"] if neither.size > undecided else []
     parts += [f"decides nothing at {undecided}"] if undecided else []
     if len(parts) == 1 and len(names) > 1:
         parts = [f"{parts[0].rpartition(' at ')[0]} at all {len(names)} declared distances"]

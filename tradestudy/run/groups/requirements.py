@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -58,7 +58,7 @@ def requirements_group(
         "margin_percent": [100.0 * one.margin for one in deciding],
         "margin_sigma": [one.margin_in_errors for one in deciding],
         "conformity": [one.conformity for one in deciding],
-        "within_tolerance": _near_its_bound(definition, deciding),
+        "within_tolerance": _near_its_bound(definition, found.values()),
         "reason": [one.reason for one in deciding],
         "limited_by": [one.limit for one in deciding],
         **_rests_on(definition, deciding),
@@ -70,7 +70,8 @@ def requirements_group(
     coordinates: dict[str, Any] = {"requirement": list(requirements), "camera": cameras}
     if axes:
         judge.check(requirements.values(), (design.case for design in designs), steps)
-        table = [[judge.answer(one, design.case)[0] for one in requirements.values()] for design in designs]
+        answers = [[judge.answer(one, design.case) for one in requirements.values()] for design in designs]
+        table = [[one for one, _ in row] for row in answers]
         shape = (*(len(axis.labels) for axis in axes), len(requirements))
 
         def shaped(of: list[list[Any]]) -> np.ndarray[Any, Any]:
@@ -81,7 +82,7 @@ def requirements_group(
             "design_camera": shaped([[one.camera for one in row] for row in table]),
             "design_margin_percent": shaped([[100.0 * one.margin for one in row] for row in table]),
             "design_margin_sigma": shaped([[one.margin_in_errors for one in row] for row in table]),
-            "design_within_tolerance": shaped([_near_its_bound(definition, row) for row in table]),
+            "design_within_tolerance": shaped([_near_its_bound(definition, row) for row in answers]),
             "design_reason": shaped([[one.reason for one in row] for row in table]),
             "design_limited_by": shaped([[one.limit for one in row] for row in table]),
         }
@@ -147,12 +148,31 @@ def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> flo
     return definition.file.accuracy.asked().tolerances["depth_of_field" if is_sharpness else "depth_uncertainty"]
 
 
-def _near_its_bound(definition: StudyDefinition, answers: Sequence[RequirementAnswer]) -> list[float]:
+def _near_its_bound(
+    definition: StudyDefinition, found: Iterable[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]
+) -> list[float]:
     """1 for every answer that omitted effects could reverse, 0 for the others."""
     requirements = definition.file.requirements.values()
     of_ends = definition.file.accuracy.asked().tolerances["usable_range"]
-    pairs = zip(answers, requirements, strict=True)
-    return [float(one.could_be_overturned(_tolerance(definition, required), of_ends)) for one, required in pairs]
+    return [
+        float(_could_be_reversed(deciding, every.values(), required.camera, _tolerance(definition, required), of_ends))
+        for (deciding, every), required in zip(found, requirements, strict=True)
+    ]
+
+
+def _could_be_reversed(
+    deciding: RequirementAnswer,
+    every: Collection[RequirementAnswer],
+    cameras: str,
+    of_value: float,
+    of_ends: float,
+) -> bool:
+    """Whether changes of this size could reverse an answer: those of one camera, or of all that give it alone."""
+    if deciding.met is None:
+        return False
+    if deciding.met is (cameras != ALL):
+        return all(one.could_be_overturned(of_value, of_ends) for one in every if one.met is deciding.met)
+    return any(one.could_be_overturned(of_value, of_ends) for one in every)
 
 
 def _verdict(answer: RequirementAnswer) -> int:
