@@ -74,7 +74,7 @@ def _priors(data: xr.Dataset) -> str:
     flat = np.isinf(data["prior_deviation"].values).any(axis=-1)  # by posterior
     if flat.all():
         return "the priors are flat"
-    return "the declared errors are the priors" + (", and flat priors for fits to corner files" if flat.any() else "")
+    return "the declared errors are the priors" + (", but fits to corner files have flat priors" if flat.any() else "")
 
 
 def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
@@ -117,7 +117,7 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "accepted steps in each ensemble, 0.2 to 0.5; poses, the effective fraction of the draws after reweighting "
             "with board poses fitted anew for each draw, at least 0.9. Last column: computing times of the sampler and "
             "of Laplace's normal approximation. The number of draws makes standard deviations, and depth uncertainties "
-            "based on them, uncertain by 1/√(2 ESS): at most "
+            "based on them, uncertain by 1/√(2 tail ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
