@@ -144,7 +144,7 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
             title=title,
             errors="" if with_term else ", each as an error of its declared value",
             compared="standard deviation by Laplace's normal approximation, and the ratio of the standard deviation to "
-            "that of a fit that assumes that the board does not move between the exposures of the two cameras"
+            "that of a fit in which the board does not move between the two exposures of a view"
             if with_term
             else "standard deviation by Laplace's normal approximation, and that of the prior",
         ),
@@ -205,16 +205,17 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Residuals are root mean square lengths per corner. A fit without this motion counts its effect as noise "
+            "Residuals are root mean square lengths per corner. A fit without motion counts its effect as noise "
             "of the corners, and its standard deviations of the relative pose are too small by the factors in the "
             "column “Ratio” above.",
             "Values of one camera with ± come from the fit of this camera alone, baseline and rotation from the pair "
             "with the moving board; ± is the standard deviation by generalised least squares. The noise differs from "
-            "view to view, and neighbouring corners share part of it; restricted maximum likelihood estimates how "
-            "much. Outlying corners have little or no weight, and the fit includes a warp of the board. Accuracy: the "
-            "claimed depth uncertainty of a point midway between the cameras, multiplied by the ratio of the "
-            "differences between random halves where that ratio exceeds 1. Corners cannot reveal the size of the "
-            "squares: an error of 0.1 % in their size is an error of 0.1 % in depth, 0.3 mm at 0.3 m.",
+            "view to view, and neighbouring corners share part of it, both as estimated by restricted maximum "
+            "likelihood; the fitted poses absorb some of the shared part, which shortens the residuals. "
+            "Outlying corners have little or no weight, and the fit includes a warp of the board. Accuracy: the "
+            "claimed depth uncertainty of a point midway between the cameras, multiplied by the ratio of the found to "
+            "the claimed difference between random halves where that ratio exceeds 1. Corners cannot reveal the size "
+            "of the squares: an error of 0.1 % in their size is an error of 0.1 % in depth, 0.3 mm at 0.3 m.",
         ),
     )
 
@@ -232,9 +233,9 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
         ]
     yield Table(
         name="lens-model-table",
-        caption="Other lens models, named as in study files, with their fitted coefficients. Support: gain over the "
-        "model in use in the log likelihood of views left out of the fit one at a time, ± standard error over views. "
-        "Under each distance: the change in mm of the depth of a point midway between the cameras, ± standard error by "
+        caption="Other lens models and the coefficients fitted, named as in study files. Support: gain over the model "
+        "in use in the log likelihood of views left out of the fit one at a time, ± standard error over views. Under "
+        "each distance: the change in mm of the depth of a point midway between the cameras, ± standard error by "
         "the jackknife over views.",
         columns=(
             Column(title="Rig", weight=1),
