@@ -81,7 +81,7 @@ def test_the_figure_and_its_sentence(measured):
     (drawing,) = uncertainty_map_drawings(tree)
     panels = drawing.draw().axes[: len(Z)]
     middle = found.uncertainty[:, DOWN // 2, ACROSS // 2]
-    ratios = re.findall(r"\(elsewhere up to (\d+\.\d) times\)", map_words(tree, "rig"))
+    ratios = re.findall(r"\(elsewhere up to (\d+\.\d) times that\)", map_words(tree, "rig"))
     for panel, ratio, uncertainty, least in zip(panels, ratios, found.uncertainty, middle, strict=True):
         drawn = np.ma.filled(panel.images[0].get_array(), np.nan)
         np.testing.assert_allclose(drawn * least, uncertainty, rtol=1e-12)

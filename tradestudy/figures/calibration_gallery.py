@@ -41,7 +41,7 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
         name="tornado",
         caption=f"Depth uncertainty at {pretty(place, LENGTH)} (half the central 68.27 % interval) from each source "
         "alone. Correlated parameters, such as those of a joint calibration, count as one source: moving one "
-        "of them alone would describe rigs that the calibration rules out.",
+        "of them alone would describe cameras that the calibration rules out.",
         alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
         draw=partial(sensitivity.draw_tornado, tree),
         values=partial(source_tables, tree, place),
@@ -50,7 +50,7 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
         name="sobol-indices",
         caption="Total (lines) and first-order (rings) Sobol indices of inverse depth on the axis, of the "
         "independent sources whose total index reaches 0.02. A line above its ring shows interaction with other "
-        "sources; total indices then sum to more than 1, so that they are not shares.",
+        "sources; total indices then sum to more than 1, so they are not shares.",
         alt="One chart per camera of total and first-order Sobol indices against distance. Largest total index at "
         f"{pretty(place, LENGTH)}: " + _index_words(tree, place),
         draw=partial(sensitivity.draw_indices, tree),

@@ -57,7 +57,7 @@ def map_words(tree: xr.DataTree, key: str) -> str:
         if known.size:
             middle = float(one["depth_uncertainty"].sel(distance=place, down=0.0, across=0.0, method="nearest"))
             found.append(
-                f"{pretty(middle, LENGTH)} at {distance(float(place))} (elsewhere up to {known.max():.1f} times)"
+                f"{pretty(middle, LENGTH)} at {distance(float(place))} (elsewhere up to {known.max():.1f} times that)"
             )
     return f"Depth uncertainty of {title} in the middle of the picture: {listed(found)}." if found else ""
 

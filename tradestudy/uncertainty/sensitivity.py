@@ -17,7 +17,7 @@ from tradestudy.uncertainty.streams import point_generator
 from tradestudy.wording import in_words
 
 LARGEST_CORRELATION = 0.3
-"""For more strongly correlated parameters, varying one alone describes rigs that the calibration rules out."""
+"""For more strongly correlated parameters, varying one alone describes cameras that the calibration rules out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

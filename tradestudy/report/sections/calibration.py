@@ -48,8 +48,8 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
     for key, title in titles_in(tree, "depth").items():
         start = f"cameras.{key}.calibration."
         own = {path.removeprefix(start): str(value) for path, value in inputs.items() if path.startswith(start)}
-        on_board |= any(path.split(".")[0] in ("target", "corners") for path in own)
         names = list(dict.fromkeys(path.split(".")[1] for path in own if path.startswith("errors.")))
+        on_board |= bool(names) and any(path.split(".")[0] in ("target", "corners") for path in own)
         since = dict.fromkeys(path.split(".")[1] for path in own if path.startswith("stability."))
         since = {name: None for name in since if name in _SINCE}
         rows.append(
@@ -110,7 +110,11 @@ def _averaging(tree: xr.DataTree) -> Table:
 
     titles = titles_in(tree, "depth")
     rows = tuple((title, *(cell(key, float(place)) for place in places)) for key, title in titles.items())
-    no_error = any("∞" in row[1:] for row in rows)
+    meanings = {
+        "< 1": "< 1: the noise of one measurement is already below the calibration error.",
+        "∞": "∞: calibration errors have no effect there, or one too small to be simulated.",
+    }
+    notes = " ".join(says for sign, says in meanings.items() if any(sign in row[1:] for row in rows))
     return Table(
         name="averaging-table",
         caption="How many measurements of one point to average until the noise of their mean equals the calibration "
@@ -120,10 +124,7 @@ def _averaging(tree: xr.DataTree) -> Table:
             *(Column(title=distance(float(place)), align="right") for place in places),
         ),
         rows=rows,
-        notes=(
-            "< 1: the noise of one measurement is already below the calibration error."
-            + " ∞: calibration errors have no effect there, or one too small to be simulated." * no_error,
-        ),
+        notes=(notes,) if notes else (),
     )
 
 

@@ -74,7 +74,7 @@ def _priors(data: xr.Dataset) -> str:
     flat = np.isinf(data["prior_deviation"].values).any(axis=-1)  # by posterior
     if flat.all():
         return "the priors are flat"
-    return "the declared errors are the priors" + (", and flat priors for fits to corner files" if flat.any() else "")
+    return "the declared errors are the priors" + (", but fits to corner files have flat priors" if flat.any() else "")
 
 
 def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
@@ -117,7 +117,7 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "accepted steps in each ensemble, 0.2 to 0.5; poses, the effective fraction of the draws after reweighting "
             "with board poses fitted anew for each draw, at least 0.9. Last column: computing times of the sampler and "
             "of Laplace's normal approximation. The number of draws makes standard deviations, and depth uncertainties "
-            "based on them, uncertain by 1/√(2 ESS): at most "
+            "based on them, uncertain by 1/√(2 tail ESS): at most "
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
@@ -144,7 +144,7 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
             title=title,
             errors="" if with_term else ", each as an error of its declared value",
             compared="standard deviation by Laplace's normal approximation, and the ratio of the standard deviation to "
-            "that of a fit that assumes that the board does not move between the exposures of the two cameras"
+            "that of a fit in which the board does not move between the two exposures of a view"
             if with_term
             else "standard deviation by Laplace's normal approximation, and that of the prior",
         ),
@@ -205,16 +205,17 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Residuals are root mean square lengths per corner. A fit without this motion counts its effect as noise "
+            "Residuals are root mean square lengths per corner. A fit without motion counts its effect as noise "
             "of the corners, and its standard deviations of the relative pose are too small by the factors in the "
             "column “Ratio” above.",
             "Values of one camera with ± come from the fit of this camera alone, baseline and rotation from the pair "
             "with the moving board; ± is the standard deviation by generalised least squares. The noise differs from "
-            "view to view, and neighbouring corners share part of it; restricted maximum likelihood estimates how "
-            "much. Outlying corners have little or no weight, and the fit includes a warp of the board. Accuracy: the "
-            "claimed depth uncertainty of a point midway between the cameras, multiplied by the ratio of the "
-            "differences between random halves where that ratio exceeds 1. Corners cannot reveal the size of the "
-            "squares: an error of 0.1 % in their size is an error of 0.1 % in depth, 0.3 mm at 0.3 m.",
+            "view to view, and neighbouring corners share part of it, both as estimated by restricted maximum "
+            "likelihood; the fitted poses absorb some of the shared part, which shortens the residuals. "
+            "Outlying corners have little or no weight, and the fit includes a warp of the board. Accuracy: the "
+            "claimed depth uncertainty of a point midway between the cameras, multiplied by the ratio of the found to "
+            "the claimed difference between random halves where that ratio exceeds 1. Corners cannot reveal the size "
+            "of the squares: an error of 0.1 % in their size is an error of 0.1 % in depth, 0.3 mm at 0.3 m.",
         ),
     )
 
@@ -232,9 +233,9 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
         ]
     yield Table(
         name="lens-model-table",
-        caption="Other lens models, named as in study files, with their fitted coefficients. Support: gain over the "
-        "model in use in the log likelihood of views left out of the fit one at a time, ± standard error over views. "
-        "Under each distance: the change in mm of the depth of a point midway between the cameras, ± standard error by "
+        caption="Other lens models and the coefficients fitted, named as in study files. Support: gain over the model "
+        "in use in the log likelihood of views left out of the fit one at a time, ± standard error over views. Under "
+        "each distance: the change in mm of the depth of a point midway between the cameras, ± standard error by "
         "the jackknife over views.",
         columns=(
             Column(title="Rig", weight=1),

@@ -54,7 +54,7 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
         notes=(
             f"Each criterion scores from 0 at its worst to 1 at its best value: {scale_words(tree)}. The weighted sum "
             "of the scores ranks the candidates.",
-            *(("*: beyond the declared worst or best value, and scored like it.",) if clipped else ()),
+            *(("*: beyond the declared worst or best value, and scored as that value.",) if clipped else ()),
             *(("†: does not meet every requirement that must hold.",) if outside else ()),
         ),
     )

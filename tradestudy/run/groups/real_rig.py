@@ -89,7 +89,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
         "residual with this motion, left and right",
         f"{pretty(fit.explained.left_rms_px, PIXELS)}, {pretty(fit.explained.right_rms_px, PIXELS)}",
     )
-    yield "noise of one corner coordinate", pretty(fit.explained.noise_px, PIXELS)
+    yield "noise of one corner coordinate, root mean square over views", pretty(fit.explained.noise_px, PIXELS)
     yield "gain in log likelihood from this motion", significant(fit.explained.log_likelihood_gain)
     shared, covariance = fit.explained.shared, fit.covariance
     baseline = float(np.linalg.norm(shared[TRANSLATION]))
