@@ -114,7 +114,7 @@ def _outward() -> tuple[OutcomeCase, ...]:
         *(
             _case(
                 f"a study called {name}" if len(name) < 20 else "a study with a name of 200 letters",
-                "refused: results go to a folder of this name",
+                "refused: the results folder would have this name",
                 study(name=name),
                 "refused",
             )
