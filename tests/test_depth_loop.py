@@ -183,7 +183,7 @@ def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, P
     listed = [plain_text(item) for one in all_blocks(report.blocks) if isinstance(one, Bullets) for item in one.items]
     assert any(first_page in text for text in listed)
     assert any(first_page in line for line in terminal_lines(tree))
-    assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in reported)
+    assert any("matcher: {factor: " in text and "On 4 planes" in text for text in reported)
 
 
 @pytest.mark.parametrize(

@@ -31,9 +31,9 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="depth_maps",
         caption="Depth measured in the pictures, its error, and the fraction of the surface that the estimator sees "
-        "in no second picture, such as behind edges and beyond the overlap. Each block shows the median of "
+        "in no second picture, for example behind edges and beyond the overlap. Each block shows the median of "
         "its points; hatched blocks have no depth. The scale of the error runs from blue at minus the value in the "
-        "title to red at plus this value. Left: the all-in-focus picture, of cameras that compute one from the map.",
+        "title to red at plus this value. Left: the all-in-focus picture, if the camera computes one from its map.",
         alt="Measured depth, its error, and the hidden fraction of the surface, as pictures. Median error and half the "
         "central 68.27 % interval of the errors: " + _error_words(tree),
         draw=lambda: draw_depth_maps(tree),

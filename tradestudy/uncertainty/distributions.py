@@ -373,7 +373,7 @@ class Empirical:
                 "empirical draws",
                 value=f"shape {draws.shape}, {int(np.sum(~np.isfinite(draws)))} of them not finite",
                 limit="one column of at least two finite values",
-                remedy="remove the rows that are not finite, and note this in the study",
+                remedy="remove draws that are not finite, if any, and note this in the study",
             )
         draws.setflags(write=False)
         object.__setattr__(self, "draws", draws)

@@ -352,7 +352,7 @@ class JointDraws(_Joint):
                 "joint draws",
                 value=f"shape {draws.shape}, {bad} rows not finite",
                 limit="at least two rows of finite values, one column per parameter",
-                remedy="remove the rows that are not finite, and note this in the study",
+                remedy="remove draws that are not finite, if any, and note this in the study",
             )
         _require_names(self.parameters, draws.shape[1])
         first, second = _along_principal(draws) if self.along is None else (draws @ self.along.T).T

@@ -67,8 +67,8 @@ def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
     text += say(" Its factor is {factor}.", factor=factor)
     if over.size:
         text += say(
-            " The matcher predicts {low} to {high} of the standard deviation of the errors on {count}.",
-            count=counted(over.size, "other plane"),
+            " On {count} outside the fit, the matcher predicts {low} to {high} of the errors' standard deviation.",
+            count=counted(over.size, "plane"),
             low=share(float(1.0 / over.max())),
             high=share(float(1.0 / over.min())),
         )

@@ -86,7 +86,7 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
             limit=share(limit),
         )
     yield say(
-        "At the f-numbers of the camera, in light from {start} to {end}, the error is: {each}.",
+        "At the f-numbers of the camera and wavelengths from {start} to {end}, the error is: {each}.",
         start=length(float(data["wavelength"].values[0])),
         end=length(float(data["wavelength"].values[-1])),
         each=_as_used(data, window),
@@ -113,9 +113,8 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         each = [f"{share(float(at.sel(lens_phase=phase)))} ({phase})" for phase in data["lens_phase"].values]
         parts.append(f"{element_title(data, str(element)).lower()}: {', '.join(each)}")
     yield say(
-        "**Off the axis, the lens phase decides how large the error is.** At the same f-numbers, but {angle}° off the "
-        "axis and in light of {wavelength}, the error is: {parts}. There, a parabolic or stigmatic lens has coma and "
-        "distortion, which Fresnel's approximation ignores.",
+        "**{angle}° off the axis**, at the same f-numbers and {wavelength}, the error is: {parts}. There, a parabolic "
+        "or stigmatic lens has coma and distortion, which Fresnel's approximation ignores.",
         angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
         wavelength=length(float(data.attrs["field_wavelength"])),
         parts="; ".join(parts),
@@ -159,8 +158,8 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
     yield Paragraph(
         say(
             "To second order, all lens phases are the same parabola, so they share Fresnel's point-spread function, "
-            "but not Kirchhoff's. With the paper's *parabolic* phase, the exact paths differ by a "
-            "spherical aberration *W* = *r*^4^/8 (1/*a*³ + 1/*b*³), where *r* is the distance from the axis in the "
+            "but not Kirchhoff's. With the paper's *parabolic* phase, the exact paths differ from the parabola by a "
+            "spherical aberration *W* ≈ *r*^4^/8 (1/*a*³ + 1/*b*³), where *r* is the distance from the axis in the "
             "pupil, *a* the object distance and *b* the image distance. A *stigmatic* lens cancels this aberration "
             "for the axial point at its object distance, a *perfect* lens for every point. On the axis, these two "
             "agree. The numerical error is at most {error} of the numbers below.",
@@ -274,7 +273,8 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
             "*F* is the f-number, and γ, *R*, α and β are the focal length, the radius of the pupil, and the distances "
             "of object and image, all divided by the wavelength. The largest integer *l* not above 4 (α + β) gives the "
             "smaller zero *R*, the integer before it the larger zero. So the numerator is twice the fractional part of "
-            "4 (α + β), plus 2 for the larger zero: it depends on how many quarter waves fit between object and image."
+            "4 (α + β), plus 2 for the larger zero. This part is the fraction of a quarter wave left over on the path "
+            "from object to image."
         )
     )
     yield from pictures_of(drawings, "paper_eq27")

@@ -44,13 +44,13 @@ def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Paragraph(
         say(
             "Each case is computed with the usual formula and with the functions of this program, and both results are "
-            "compared with one of 30-digit arithmetic. The bound on the relative error is 10^−12^. It is larger where "
-            "the condition number κ magnifies rounding: 10 κ ε, with the machine epsilon ε. It is also larger where "
-            "the program states a numerical error: that error, or six standard errors of a sampled value. κ is not "
-            "used where it is infinite, or where the program computes the ill-conditioned step without rounding. A "
-            "result without a finite relative error is “wrong”, and the result itself follows. One ulp is the distance "
-            "between neighbouring floating-point numbers. Equation numbers are those of “Diffraction model of a "
-            "plenoptic camera for in-situ space exploration”."
+            "compared with one computed in 30-digit arithmetic. The bound on the relative error is 10^−12^. It is "
+            "larger where the condition number κ magnifies rounding: 10 κ ε, with the machine epsilon ε. It is also "
+            "larger where the program states a numerical error: that error, or six standard errors of a sampled value. "
+            "κ is not used where it is infinite, or where the program computes the ill-conditioned step without "
+            "rounding. A result without a finite relative error is “wrong”, and the result itself follows. One ulp is "
+            "the distance between neighbouring floating-point numbers. Equation numbers are those of “Diffraction "
+            "model of a plenoptic camera for in-situ space exploration”."
         )
     )
     yield from pictures_of(drawings, "hard_cases")

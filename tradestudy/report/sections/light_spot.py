@@ -29,17 +29,14 @@ from tradestudy.results.views.groups import group, has
 from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import significant
 
-_NOT_STATED = (
-    "The discretisation and the machine behind the published times are unknown: they too, not only the method, may "
-    "explain why a measured time differs from the published one."
-)
+_NOT_STATED = "The discretisation and the machine behind the published times are unknown."
 _SOURCES = {
     "incoherent disc": "The points of the spot radiate independently. Each spherical",
     "coherent disc": "The spot is coherent: one wave, of one phase over the disc. This",
     "point": "The spot is a point. Its spherical",
 }
 _LAWS = {
-    "geometric": "**Paraxial rays** give each pixel the light of the area of the pupil that it sees.",
+    "geometric": "**Paraxial rays** give each pixel the light from the part of the pupil that it sees.",
     "exact-rays": "**Exact rays** follow the exact directions of Kirchhoff's integral, without diffraction and "
     "interference.",
     "boundary-wave": "The **boundary wave** is the leading term of the difference between rays and Kirchhoff's "
@@ -50,7 +47,7 @@ _LAWS = {
     "kirchhoff": "**Kirchhoff** keeps the exact path and the obliquity factor on each leg (eqs. 9 to 16 of the paper).",
 }
 _ERRORS = {
-    True: "combines three errors: that of replacing the disc by a finite number of points (found by comparison with "
+    True: "combines three errors: that of replacing the spot by a finite number of points (found by comparison with "
     "points between them), that of the image of each point (found by an independent computation), and that of the "
     "integration over pixels. All methods use the same points, so differences between images are more accurate than "
     "the images themselves.",
@@ -239,10 +236,10 @@ def _light(data: xr.Dataset) -> str:
     shares = map(share, data["spectral_share"].values.tolist())
     lines = ", ".join(f"{amount} at {where}" for amount, where in zip(shares, wavelengths, strict=True))
     mean = length(float(data.attrs["mean_wavelength"]))
-    chosen = "adds them too" if data.attrs["chosen_spectrum"] else "has the mean alone"
+    chosen = "adds them too" if data.attrs["chosen_spectrum"] else "uses the mean alone"
     return (
-        f"{lines}, added as intensities (mean {mean}; the picture by the chosen models {chosen}; rays are the same "
-        "at all)"
+        f"{lines}, added as intensities (mean {mean}; the picture by the chosen models {chosen}; rays do not "
+        "depend on wavelength)"
     )
 
 

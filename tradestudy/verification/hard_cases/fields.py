@@ -66,7 +66,7 @@ FIELDS: Final = Family(
     cases=(
         *(_in_focus(f_number) for f_number in (0.5, 3.8, 1000.0)),
         _hole("on axis, 10 µm behind a hole 4 µm wide", 2e-6, 0.0, 1e-5),
-        _hole("hole 4 λ wide, 2 λ behind it, off axis", 2.0 * _GREEN, 0.6e-6, 2.0 * _GREEN),
+        _hole("off axis, 2 λ behind a hole 4 λ wide", 2.0 * _GREEN, 0.6e-6, 2.0 * _GREEN),
         _hole("on the edge of the shadow", 50e-6, 50e-6, 2e-3),
         _hole("deep in the shadow", 50e-6, 120e-6, 2e-3),
         _hole("three metres off axis, one metre behind the hole", 5.0 * _GREEN, 3.0, 1.0),

@@ -41,11 +41,15 @@ def _legal() -> tuple[OutcomeCase, ...]:
     log = "{distances: {from: 10 mm, to: 10 m, points: 100000}, wavelength: 550 nm}"
     return (
         _case(
-            "100 000 distances", "accepted: a study may have as many", study(scene=log), "accepted", "100000 distances"
+            "100 000 distances",
+            "accepted: a study may have that many",
+            study(scene=log),
+            "accepted",
+            "100000 distances",
         ),
         _case(
             "100 cameras",
-            "accepted: a study may have as many",
+            "accepted: a study may have that many",
             study(cameras=f"{{{hundred}}}"),
             "accepted: 100 cameras",
         ),
@@ -57,7 +61,7 @@ def _legal() -> tuple[OutcomeCase, ...]:
         ),
         _case("distances from 1 µm to 10⁸ m, λ = 10 nm", "accepted: extreme but legal", study(scene=far), "accepted"),
         _case(
-            "a length of 0.5 million digits",
+            "a length of half a million digits",
             "accepted: read as the number it is",
             study(scene=f"{{distances: [1.{'0' * 500_000}1 m, 2 m], wavelength: 550 nm}}"),
             "accepted",
@@ -110,7 +114,7 @@ def _outward() -> tuple[OutcomeCase, ...]:
         *(
             _case(
                 f"a study called {name}" if len(name) < 20 else "a study with a name of 200 letters",
-                "refused: it names the folder of the results",
+                "refused: the results folder would have this name",
                 study(name=name),
                 "refused",
             )
@@ -124,7 +128,7 @@ def _outward() -> tuple[OutcomeCase, ...]:
             "this is not a valid name",
         ),
         _case(
-            "a camera from a file outside",
+            "a camera from /etc/passwd",
             "read as a camera or refused; its content is never shown",
             study(cameras="{rig: {from: ../../../../../../../../etc/passwd}}"),
             "refused",

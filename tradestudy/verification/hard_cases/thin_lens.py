@@ -128,7 +128,7 @@ THIN_LENS: Final = Family(
         _lens("object one ulp outside the focal plane", IMAGE_DISTANCE, _AFTER_F),
         _lens("object one ulp inside the focal plane", IMAGE_DISTANCE, _BEFORE_F),
         _lens("object inside the focal length", IMAGE_DISTANCE, _F / 2.0),
-        _lens("object almost on the lens", IMAGE_DISTANCE, 1e-12),
+        _lens("object almost at the lens", IMAGE_DISTANCE, 1e-12),
         _lens("shift for an object at infinity", FOCUS_SHIFT, math.inf),
         _lens("shift for an object at 10⁸ m", FOCUS_SHIFT, 1e8),
         _lens("shift for an object in the focal plane", FOCUS_SHIFT, _F),
@@ -151,7 +151,7 @@ THIN_LENS: Final = Family(
             inputs={"a": 1e8, "focus": 1e7, "f": _F, "pupil": 0.0125},
         ),
         _relay("image on the array", RELAY_DISTANCE, _Z),
-        _relay("image one ulp before the array", RELAY_DISTANCE, math.nextafter(_Z, 1.0)),
+        _relay("image one ulp in front of the array", RELAY_DISTANCE, math.nextafter(_Z, 1.0)),
         _relay("image one ulp behind the array", RELAY_DISTANCE, math.nextafter(_Z, 0.0)),
         NumericCase(
             name="image on the array, with all lengths in round numbers",
@@ -159,12 +159,14 @@ THIN_LENS: Final = Family(
             inputs={"a": 0.15, "z": 0.15 * 0.0125 / (0.15 - 0.0125), "f": 0.0125},
         ),
         NumericCase(
-            name="image 5 µm before the array, object at 10⁸ m",
+            name="image 5 µm in front of the array, object at 10⁸ m",
             law=RELAY_DISTANCE_TO_SCALE,
             inputs={"a": 1e8, "z": 0.012505, "f": 0.0125},
         ),
         _relay("micro-image, image on the array", MICRO_IMAGE, _Z, x=1e-4, gap=5e-4),
-        _relay("micro-image, image one ulp before the array", MICRO_IMAGE, math.nextafter(_Z, 1.0), x=1e-4, gap=5e-4),
+        _relay(
+            "micro-image, image one ulp in front of the array", MICRO_IMAGE, math.nextafter(_Z, 1.0), x=1e-4, gap=5e-4
+        ),
         _relay("micro-image, image one ulp behind the array", MICRO_IMAGE, math.nextafter(_Z, 0.0), x=1e-4, gap=5e-4),
         _of_eq8("eq. 8 at disparity 0", 0.0),
         _of_eq8("eq. 8 one ulp above disparity 0", _TINY),
