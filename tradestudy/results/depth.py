@@ -99,7 +99,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="m",
         long_name="equivalent baseline: that of a stereo rig that has the camera's focal length and disparity error "
-        "and measures depth equally well; NaN where the camera forms no image",
+        "and, calibration errors aside, measures depth equally well; NaN where the camera forms no image",
         symbol="B_eq",
         error=ROUNDING,
     ),

@@ -429,7 +429,7 @@ class StereoRig(DepthCamera):
                 what="principal distance against focus distance",
                 stated=f"{show(f, LENGTH)}, the focal length",
                 implied=f"{show(focused, LENGTH)} when focused at {show(focus, LENGTH)}: longer by "
-                f"{pretty(magnification, FRACTION)}, more than the tolerance on depth of {pretty(tolerance, FRACTION)}",
+                f"{pretty(magnification, FRACTION)}, more than the {pretty(tolerance, FRACTION)} tolerance on depth",
                 used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur. Unless the focal length comes "
                 "from a calibration in pixels, set principal_distance: focused to use the latter for both",
             ),

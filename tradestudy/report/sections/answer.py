@@ -189,7 +189,8 @@ def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """The inputs on which the answers rest, with the basis of each."""
     if inputs := rests_on(tree):
         yield say(
-            "**This rests on** the {inputs}.", inputs="; and on the ".join(one.removeprefix("the ") for one in inputs)
+            "**This rests on** the {inputs}.",
+            inputs=listed([f"the {one.removeprefix('the ')}" for one in inputs]).removeprefix("the "),
         )
 
 

@@ -40,11 +40,11 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     own, error, floor = chosen[0], float(chosen[0]["relative_error"]), float(problem["reference_error"])
     finer = [entry for entry in entries if entry["next_digit"]]
     if finer:
-        more = f"a tenth of this error or less takes {_seconds(finer[0])} ({finer[0]['models']})"
+        more = f"ten times the accuracy takes {_seconds(finer[0])} ({finer[0]['models']})"
     elif error <= floor:
         more = "more complete models give the same result within this error"
     else:
-        more = "no measured set of models has a tenth of this error or less"
+        more = "no measured set of models is ten times as accurate"
     return say(
         "**{title}** ({models}) takes {seconds} of computing time, with an error of {most}{error}; {more}.{left_out}",
         title=str(problem["title"].item()),

@@ -170,7 +170,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
             "baseline-table",
             "equivalent_baseline",
             "Equivalent baseline: that of a stereo rig that has the camera's focal length and disparity error and "
-            "measures depth equally well.",
+            "measures depth equally well, calibration errors aside.",
             length,
             _baseline_note(tree, depth),
         )

@@ -174,10 +174,10 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             more = "more than" if worst > np.nanmax(asked) else "within"
             yield f"Models that the study forces change the {changed} by up to {_share(worst)}, {more} the tolerance."
     if changes:
-        yield f"What the chosen models leave out changes {listed(changes)}."
-    what = "It" if changes else "What the chosen models leave out"
+        yield f"The omitted effects together change {listed(changes)}."
+    subject = "They do" if changes else "The omitted effects do"
     for tolerance, names in unchanged.items():
-        yield f"{what} does not change {' or '.join(names)} (tolerance {tolerance})."
+        yield f"{subject} not change {' or '.join(names)} (tolerance {tolerance})."
 
 
 def _share(value: float) -> str:

@@ -145,8 +145,8 @@ def _uncertainty() -> Iterator[Block]:
         )
     )
     yield Paragraph(
-        "A calibration error is drawn once per rig, matching noise once per measurement: averaging many measurements "
-        "reduces the noise, never the calibration error."
+        "A calibration error is drawn once per camera, matching noise once per measurement: averaging many "
+        "measurements reduces the noise, never the calibration error."
     )
 
 

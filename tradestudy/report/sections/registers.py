@@ -115,10 +115,11 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Paragraph(
         say(
-            "Of these values, {counts}.{order}{sources}",
-            counts=listed(
-                [f"{counts[one]} {'is' if counts[one] == 1 else 'are'} {_BASES.get(one, one)}" for one in known]
-            ),
+            "{counts}.{order}{sources}",
+            counts="Of these values, "
+            + listed([f"{counts[one]} {'is' if counts[one] == 1 else 'are'} {_BASES.get(one, one)}" for one in known])
+            if len(known) > 1
+            else f"Every value is {_BASES.get(known[0], known[0])}",
             order=_ORDER.format(given=_SET if known[0] in _SET else "") if len(known) > 1 else "",
             sources=" Sections, tables and figures in the notes are those of the paper." if counts["paper"] else "",
         )
