@@ -40,7 +40,9 @@ CAMERAS: Final[Mapping[str, Variable]] = {
 
 ASSUMPTIONS: Final[Mapping[str, Variable]] = {
     "value": Variable(
-        dims=("path",), units="", long_name="value with its unit, as written in the study file, or the default"
+        dims=("path",),
+        units="",
+        long_name="value with its unit: as set for this run, as written in the study file, or the default",
     ),
     "basis": Variable(
         dims=("path",),
@@ -51,7 +53,8 @@ ASSUMPTIONS: Final[Mapping[str, Variable]] = {
     "note": Variable(
         dims=("path",),
         units="",
-        long_name="note on the origin of the value, or the value that it replaces; empty if there is none",
+        long_name="where the value comes from or, if it is set for this run, the value that it replaces in the study "
+        "file; empty if neither is known",
     ),
     "cameras": Variable(
         dims=("path",), units="", long_name="cameras that have the value; empty for values outside cameras"
@@ -66,7 +69,7 @@ CONTRADICTIONS: Final[Mapping[str, Variable]] = {
     "what": Variable(
         dims=("contradiction",),
         units="",
-        long_name="quantity that the study states although it follows from other inputs, and these inputs",
+        long_name="quantity that the study states although it follows from other inputs, and the names of those inputs",
     ),
     "stated": Variable(dims=("contradiction",), units="", long_name="value that the study states"),
     "implied": Variable(dims=("contradiction",), units="", long_name="value that follows from the other inputs"),

@@ -147,7 +147,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         "smallest f-number at which the optical path that Fresnel's approximation neglects is at most path_error "
         "wavelengths",
         "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼, with path_error ε, from the quartic term of this path; the next term is "
-        "smaller by a factor of r²/(2 b²), with the radius r of the pupil",
+        "r²/(2 b²) times this one, with the radius r of the pupil",
     ),
     "goodman_f_number": _f_number(
         _ELEMENT,
@@ -182,7 +182,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=("propagator",),
         units="1",
         long_name="fraction of the power in the pupil of the main lens that falls on the detector",
-        error="at most numerical_error, relative",
+        error="relative: at most κ times numerical_error, with κ = √n ‖I‖/Σ I for the n pixels of the image I",
     ),
     "lit_pixels": Variable(
         dims=("propagator",),
@@ -194,21 +194,23 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=("propagator",),
         units="1",
         long_name="fraction of the light on the detector that falls on pixels that the method 'geometric' leaves dark",
-        error="at most numerical_error",
+        error="at most κ times numerical_error, with κ as for power",
     ),
     "difference": Variable(
         dims=("propagator", "against"),
         units="1",
         long_name="L1 difference Σ|I − J|/Σ J of two images over their pixels: I by the method along 'propagator', "
         "J by the method along 'against'",
-        error="at most the sum of the numerical errors of both images; less where they share errors",
+        error="at most 1 + difference times the sum of κ numerical_error over both images, with κ as for power; less "
+        "where they share errors",
     ),
     "difference_l2": Variable(
         dims=("propagator", "against"),
         units="1",
         long_name="L2 difference ‖I − J‖/‖J‖ of two images over their pixels: I by the method along 'propagator', J "
         "by the method along 'against'",
-        error="at most the sum of the numerical errors of both images; less where they share errors",
+        error="at most 1 + difference_l2 times the sum of numerical_error over both images; less where they share "
+        "errors",
     ),
     "chosen": Variable(
         dims=("propagator",),
@@ -219,8 +221,8 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "chosen_image": Variable(
         dims=("row", "column"),
         units="1",
-        long_name="as 'image', by the models that accuracy.pixel_intensity requires; attributes of the group whose "
-        "names begin with 'chosen_' name these models",
+        long_name="as 'image', by the models that accuracy.pixel_intensity requires; the attributes of the group "
+        "that begin with 'chosen_' say which models these are",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
         error="see chosen_error; omitted effects add joint_change of /effects",
     ),

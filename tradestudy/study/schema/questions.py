@@ -44,8 +44,8 @@ class UsableRangePart(Part):
     blur: PositivePixels | None = Field(
         default=None,
         description="Largest diameter of the geometric blur, in lateral samples: pixels or, for an unfocused plenoptic "
-        "camera, microlenses. With several types of microlenses, the largest blur of the types that the estimator "
-        "needs counts.",
+        "camera, microlenses. With several types of microlenses, it bounds the largest blur among the types that "
+        "the estimator needs.",
     )
     disparity_step: PositivePixels | None = Field(
         default=None,
