@@ -106,9 +106,9 @@ the paper has two solutions (along `zero`): the `first`, with the smaller apertu
 `fresnel_validity.path_errors`.
 """,
     "images": """
-The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods`: both `propagator` and
-`against` list the methods. `row` and `column` are the coordinates of the pixel centres on the detector. `benchmark` names the
-computations whose duration `light_spot.benchmarks` measures.
+The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods`: both `propagator`
+and `against` list the methods. `row` and `column` are the coordinates of the pixel centres on the detector. `benchmark`
+names the computations whose duration `light_spot.benchmarks` measures.
 """,
     "point_spread": """
 The image of a point behind each lens (along `element`), by each method (along `propagator`). One input at a time
