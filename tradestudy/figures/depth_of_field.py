@@ -54,7 +54,7 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="lateral-resolution",
         caption="Size of the detail that each camera resolves: the larger of the sampling interval and the geometric "
-        "blur, both on the object. Bold: where " + _criterion_words(tree) + ".",
+        "blur, both on the object. Full colour: where " + _criterion_words(tree) + "; pale: elsewhere.",
         alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
         draw=partial(draw_lateral_resolution, tree),
     )
@@ -104,6 +104,7 @@ def _resolution_words(tree: xr.DataTree) -> str:
 
 MM = 1e3
 _ROW = 0.27  # inches
+_PALE = 0.4  # opacity where a camera is not sharp
 _SCENE = "#F5E7B8"
 _SHADES = (1.0, 0.6)  # neighbouring slices alternate
 
@@ -217,7 +218,7 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, .
 
 @styled()
 def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
-    """Draw the size of detail that each camera resolves, log–log, bold where it is sharp by the first criterion."""
+    """Draw the size of detail that each camera resolves, in full colour where it is sharp by the first criterion."""
     data, shown = by_first_criterion(tree), all_traces(tree)
     distance = np.asarray(data["distance"].values, dtype=np.float64)
     figure = new_figure(3.9)
@@ -233,7 +234,7 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
         sharp = _inside(distance, sharp_ranges(data.sel(camera=camera.key), "sharp"))
         line = {"color": camera.style.color, "linestyle": camera.style.dash, "label": camera.title}
         line["zorder"] = 2.0 - 0.01 * under
-        axes.plot(distance * MM, size, linewidth=0.8 + 0.8 * under, alpha=0.6, **line)
+        axes.plot(distance * MM, size, linewidth=0.8 + 0.8 * under, alpha=_PALE, **line)
         line |= camera.shows("lateral_resolution", "usable")
         axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=1.8 + 1.2 * under, **line)
     name_ends(
@@ -243,7 +244,7 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
             for c, size in zip(shown, sizes, strict=True)
         ],
     )
-    handles: list[Any] = [Line2D([], [], color=SOFT, linewidth=width) for width in (1.8, 0.8)]
+    handles: list[Any] = [Line2D([], [], color=SOFT, linewidth=1.8, alpha=alpha) for alpha in (1.0, _PALE)]
     handles.append(Patch(color=_SCENE, linewidth=0))
     labels = ["sharp", "not sharp", "the scene"]
     if "equal_resolution" in data.attrs:

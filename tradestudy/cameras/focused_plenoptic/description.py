@@ -34,7 +34,7 @@ def properties_of(
         ("fill factor of the array", fill_factor(array)),
         ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
         ("total covering plane, where |virtual depth| is 2", pretty(plane, LENGTH, 4)),
-        ("every point is seen by two microlenses (exact lattice) from", _covered_from(lens, array, mla_distance)),
+        ("distance from which two or more microlenses see every point", _covered_from(lens, array, mla_distance)),
         ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
         ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
     )

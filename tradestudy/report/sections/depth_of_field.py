@@ -300,8 +300,8 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
             *((Column(title="Why nowhere resolved", weight=4),) if unresolved else ()),
         ),
         notes=(
-            "One sufficiently fine picture resolves a detail; measuring depth also requires that two microlenses, "
-            "views or lenses see it.",
+            "Here a detail counts as resolved if one picture resolves it; measuring its depth also requires that two "
+            "microlenses, views or lenses see it.",
         ),
         rows=tuple(
             (

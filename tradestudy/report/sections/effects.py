@@ -70,9 +70,9 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="Every model of each effect that offers a choice. Change: due to what this model "
-            "alone leaves out. Quantity: the one that then changes most, relative to its tolerance. A dot marks the "
-            "models in use.",
+            caption="Every model of each effect that offers a choice. Change: how much an answer changes "
+            "if this effect alone is simplified to this model. Quantity: the answer that changes most, relative to its "
+            "tolerance. A dot marks the models in use.",
             columns=_COLUMNS,
             rows=tuple(_grouped(rows, marked=True)),
             notes=(_EVIDENCE,),
