@@ -63,8 +63,8 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 def _criterion_words(tree: xr.DataTree) -> str:
     first = by_first_criterion(tree)
     measure = str(first["diffraction"].item())
-    beside = "defocus alone" if measure == "none" else f"defocus and the {measure} of diffraction"
-    return f"{beside} blurs to at most {pretty(float(first['blur_px']), PIXELS)}"
+    blur = "the blur of defocus alone" if measure == "none" else f"the blur of defocus and the {measure} of diffraction"
+    return f"{blur} is at most {pretty(float(first['blur_px']), PIXELS)}"
 
 
 def _has_gaps(tree: xr.DataTree) -> bool:

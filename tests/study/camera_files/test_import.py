@@ -299,6 +299,7 @@ def test_a_corner_file_gives_the_design_that_its_fit_finds(tmp_path: Path) -> No
     """Of simulated corners, whose generator knows the truth."""
     (tmp_path / "corners.csv").write_bytes(simulate_corners.FILE.read_bytes())
     loaded = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
+    assert "length unit mm, by the name of the column board_x_mm" in loaded.imported[0]
     part, true = loaded.file.cameras["rig"], simulate_corners.true_rig()
     assert isinstance(part, StereoDeclaration)
     assert part.baseline == pytest.approx(np.linalg.norm(true[15:18]), rel=5e-4)

@@ -141,13 +141,18 @@ def _require_affordable(path: Path) -> None:
         )
 
 
+def board_unit(header: Sequence[str]) -> str:
+    """The unit that the names of the board's columns contain; mm if they contain none."""
+    return next((u for u in _BOARD_UNITS if f"board_x_{u}" in header and f"board_y_{u}" in header), "mm")
+
+
 def _read_table(path: Path) -> tuple[FloatArray, float]:
     """Rows of the file in the canonical order of columns, and the board's unit in metres."""
     with path.open(newline="", encoding="utf-8-sig") as stream:
         reader = csv.DictReader(stream, restkey=_SURPLUS)
         header = [name.strip() for name in reader.fieldnames or ()]
         reader.fieldnames = header
-        unit = next((u for u in _BOARD_UNITS if f"board_x_{u}" in header and f"board_y_{u}" in header), "mm")
+        unit = board_unit(header)
         required = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
         missing = [name for name in required if name not in header]
         if missing and any(";" in name for name in header):

@@ -29,7 +29,7 @@ def properties_of(
         ("microlens gap, b_L", pretty(array.gap, LENGTH, 4)),
         ("microlens focal lengths, f_L", ", ".join(pretty(f, LENGTH, 4) for f in array.focal_lengths)),
         ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-        ("microlens f-number, b_L/p", pretty(array.gap / array.pitch, NUMBER, 4)),
+        ("microlens f-number, gap/pitch", pretty(array.gap / array.pitch, NUMBER, 4)),
         ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
         ("fill factor of the array", fill_factor(array)),
         ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),

@@ -284,7 +284,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
             ("distance from main lens to array, z", pretty(self.mla_distance, LENGTH, 5)),
             ("microlens focal lengths, f_L", pretty(array.gap, LENGTH, 4)),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("microlens f-number, b_L/p", pretty(array.gap / array.pitch, NUMBER, 4)),
+            ("microlens f-number, gap/pitch", pretty(array.gap / array.pitch, NUMBER, 4)),
             ("image-side f-number of the main lens", pretty(self.mla_distance / lens.pupil_diameter, NUMBER, 4)),
             ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
             ("fill factor of the array", fill_factor(array)),

@@ -24,7 +24,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     yield Paragraph(
         say(
             "Values hold on the axis, for the declared scene and cameras; they follow no published test standard. "
-            "Percentages in brackets are of the distance. *Z accuracy*: half "
+            "Values in brackets are relative to the distance. *Z accuracy*: half "
             "the central 68.27 % interval from calibration errors alone, which remain after averaging many pictures. "
             "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one disparity, as "
             "used for depth. *Plane-fit RMS*: residual of a plane fitted to a flat target; calibration errors shift "

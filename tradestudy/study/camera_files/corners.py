@@ -30,6 +30,8 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
     CameraFileError
         The corners are inconsistent, do not determine a pair, or indicate a wrong unit of length.
     """
+    from tradestudy.calibration.corners.corner_file import board_unit
+
     top = files[0].top
     if len(files) != 1:
         raise files[1].top.fail("a corner file contains both cameras; give one file")
@@ -37,10 +39,11 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
         fit = _fit(files[0].path, files[0].text).explained
     except TradestudyError as error:
         raise top.fail(str(error)) from None
+    unit = board_unit([name.strip() for name in files[0].text.lstrip("\ufeff").partition("\n")[0].split(",")])
     baseline = float((fit.shared[-3:] ** 2).sum() ** 0.5)
     if problem := baseline_problem(baseline):
-        unit = "mm" if baseline > 1.0 else "m"
-        raise top.fail(f"{problem}; name the columns board_x_{unit} and board_y_{unit} if that is their unit")
+        other = "mm" if baseline > 1.0 else "m"
+        raise top.fail(f"{problem}; name the columns board_x_{other} and board_y_{other} if that is their unit")
     return ImportedCorners(
         file=files[0].name,
         focal_length=float(fit.shared[[0, 1, 6, 7]].mean()),
@@ -48,7 +51,7 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
         baseline=baseline,
         conventions=(
             Convention(name="format", says="corners of a board", key=top.key),
-            Convention(name="length unit", says="that of the columns board_x_… and board_y_…", key=top.key),
+            Convention(name="length unit", says=f"{unit}, by the name of the column board_x_{unit}", key=top.key),
             Convention(name="pictures", says="raw: as taken, before rectification", key=top.key),
             Convention(name="order of cameras", says="left and right as the columns are named", key=top.key),
         ),
