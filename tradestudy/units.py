@@ -362,9 +362,16 @@ def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:
     if not error > _SHOWN_ERROR * abs(value):
         return pretty(value, dimension)
     unit = display_unit(value, dimension)
-    shown = float(f"{error / unit.size:.0e}")
-    number = f"{(value - unit.zero) / unit.size:.{max(0, -math.floor(math.log10(shown)))}f}".replace("-", "−")
-    return f"{number}{unit.label} ± {significant(shown, 1)}{unit.label}"
+    number, deviation = to_digit_of_error((value - unit.zero) / unit.size, error / unit.size)
+    return f"{number}{unit.label} ± {deviation}{unit.label}"
+
+
+def to_digit_of_error(value: float, error: float) -> tuple[str, str]:
+    """Write a value and its positive error in one unit: the error with one digit, the value as far as that digit."""
+    shown = float(f"{error:.0e}")
+    decimals = -math.floor(math.log10(shown))
+    number = f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "−")
+    return number, significant(shown, 1)
 
 
 def display_unit(value: float, dimension: Dimension) -> DisplayUnit:

@@ -7,7 +7,18 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, display_unit, pretty, significant
+from tradestudy.units import (
+    ANGLE,
+    FRACTION,
+    LENGTH,
+    NUMBER,
+    PIXELS,
+    Dimension,
+    display_unit,
+    pretty,
+    significant,
+    to_digit_of_error,
+)
 from tradestudy.wording import distance, in_words
 
 _NEGLIGIBLE = 0.01  # of a value: most studies tolerate such an error
@@ -88,10 +99,7 @@ def distance_with_error(value: float, error: float) -> str:
 
 
 def _rounded(value: float, error: float, unit: str) -> str:
-    shown = float(f"{error:.0e}")
-    decimals = -int(np.floor(np.log10(shown)))
-    number = f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "−")
-    return f"{number} ± {significant(shown, 1)}{unit}".replace(" ", "\N{NO-BREAK SPACE}")
+    return f"{' ± '.join(to_digit_of_error(value, error))}{unit}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def interval(low: float, high: float) -> str:

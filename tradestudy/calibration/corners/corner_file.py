@@ -143,7 +143,8 @@ def _require_affordable(path: Path) -> None:
 
 def board_unit(header: Sequence[str]) -> str:
     """The unit that the names of the board's columns contain; mm if they contain none."""
-    return next((u for u in _BOARD_UNITS if f"board_x_{u}" in header and f"board_y_{u}" in header), "mm")
+    names = {name.strip() for name in header}
+    return next((u for u in _BOARD_UNITS if {f"board_x_{u}", f"board_y_{u}"} <= names), "mm")
 
 
 def _read_table(path: Path) -> tuple[FloatArray, float]:

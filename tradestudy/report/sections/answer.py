@@ -188,10 +188,7 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """The inputs on which the answers rest, with the basis of each."""
     if inputs := rests_on(tree):
-        yield say(
-            "**This rests on** the {inputs}.",
-            inputs=listed([f"the {one.removeprefix('the ')}" for one in inputs]).removeprefix("the "),
-        )
+        yield say("**This rests on** {inputs}.", inputs=listed([f"the {one.removeprefix('the ')}" for one in inputs]))
 
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:

@@ -28,7 +28,8 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
     columns: dict[str, list[FloatArray]] = {}
     single: dict[str, list[float]] = {}
     for name, camera in case.cameras.items():
-        usable, seen = is_usable(case, name, places), _seen_twice(camera, places) > 0.0
+        usable, shared = is_usable(case, name, places), _seen_twice(camera, places)
+        seen, measured = shared > 0.0, 1.0 - DepthErrors.of(camera, places).failed_fraction
         behind = np.array([camera.depth_behind_lens(float(place)) for place in places])
         ranges = usable_intervals(camera, case.criteria, case.distance)
         sizes = [count * camera.sensor.pixel_pitch for count in (camera.sensor.columns, camera.sensor.rows)]
@@ -38,7 +39,7 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
             "temporal_noise": np.where(seen, depth_uncertainty(_repeating(camera), places, "noise"), np.nan),
             "subpixel_rms": np.where(camera.images(places) & seen, disparity_error_at(camera, places), np.nan),
             "plane_fit_rms": np.where(seen, depth_uncertainty(camera, places, "noise"), np.nan),
-            "fill_rate": np.where(usable, fill_rate(camera, places), 0.0),
+            "fill_rate": np.where(usable, np.nan_to_num(shared * measured), 0.0),
             "field_width": sizes[0] * places / behind,
             "field_height": sizes[1] * places / behind,
             "usable": usable.astype(np.float64),
@@ -60,12 +61,6 @@ def _repeating(camera: DepthCamera) -> DepthCamera:
     if not isinstance(law, PictureDisparityError):
         return camera
     return replace(camera, disparity_error_px=replace(law, matcher=replace(law.matcher, pixel_locking=0.0)))
-
-
-def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Share of the picture that has a depth: the part seen by both views or enough microlenses, minus failures."""
-    measured = 1.0 - DepthErrors.of(camera, distance).failed_fraction
-    return np.asarray(np.nan_to_num(_seen_twice(camera, distance) * measured))
 
 
 def _seen_twice(camera: DepthCamera, distance: FloatArray) -> FloatArray:

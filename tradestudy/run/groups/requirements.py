@@ -167,7 +167,11 @@ def _could_be_reversed(
     of_value: float,
     of_ends: float,
 ) -> bool:
-    """Whether changes of this size could reverse an answer: those of one camera, or of all that give it alone."""
+    """Whether changes of this size could reverse an answer.
+
+    A met "any" and a missed "all" are reversed only if every camera with that answer changes; a missed "any" and a met
+    "all" are reversed if one camera changes.
+    """
     if deciding.met is None:
         return False
     if deciding.met is (cameras != ALL):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -39,7 +40,7 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
         fit = _fit(files[0].path, files[0].text).explained
     except TradestudyError as error:
         raise top.fail(str(error)) from None
-    unit = board_unit([name.strip() for name in files[0].text.lstrip("\ufeff").partition("\n")[0].split(",")])
+    unit = board_unit(next(csv.reader(files[0].text.removeprefix("\ufeff").splitlines())))
     baseline = float((fit.shared[-3:] ** 2).sum() ** 0.5)
     if problem := baseline_problem(baseline):
         other = "mm" if baseline > 1.0 else "m"
