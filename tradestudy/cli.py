@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 UNEXPECTED = 1
-_NEEDED_BY_WORKERS = ("tradestudy.analysis.requirements", "tradestudy.analysis.ranks", "scipy.stats")
+_NEEDED_BY_WORKERS = ("tradestudy.analysis.requirements", "tradestudy.analysis.ranks")
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -11,7 +11,8 @@ from scipy.stats import norm
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.acceptability import Acceptability, acceptability, rank_shares
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
+from tradestudy.uncertainty.sobol import scrambled_sobol
+from tradestudy.uncertainty.streams import point_generator
 from tradestudy.uncertainty.value_scale import ValueScale
 from tradestudy.uncertainty.weights import WeightSpace
 

@@ -11,8 +11,9 @@ from tradestudy.uncertainty.decision import (
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
+from tradestudy.uncertainty.sobol import scrambled_sobol
 from tradestudy.uncertainty.sources import Source, Sources
-from tradestudy.uncertainty.streams import plain_random, scrambled_sobol
+from tradestudy.uncertainty.streams import plain_random
 
 DRAWS = Draws(draws=2**11, replicates=8, sampler=scrambled_sobol, seed=0, point="decision")
 

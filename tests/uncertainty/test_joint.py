@@ -8,8 +8,9 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT, Triangular, Uniform
 from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
+from tradestudy.uncertainty.sobol import scrambled_sobol
 from tradestudy.uncertainty.sources import Source, Sources
-from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
+from tradestudy.uncertainty.streams import plain_random, point_generator
 
 RIG = ErrorClass.RIG
 

@@ -13,8 +13,9 @@ from tradestudy.uncertainty.evaluation import Outcome, alignment_with
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import PROBABILITIES
+from tradestudy.uncertainty.sobol import scrambled_sobol
 from tradestudy.uncertainty.sources import Source, Sources
-from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
+from tradestudy.uncertainty.streams import plain_random, point_generator
 
 ALL = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14)
 

@@ -9,7 +9,8 @@ from scipy.special import ndtr, ndtri
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty import scores
 from tradestudy.uncertainty.scores import BATCH_DRAWS, each_scramble, scramble_scores
-from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
+from tradestudy.uncertainty.sobol import scrambled_sobol
+from tradestudy.uncertainty.streams import point_generator
 
 
 def test_scores_are_those_of_one_scrambled_sequence():

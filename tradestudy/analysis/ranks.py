@@ -14,8 +14,8 @@ from tradestudy.cameras.error_vocabulary import SESSION_PARAMETERS
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.decision import Draws, RankProbability, rank_probability
 from tradestudy.uncertainty.evaluation import Model, Outcome
+from tradestudy.uncertainty.sobol import scrambled_sobol
 from tradestudy.uncertainty.sources import Group, Sources
-from tradestudy.uncertainty.streams import scrambled_sobol
 
 RANK_ERROR_SOURCES: Final = ("calibration", "both")
 """Calibration errors alone, as after averaging all noise away, and single measurements."""

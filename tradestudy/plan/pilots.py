@@ -88,8 +88,6 @@ def drawing_seconds(camera: DepthCamera, distances: int) -> float:
     """Additional time for the draws of an exact calibration, from the first draws."""
     if camera.propagation.model != "exact" or not camera.calibration.groups:
         return 0.0
-    import scipy.stats  # noqa: F401  # takes longer than the first draws
-
     expected: list[float] = []
     first = seconds_of(lambda: expected.append(draws_to_expect(camera)))
     doubled = 2.0 ** math.ceil(math.log2(expected[0]))

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
+from tradestudy.uncertainty.sobol import scrambled_sobol
+from tradestudy.uncertainty.streams import point_generator
 from tradestudy.uncertainty.value_scale import ValueScale
 from tradestudy.uncertainty.weights import WeightSpace
 

@@ -20,8 +20,9 @@ from tradestudy.uncertainty.outputs import (
     replicate_statistics,
     summarise,
 )
+from tradestudy.uncertainty.sobol import scrambled_sobol
 from tradestudy.uncertainty.sources import Sources
-from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
+from tradestudy.uncertainty.streams import Sampler
 
 FEWEST_REPLICATES = 8
 """With fewer independent scrambles, the standard error would be unreliable."""
@@ -58,7 +59,7 @@ class Sampling:
         Limit on the memory for stored draws. Replicates are not extended beyond it. Instead, more replicates of the
         same length are added, whose quantiles remain exact, until their bias could matter (status ``memory``).
     sampler : Sampler
-        :func:`~tradestudy.uncertainty.streams.scrambled_sobol`, or
+        :func:`~tradestudy.uncertainty.sobol.scrambled_sobol`, or
         :func:`~tradestudy.uncertainty.streams.plain_random` for comparison.
 
     Raises

@@ -11,7 +11,8 @@ from typing import Final, TypeVar
 import numpy as np
 
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
+from tradestudy.uncertainty.sobol import scrambled_sobol
+from tradestudy.uncertainty.streams import point_generator
 
 Result = TypeVar("Result")
 

@@ -16,9 +16,6 @@ UniformStream = Callable[[int], FloatArray]
 Sampler = Callable[[int, np.random.Generator], UniformStream]
 """Starts a stream of points with the given number of dimensions."""
 
-# 52 bits leave room for an offset of half a cell in a double, so that no coordinate is ever 0 or 1.
-_SOBOL_BITS = 52
-
 
 def point_generator(*, seed: int, point: str, replicate: int) -> np.random.Generator:
     """Random generator of one study point and replicate: Philox, keyed by a hash of seed, point and replicate.
@@ -47,23 +44,8 @@ def point_generator(*, seed: int, point: str, replicate: int) -> np.random.Gener
             remedy="zero is a valid seed",
         )
     digest = hashlib.blake2b(f"{seed}\0{replicate}\0{point}".encode(), digest_size=16).digest()
-    # scipy's samplers spawn generators from a seed sequence.
+    # The samplers of Sobol and Halton points spawn generators from a seed sequence.
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(int.from_bytes(digest, "little"))))
-
-
-def scrambled_sobol(dimensions: int, rng: np.random.Generator) -> UniformStream:
-    """Sobol points under a random linear matrix scramble and digital shift (Matoušek 1998).
-
-    Every point is uniform on the cube, so that estimates are unbiased, and independent scrambles give their error.
-    Request powers of two to keep the points balanced.
-    """
-    if dimensions == 0:
-        return lambda n: np.empty((0, n))
-    from scipy.stats.qmc import Sobol  # takes a second to import; only sampling needs it
-
-    engine = Sobol(dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)
-    half_cell = 2.0 ** -(_SOBOL_BITS + 1)
-    return lambda n: np.add(engine.random(n).T, half_cell, out=np.empty((dimensions, n)))
 
 
 def fixed_order_product(matrix: FloatArray, columns: FloatArray) -> FloatArray:
@@ -77,6 +59,6 @@ def fixed_order_product(matrix: FloatArray, columns: FloatArray) -> FloatArray:
 
 
 def plain_random(dimensions: int, rng: np.random.Generator) -> UniformStream:
-    """Independent uniform points: plain Monte Carlo, the comparison for :func:`scrambled_sobol`."""
+    """Independent uniform points: plain Monte Carlo, to compare Sobol points with."""
     below_all = 2.0**-54  # replaces an exact 0, which numpy can return
     return lambda n: np.maximum(np.ascontiguousarray(rng.random((n, dimensions)).T), below_all)

@@ -22,7 +22,7 @@ from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.document import Entry
 from tradestudy.study.schema.value_of_information import AssumptionPart, ValueOfInformationPart
 from tradestudy.study.varying import AnyReading, Varying, assumed
-from tradestudy.uncertainty.streams import scrambled_sobol
+from tradestudy.uncertainty.sobol import scrambled_sobol
 from tradestudy.uncertainty.value_of_information import worth_of_all, worth_of_one
 
 STEP: Final = "value of information"
