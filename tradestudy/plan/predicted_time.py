@@ -48,11 +48,11 @@ _TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
 _PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
 # Pilots of drawing and typesetting would need their libraries, whose loading takes half of the time. Both are
-# mixed interpreter work, like reading a study: these are the numbers of small studies read in the same time.
-_READINGS_OF_A_REPORT: Final = 80
-_READINGS_OF_A_FIGURE: Final = 25
-_READINGS_OF_A_RANKED_VALUE: Final = 0.2  # over all weights
-_READINGS_OF_A_HARD_CASE: Final = 1.5  # most are quick; some read a study, a few integrate
+# mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
+_PARSED_IN_A_REPORT: Final = 100
+_PARSED_IN_A_FIGURE: Final = 30
+_PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
+_PARSED_IN_A_HARD_CASE: Final = 2.0  # most are quick; some read a study, a few integrate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +135,7 @@ class _Prediction:
             yield PredictedStep(name="depth loop", seconds=math.fsum(planes), work=work, parts=planes)
         if file.depth_of_field is not None:
             cameras = len(self.definition.case.all_cameras)
-            seconds = cameras * self.reading
+            seconds = cameras * self.parsing
             yield PredictedStep(
                 name="depth of field",
                 seconds=seconds,
@@ -168,9 +168,9 @@ class _Prediction:
         yield self._report()
 
     @cached_property
-    def reading(self) -> float:
-        """Time to read a small study [s]."""
-        return pilots.reading_seconds()
+    def parsing(self) -> float:
+        """Time to parse a small study [s]."""
+        return pilots.parsing_seconds()
 
     @cached_property
     def design(self) -> float:
@@ -370,7 +370,7 @@ class _Prediction:
         from tradestudy.verification.hard_case_families import all_families
 
         cases = sum(len(family.cases) for family in all_families() if family.name in names)
-        seconds = cases * _READINGS_OF_A_HARD_CASE * self.reading
+        seconds = cases * _PARSED_IN_A_HARD_CASE * self.parsing
         return PredictedStep(name="hard cases", seconds=seconds, work=counted(cases, "case"))
 
     def _claims(self) -> PredictedStep:
@@ -417,7 +417,7 @@ class _Prediction:
         cells = len(ranked) * len(part.criteria)
         return PredictedStep(
             name="trade-off",
-            seconds=computed * tables + _READINGS_OF_A_RANKED_VALUE * cells * self.reading,
+            seconds=computed * tables + _PARSED_IN_A_RANKED_VALUE * cells * self.parsing,
             work=f"{counted(len(ranked), 'camera')} by {counted(len(part.criteria), 'criterion', 'criteria')}",
         )
 
@@ -426,7 +426,7 @@ class _Prediction:
             case PsfErrorClaim() | FresnelFNumberClaim():
                 return self.pair_on_axis
             case DepthOfFieldClaim() | DepthOfFieldRatioClaim():
-                return self.reading
+                return self.parsing
             case _ if self.cameras and not hasattr(claim, "criterion") and not hasattr(claim, "method"):
                 return _TABLES_OF_A_CLAIM * self._tables_of(tuple(self.cameras), reading) / len(self.cameras)
             case _:
@@ -446,8 +446,8 @@ class _Prediction:
             + (file.hard_cases is not None)
             + (file.trade_off is not None)
         )
-        readings = _READINGS_OF_A_REPORT + figures * _READINGS_OF_A_FIGURE
-        return PredictedStep(name="report", seconds=readings * self.reading, work=f"about {figures} figures, HTML, PDF")
+        parsed = _PARSED_IN_A_REPORT + figures * _PARSED_IN_A_FIGURE
+        return PredictedStep(name="report", seconds=parsed * self.parsing, work=f"about {figures} figures, HTML, PDF")
 
 
 def _seconds_of_inference(asked: Sequence[TargetToInfer | CornersToInfer]) -> float:
