@@ -85,7 +85,7 @@ def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list
     return entry, [*problems]
 
 
-@lru_cache(maxsize=16)  # a camera's file is also tried as a calibration file, and notebooks load the same study often
+@lru_cache(maxsize=64)  # a camera's file is also tried as a calibration file, and notebooks load the same study often
 def _composed(text: str, start: Place, tags: bool) -> tuple[Entry, tuple[Problem, ...]]:
     composer = _Composer(start=start, last=start, may_have_tags=tags)
     if tag := _ENDLESS_TAG.search(text):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -51,7 +52,7 @@ class Flat:
         if not np.allclose(frame @ frame.T, np.eye(2), atol=1e-9):
             raise OutOfRangeError("directions of a face", value=f"{self.first}, {self.second}", limit="orthonormal")
 
-    @property
+    @cached_property
     def _normal(self) -> FloatArray:
         return np.cross(self.first, self.second)
 

@@ -20,7 +20,8 @@ LEAST_SCALE: Final = 0.01
 fold the inverse loses digits."""
 _ANGLES: Final = 1024  # steps of the search for the end of the field
 _AZIMUTHS: Final = 72
-_BISECTIONS: Final = 50
+_SECTIONS: Final = 64  # of the step in which the field ends, refined as often as rounding allows
+_REFINEMENTS: Final = 9
 _STEP: Final = 1e-30  # of complex steps: derivatives are exact to rounding
 _ROUNDING: Final = 1e-12  # rad
 
@@ -148,7 +149,7 @@ class LensModel(ABC):
 
         It ends where the picture's radial scale falls to `LEAST_SCALE` of that on the axis, where the images of circles
         about the axis no longer enclose its image, or at `widest`. The search takes steps of a thousandth of `widest`,
-        then bisects: a narrower fold goes unnoticed. The result has the shape of the coefficients.
+        then refines the one it found: a narrower fold goes unnoticed. The result has the shape of the coefficients.
         """
         top = np.asarray(self.widest) * (1.0 - 1e-9)  # the widest directions themselves may be imaged at infinity
         if self.symmetric:
@@ -162,14 +163,14 @@ class LensModel(ABC):
         share = np.linspace(0.0, 1.0, _ANGLES + 1)[1:]
         angles = top[..., None, None] * share
         good = self._well_imaged(np.broadcast_to(angles, (*np.shape(top), 1, _ANGLES)), azimuths[..., None])
-        first = np.argmin(good, axis=-1)
         whole = np.all(good, axis=-1)
         step = top[..., None] / _ANGLES
-        low, high = first * step, (first + 1) * step
-        for _ in range(_BISECTIONS):
-            middle = (low + high) / 2.0
-            inside = self._well_imaged(middle[..., None], azimuths[..., None])[..., 0]
-            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+        low = np.argmin(good, axis=-1) * step
+        for _ in range(0 if np.all(whole) else _REFINEMENTS):
+            step = step / _SECTIONS
+            angles = low[..., None] + step[..., None] * np.arange(1, _SECTIONS)
+            good = self._well_imaged(angles, azimuths[..., None])
+            low = low + step * np.where(np.all(good, axis=-1), _SECTIONS - 1, np.argmin(good, axis=-1))
         ends = np.where(whole, np.asarray(self.widest)[..., None], low)
         least = np.argmin(ends, axis=-1)[..., None]
         azimuth = np.take_along_axis(np.broadcast_to(azimuths, ends.shape), least, axis=-1)[..., 0]
