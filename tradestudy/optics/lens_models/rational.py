@@ -97,20 +97,26 @@ class Rational(LensModel):
 
     @cached_property
     def _oblique(self) -> bool:
-        return any(np.any(getattr(self, name)) for name in ("p1", "p2", "s1", "s2", "s3", "s4"))
+        return self._has("p1", "p2", "s1", "s2", "s3", "s4")
 
     @cached_property
     def _tilted(self) -> bool:
-        return bool(np.any(self.tau_x) or np.any(self.tau_y))
+        return self._has("tau_x", "tau_y")
 
     @cached_property
     def _undistorting(self) -> bool:
-        return self.symmetric and not any(np.any(getattr(self, f"k{n}")) for n in range(1, 7))
+        return self.symmetric and self._polynomial and not self._has("k1", "k2")
 
     @cached_property
     def _polynomial(self) -> bool:
         """Whether k₃ to k₆ are zero."""
-        return not any(np.any(getattr(self, f"k{n}")) for n in range(3, 7))
+        return not self._has("k3", "k4", "k5", "k6")
+
+    def _has(self, *names: str) -> bool:
+        """Whether one of these coefficients is not zero."""
+        values = [getattr(self, name) for name in names]
+        # Inverting rays builds many models, and asking numpy about plain numbers would take most of that time.
+        return any(value != 0.0 if isinstance(value, float) else np.any(value) for value in values)
 
     def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """See `LensModel.image`; NaN for points beside or behind the camera."""
