@@ -71,7 +71,7 @@ possible weights of the criteria in `trade_off.criteria` (along `weighed`).
     "decision": """
 Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
 cameras of `decision.between`. Two depth uncertainties are *equal within their error* if their difference is at most
-their combined error, with standard errors multiplied by 5.4.
+their combined error; standard errors count 5.4 times.
 
 `place` lists the distances of `decision.at`, `pair` the pairs of `decision.compare` (or the main pair), and `question`
 the questions of `solve`. `change` and `crossing` number changes and crossovers, from the nearest. `rank_distance` and
@@ -80,8 +80,8 @@ the questions of `solve`. `change` and `crossing` number changes and crossovers,
 """,
     "calibration": """
 Calibrations that the program fits by Markov chains to the corners of a calibration board (stereo rigs) or to a
-simulated target. `posterior` names the cameras. `ensemble` numbers independent groups of chains. Values of a
-parameter are in SI or, if its name ends in `_px`, in pixels.
+simulated target. `posterior` names the cameras. `ensemble` numbers independent groups of chains. Parameters
+are in SI units or, if their names end in `_px`, in pixels.
 
 Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. Depths in them are those of points
 midway between the two cameras, at the distances `rig_distance`.
@@ -92,7 +92,7 @@ How much each error contributes to the depth uncertainty, at the distances of `s
 change several parameters together.
 """,
     "fresnel_validity": """
-The f-number from which on Fresnel's approximation may replace Kirchhoff's integral, for each lens (along `element`).
+The smallest f-number at which Fresnel's approximation may replace Kirchhoff's integral, for each lens (`element`).
 
 `metric` names three measures of the difference between two point-spread functions: `peak`, the difference at the
 thin-lens image point, relative to the intensity there; `l1`, the integral of the absolute difference over a window,

@@ -50,7 +50,7 @@ def test_the_calibration_group_contains_posteriors_with_their_diagnostics(ran):
     found = group(ran[1], "calibration")
     assert list(found["posterior"].values) == list(PLAIN)
     assert found["posterior_converged"].values.tolist() == [True, False, True]
-    assert set(found["posterior_kind"].values) == {"synthetic target"}
+    assert set(found["posterior_kind"].values) == {"simulated target"}
     known = found["posterior_mean"].notnull()
     assert known.sum("parameter").values.tolist() == [7, 3, 3]
     for name in ("posterior_deviation", "posterior_r_hat", "posterior_bulk_size", "posterior_tail_size"):

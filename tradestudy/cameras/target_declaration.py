@@ -92,13 +92,12 @@ class TargetPart(Part):
     )
     rotation_known_to: PositiveAngle | None = Field(
         default=None,
-        description="Standard deviation with which each component of the board's rotation is known; default: the "
-        "rotation is unknown.",
+        description="Standard uncertainty of each component of the board's rotation; default: the rotation is unknown.",
     )
     position_known_to: PositiveLength | None = Field(
         default=None,
-        description="Standard deviation with which each coordinate of the board's position is known; default: the "
-        "position is unknown.",
+        description="Standard uncertainty of each coordinate of the board's position; default: the position is "
+        "unknown.",
     )
     max_steps: MostSteps = Field(
         default=20_000, description="Largest number of steps of each Markov chain that samples the posterior."

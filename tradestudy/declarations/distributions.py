@@ -64,7 +64,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     mean: Signed | None = Field(
         default=None,
         description="Mean of the distribution, or median of a Student-t distribution that has no mean; default: 0. "
-        "Omit it for an empirical distribution; its mean is that of the draws.",
+        "Omit it for an empirical distribution, whose mean is that of the draws.",
     )
     standard_deviation: Positive | None = Field(
         default=None, description="Standard deviation of a normal distribution."

@@ -17,7 +17,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_kind": Variable(
         dims=("posterior",),
         units="",
-        long_name="what the calibration was fitted to: 'synthetic target' or 'corners of a board'",
+        long_name="what the calibration was fitted to: 'simulated target' or 'corners of a board'",
     ),
     "posterior_lengths": Variable(
         dims=("posterior",),
@@ -182,8 +182,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation of a parameter, fitted with motion of the board between the left and the right "
-        "exposure, divided by that fitted without; NaN where no such motion is fitted",
+        long_name="standard deviation of a parameter if motion of the board between the two exposures is fitted too, "
+        "divided by that if it is not; NaN where it is not fitted",
     ),
 }
 
@@ -227,8 +227,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
     "parameter_refused": Variable(
         dims=("camera",),
         units="",
-        long_name="why parameter_uncertainty is not computed, for example because of strong correlations; empty "
-        "where it is",
+        long_name="why parameter_uncertainty is not computed; empty where it is",
     ),
     "first_index": Variable(
         dims=("camera", "field", "distance", "source"),

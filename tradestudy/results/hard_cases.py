@@ -18,9 +18,9 @@ def _error(long_name: str) -> Variable:
     return Variable(
         dims=_CASE,
         units="1",
-        long_name=f"{long_name}; infinite where the answer is wrongly infinite, NaN or an exception; NaN where the "
+        long_name=f"{long_name}; infinite where it wrongly gives infinity, NaN or an exception; NaN where the "
         "right answer is in words",
-        error="none: exact to thirty digits",
+        error="correct to thirty digits",
     )
 
 
@@ -39,8 +39,8 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "bound": Variable(
         dims=_CASE,
         units="1",
-        long_name="largest our_error that counts as right: 1e-12, 10 machine epsilons times condition_number, or the "
-        "error that the program itself states; NaN where the right answer is in words",
+        long_name="largest acceptable our_error: the error that the program states or, without one, 10 machine "
+        "epsilons times condition_number, but at least 1e-12; NaN where the right answer is in words",
         error=EXACT,
     ),
     "condition_number": Variable(

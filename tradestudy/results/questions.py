@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import ESTIMATE, EXACT, SEE_ERROR, Variable
+from tradestudy.results.variable import ESTIMATE, EXACT, Variable
 
 DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
@@ -18,8 +18,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("reading", "place", "error_source"),
         units="",
         long_name="usable camera of the main pair with the lower depth uncertainty; both, separated by a comma, "
-        "where both depth uncertainties are equal within their error; empty where no usable one has a finite depth "
-        "uncertainty",
+        "where their depth uncertainties are equal within their error; empty where no usable camera has a finite one",
     ),
     "more_certain": Variable(
         dims=("reading", "place", "error_source"),
@@ -33,7 +32,7 @@ DECISION: Final[Mapping[str, Variable]] = {
         long_name="depth uncertainty of the first camera of the main pair, divided by that of the second; infinite "
         "where only the first is infinite or only the second is 0; NaN where both are infinite or both 0, or a camera "
         "does not see the point",
-        error=f"{SEE_ERROR} of /depth",
+        error="not stored: follows from depth_uncertainty_error of /depth",
     ),
     "within_tolerance": Variable(
         dims=("reading", "place", "error_source"),
@@ -51,13 +50,13 @@ DECISION: Final[Mapping[str, Variable]] = {
     "certainty_flips": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
-        long_name="whether more_certain differs from that in the study as declared",
+        long_name="whether more_certain differs from its value in the study as declared",
     ),
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="distance at which the usable camera with the lower depth uncertainty changes; NaN beyond the last "
-        "change",
+        long_name="distance at which another usable camera begins to have the lower depth uncertainty; NaN beyond the "
+        "last change",
         error="see change_error",
     ),
     "change_error": Variable(
@@ -102,8 +101,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_best_camera": Variable(
         dims=("design_place",),
         units="",
-        long_name="best_camera of each design in a sweep, by depth uncertainties interpolated between the distances of "
-        "/depth",
+        long_name="best_camera of each design in a sweep, at the distances of 'decision.at', for which depth "
+        "uncertainties are interpolated",
     ),
     "design_best_camera_along": Variable(
         dims=("distance",), units="", long_name="best_camera of each design in a sweep, at the distances of /depth"
@@ -131,8 +130,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "cause": Variable(
         dims=("camera",),
         units="",
-        long_name="uncertain input that contributes most to the variance of depth, on average over the usable "
-        "distances (or all distances if none is usable), and its basis; empty where no input is uncertain",
+        long_name="uncertain input, with its basis, that contributes most to the variance of depth, averaged over "
+        "the usable distances (all distances if none is usable); empty where no input is uncertain",
     ),
     "cause_share": Variable(
         dims=("camera",),
@@ -150,8 +149,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="smallest value of the varied input that solves the question, in the unit given by solved_units; NaN "
-        "if there is none",
+        long_name="smallest solution: value of the varied input, in the unit given by solved_units; NaN if there is no "
+        "solution",
         error="see solved_error",
     ),
     "solved_error": Variable(
@@ -171,8 +170,8 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=("claim", "reading"),
         units="mixed",
-        long_name="value of the claim's quantity under a reading, in SI; NaN where the claim is not tested under this "
-        "reading",
+        long_name="value of the claim's quantity under a reading, in SI units; NaN where the claim is not tested under "
+        "this reading",
         error="not estimated; that of depth uncertainties is depth_uncertainty_error of /depth",
     ),
     "met": Variable(
@@ -240,17 +239,17 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="worst value of the quantity over the required distances, for camera_deciding, in SI; for a required "
-        "usable or sharp range, the fraction of it, on a logarithmic scale, that the camera covers; NaN where unknown",
+        long_name="worst value of the quantity over the required distances, for camera_deciding, in SI units; for a "
+        "required usable or sharp range, the fraction of it, on a logarithmic scale, that the camera covers; NaN where unknown",
         error="see value_error",
     ),
     "value_error": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="estimated error of 'value', in SI; NaN where unknown",
+        long_name="estimated error of 'value', in SI units; NaN where unknown",
         error=ESTIMATE,
     ),
-    "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI", error=EXACT),
+    "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI units", error=EXACT),
     "place": Variable(
         dims=_OF_REQUIREMENT,
         units="m",
@@ -324,13 +323,13 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "bound_alone_value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="'value' if matching reached its bound, in SI; NaN where no matcher makes a difference",
+        long_name="'value' if matching reached its bound, in SI units; NaN where no matcher makes a difference",
         error="see bound_alone_value_error",
     ),
     "bound_alone_value_error": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="value_error if matching reached its bound, in SI; NaN where no matcher makes a difference",
+        long_name="value_error if matching reached its bound, in SI units; NaN where no matcher makes a difference",
         error=ESTIMATE,
     ),
     "bound_alone_place": Variable(
@@ -386,13 +385,13 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=("requirement", "stretch"),
         units="mixed",
         long_name="start of a range of the swept parameter in which the same camera meets the requirement throughout, "
-        "in SI; NaN beyond the last range",
+        "in SI units; NaN beyond the last range",
         error="see met_to_within",
     ),
     "met_to": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="end of the range that begins at met_from, in SI; NaN beyond the last range",
+        long_name="end of the range that begins at met_from, in SI units; NaN beyond the last range",
         error="see met_to_within",
     ),
     "met_to_within": Variable(

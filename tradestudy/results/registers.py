@@ -53,7 +53,7 @@ ASSUMPTIONS: Final[Mapping[str, Variable]] = {
     "note": Variable(
         dims=("path",),
         units="",
-        long_name="where the value comes from or, if it is set for this run, the value that it replaces in the study "
+        long_name="source of the value in words or, if it is set for this run, the value that it replaces in the study "
         "file; empty if neither is known",
     ),
     "cameras": Variable(

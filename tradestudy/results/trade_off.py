@@ -118,7 +118,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether every requirement of priority 'must' is met; where one camera suffices, by this candidate",
+        long_name="whether every requirement of priority 'must' is met, by this candidate if one camera has to meet it",
         error=EXACT,
     ),
     "on_pareto_front": Variable(

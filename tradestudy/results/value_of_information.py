@@ -21,18 +21,16 @@ VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
     "worth_bias": Variable(
         dims=("assumption",),
         units="1",
-        long_name="upward bias that has been subtracted from 'worth': apparent gain from choosing the camera with the "
-        "highest fitted utility, which noise raises",
+        long_name="upward bias that has been subtracted from 'worth': noise raises the largest of several estimated "
+        "utilities",
         error=ESTIMATE,
     ),
     "says": Variable(dims=("assumption",), units="", long_name="name of the assumption in reports"),
-    "varied": Variable(
-        dims=("assumption",), units="", long_name="paths of the values that the assumption varies, or its readings"
-    ),
+    "varied": Variable(dims=("assumption",), units="", long_name="paths of the varied values, or the readings"),
     "between": Variable(
         dims=("assumption",),
         units="",
-        long_name="smallest and largest possible value, with units, or the readings, in words",
+        long_name="smallest and largest possible value with units, or the readings in words",
     ),
     "expected_utility": Variable(
         dims=("candidate",),

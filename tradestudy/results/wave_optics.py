@@ -367,7 +367,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         "outside_geometric",
         "1",
         "fraction of the pupil's power outside the disc that paraxial rays fill; 1 in focus, where this disc is a "
-        "point; NaN where the disc reaches beyond the computed square, and",
+        "point; NaN where the disc is not within the computed square, and",
     ),
     **_spread(
         "neighbour_share",

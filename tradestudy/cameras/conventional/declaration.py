@@ -37,7 +37,7 @@ class ReferenceScalePart(Part):
 
 
 class FocusStackPart(Part):
-    """Images at different focus distances: as few as make a range of distances sharp, but at most `images`."""
+    """The fewest images at different focus distances that make a range of distances sharp, at most `images`."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance of the range to cover.")

@@ -50,7 +50,7 @@ def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[s
     return {
         "posterior_converged": of_each(lambda one: not one.failures),
         "posterior_verdict": of_each(lambda one: "; ".join(one.failures)),
-        "posterior_kind": of_each(lambda one: "synthetic target" if one.fit is None else "corners of a board"),
+        "posterior_kind": of_each(lambda one: "simulated target" if one.fit is None else "corners of a board"),
         "posterior_lengths": of_each(lambda one: one.sample.diagnostics.lengths),
         "posterior_acceptance": np.stack(
             of_each(
