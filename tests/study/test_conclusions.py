@@ -106,7 +106,7 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
     assert wish.endswith("; met by no design that was tried")
     first = next(row for row in conclusions_as_json(swept.data)["trade_off"] if row["camera"] == "50 mm stereo head")
     shown = re.fullmatch(
-        r"By all criteria: 50 mm stereo head ranks first for (\d+) % of the possible weights; .*", weighed
+        r"Weighing all criteria: 50 mm stereo head ranks first for (\d+) % of the possible weights; .*", weighed
     )
     assert shown
     assert float(shown[1]) == pytest.approx(100.0 * first["first"], abs=0.51)

@@ -128,7 +128,7 @@ def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
         if equal:
             _lines(axes, sharp_ranges(one, "resolved"), row + 0.27, linewidth=1.4, solid_capstyle="butt")
     named_rows(axes, [shortened(camera.title) for camera in shown])
-    axes.set_xlabel("distance from the lens [mm]")
+    axes.set_xlabel("distance from the principal plane [mm]")
     _resolution_beside(axes, data, shown)
     handles: list[Any] = [Patch(color=_SCENE, linewidth=0), Patch(color=SOFT, linewidth=0)]
     labels = ["the scene", "sharp (shades: images or types)"]
@@ -229,7 +229,7 @@ def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     _scene_band(axes, data)
     sizes = [np.asarray(data["lateral_resolution"].sel(camera=c.key).values, dtype=np.float64) * MM for c in shown]
     limits = _size_limits(np.concatenate(sizes))
-    axes.set(ylim=limits, xlabel="distance from the lens [mm]", ylabel="detail resolved on the object")
+    axes.set(ylim=limits, xlabel="distance from the principal plane [mm]", ylabel="detail resolved on the object")
     for camera, size, under in zip(shown, sizes, beneath(sizes, limits), strict=True):
         sharp = _inside(distance, sharp_ranges(data.sel(camera=camera.key), "sharp"))
         line = {"color": camera.style.color, "linestyle": camera.style.dash, "label": camera.title}

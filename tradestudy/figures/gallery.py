@@ -180,11 +180,14 @@ def _shares(tree: xr.DataTree) -> Drawing:
     silent = listed(
         [_ERRORS.get(name, in_words(name)) for name, most in every.items() if most >= 0.0 and name not in shown]
     )
+    usable = nominal(tree)["usable"].values
+    known = np.isfinite(nominal(tree)["variance_share"].transpose(*nominal(tree)["usable"].dims, "part").values).all(-1)
     return Drawing(
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
-        "sources that averaging does not reduce; pale: the camera is not usable; blank: the camera measures no depth."
+        f"sources that averaging does not reduce{'; pale: the camera is not usable' * bool((known & ~usable).any())}"
+        f"{'; blank: the camera measures no depth' * bool((~known).any())}."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),

@@ -240,7 +240,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT,
         units="mixed",
         long_name="worst value of the quantity over the required distances, for camera_deciding, in SI units; for a "
-        "required usable or sharp range, the fraction of it, on a logarithmic scale, that the camera covers; NaN where unknown",
+        "required usable or sharp range, the fraction of it, on a logarithmic scale, that the camera covers; NaN where "
+        "unknown",
         error="see value_error",
     ),
     "value_error": Variable(

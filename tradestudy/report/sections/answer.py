@@ -142,7 +142,7 @@ def _designs(tree: xr.DataTree) -> Iterator[Spans]:
 def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
     """The camera that ranks first by all declared criteria."""
     if conclusion := trade_off_conclusion(tree):
-        yield say("**By all criteria** ([](#trade-off-table)): {conclusion}.", conclusion=conclusion)
+        yield say("**Weighing all criteria** ([](#trade-off-table)): {conclusion}.", conclusion=conclusion)
 
 
 def _measured(tree: xr.DataTree) -> Iterator[Spans]:

@@ -20,7 +20,10 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
     if has(tree, "depth"):
-        yield Paragraph("Errors are those of the depth uncertainty, over the distances where the camera is usable.")
+        yield Paragraph(
+            "The error is that of the computed depth uncertainty where the camera is usable. Where nothing else is "
+            "said, more complete models give the same result within the error."
+        )
     yield Bullets(tuple(answers(group(tree, "cost"))))
     yield from pictures_of(drawings, "cost")
 
@@ -40,13 +43,13 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     own, error, floor = chosen[0], float(chosen[0]["relative_error"]), float(problem["reference_error"])
     finer = [entry for entry in entries if entry["next_digit"]]
     if finer:
-        more = f"ten times the accuracy takes {_seconds(finer[0])} ({finer[0]['models']})"
+        more = f"; ten times the accuracy takes {_seconds(finer[0])} ({finer[0]['models']})"
     elif error <= floor:
-        more = "more complete models give the same result within this error"
+        more = ""
     else:
-        more = "no measured set of models is ten times as accurate"
+        more = "; no measured set of models is ten times as accurate"
     return say(
-        "**{title}** ({models}) takes {seconds} of computing time, with an error of {most}{error}; {more}.{left_out}",
+        "**{title}** ({models}) takes {seconds} of computing time, with an error of {most}{error}{more}.{left_out}",
         title=str(problem["title"].item()),
         models=str(own["models"]),
         seconds=_seconds(own),

@@ -26,12 +26,11 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "Values hold on the axis, for the declared scene and cameras; they follow no published test standard. "
             "Values in brackets are relative to the distance. *Z accuracy*: half "
             "the central 68.27 % interval from calibration errors alone, which remain after averaging many pictures. "
-            "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one disparity, as "
-            "used for depth. *Plane-fit RMS*: residual of a plane fitted to a flat target; calibration errors shift "
-            "and tilt the whole plane, so only noise remains. *Fill rate*: the fraction of the picture that both "
-            "views, or enough microlenses, see, times the fraction of measurements that do not fail; 0 where the "
-            "camera is unusable. *Field*: width and height of the area that one camera sees: those of the "
-            "sensor, times the object distance, divided by the distance from lens to sensor.{matching}",
+            "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one measured "
+            "disparity. *Plane-fit RMS*: residual of a plane fitted to a flat target; calibration errors shift "
+            "and tilt the whole plane, so only noise remains. *Fill rate*: the fraction of the picture seen by both "
+            "views, or by enough microlenses, times the fraction of measurements that do not fail; 0 where the "
+            "camera is unusable. *Field*: width and height of the area that one camera sees.{matching}",
             matching=_of_matching(tree),
         )
     )
@@ -77,7 +76,7 @@ def _rows(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:
 def _lengths(one: xr.Dataset, name: str) -> Iterator[str]:
     for value, place in zip(one[name].values, one["sheet_distance"].values, strict=True):
         if math.isfinite(float(value)):
-            yield f"{length(float(value))} ({share(float(value / place), digits=2)})"
+            yield f"{length(float(value))} ({significant(100.0 * float(value / place), 2)} %)"
         else:
             yield "—" if math.isnan(float(value)) else "unbounded"
 

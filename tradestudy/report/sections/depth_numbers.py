@@ -34,6 +34,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
     """List the numbers behind the curves at the declared distances."""
     depth = table_depth(tree)
     rows: list[tuple[Text, ...]] = []
+    noise_alone = False
     quantiles = depth["quantile"].values
     content = share(float(quantiles[-1] - quantiles[0]))
     for place in table_distances(tree):
@@ -49,6 +50,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
                 error_source: tuple(float(one.sel(error_source=error_source)) for one in known)
                 for error_source in _ERROR_SOURCES
             }
+            noise_alone |= u["both"][0] == u["noise"][0] and u["calibration"][0] > 0.0
             nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
             low, high = camera["depth_quantile"].sel(error_source="both").values[[0, -1]]
             rows.append(
@@ -80,6 +82,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             "and both"
             + "; ± its error, where that exceeds 1 %" * ("±" in shown)
             + "."
+            + " Where u both equals u noise, the chosen models leave calibration errors out." * noise_alone
             + " ∞: the interval has no far end." * ("∞" in shown)
             + " *: not converged; the sampling error exceeds the tolerance." * ("*" in shown)
             + _numerical_error(tree)
@@ -169,16 +172,16 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
         yield table(
             "baseline-table",
             "equivalent_baseline",
-            "Equivalent baseline: that of a stereo rig that has the camera's focal length and disparity error and "
-            "measures depth equally well, calibration errors aside.",
+            "Equivalent baseline: the baseline of a stereo rig with the same focal length, disparity error and u noise."
+            "",
             length,
             _baseline_note(tree, depth),
         )
     yield table(
         "failed-table",
         "failed_fraction",
-        "Fraction of measurements that fail: errors move their disparity beyond that of infinity"
-        f"{', or they are false matches' * false_matches_declared(tree)}. Noise and calibration errors together.",
+        "Fraction of measurements that noise and calibration errors move beyond infinity"
+        f"{', or that are false matches' * false_matches_declared(tree)}.",
         lambda value: "< 1 ppm" if value < _NEGLIGIBLE_SHARE else or_dash(value, share),
     )
 

@@ -21,9 +21,9 @@ _HOW: Final = {
     "trial": "trial at a few distances",
 }
 _EVIDENCE: Final = (
-    "Evidence: how the change was found. Computed: from the results with and without what the model leaves out. Trial: "
-    "likewise, but at a few distances or places only. Formula: estimated without the more complete model. Changes "
-    "found in a trial or by a formula include a safety margin."
+    "Evidence: how the change was found. Computed: by running with and without what the model leaves out. Trial: "
+    "the same, but at a few distances or field positions only. Formula: estimated without the more complete "
+    "model. Changes found in a trial or by a formula include a safety margin."
 )
 _FULL: Final = "none"
 _COLUMNS: Final = (

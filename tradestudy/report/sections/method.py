@@ -102,12 +102,12 @@ def _uncertainty() -> Iterator[Block]:
         (
             say(
                 "**Depth discrimination**: the change of true depth that moves the disparity of the declared "
-                "estimator by the declared step, nearer and farther. It includes neither noise nor calibration "
-                "errors. The change to a farther distance can be infinite."
+                "estimator by the declared step, stated for nearer and farther points. It includes neither noise "
+                "nor calibration errors. The change to a farther distance can be infinite."
             ),
             say(
-                "**Depth uncertainty**: half the central 68.27 % interval of the depth from one measurement by a "
-                "camera whose errors are drawn from its calibration. It is stated for matching noise only, "
+                "**Depth uncertainty**: half the width of the central 68.27 % interval of one measured depth, under "
+                "noise and the errors that calibration leaves. It is stated for matching noise only, "
                 "calibration errors only, and both."
             ),
             say(
@@ -138,7 +138,7 @@ def _uncertainty() -> Iterator[Block]:
             "**Linear** propagation takes the covariance of all errors through the derivatives of that model at each "
             "distance; a comparison with random draws through the model gives the error of this approximation. "
             "**Exact** propagation sends eight independently scrambled Sobol sequences of draws through the model "
-            "itself; all distances and designs share them. A result is *converged* when the eight sequences "
+            "itself, the same at all distances. A result is *converged* when the eight sequences "
             "determine every reported half-width to within the tolerance (95 % *t*-interval); where an interval has "
             "no far end, the fraction of failed measurements is judged instead. The program uses linear propagation "
             "where a trial shows that its error stays within the tolerance."
@@ -159,15 +159,14 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
     )
     meanings = {
         "overlap": say(
-            "**Overlap**: the other camera also sees at least the declared fraction (by default, any above zero) of "
-            "each stereo picture."
+            "**Overlap**: the other camera also sees part of each stereo picture, at least the declared fraction."
         ),
         "total_covering_plane": say(
             "**Total covering plane**: the magnitude of the virtual depth is at least the declared one."
         ),
         "availability": say(
-            "**Availability**: at least the declared fraction (by default, any above zero) of points is seen by two "
-            "or more of the microlenses that the estimator uses."
+            "**Availability**: two or more of the microlenses that the estimator uses see the same points, at least "
+            "the declared fraction of all."
         ),
         "focus": say(
             "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs, is at "

@@ -208,7 +208,7 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     lines += [f"{question_words(says)} {answer}" for says, answer in solved_questions(tree)]
     lines += judged[1:]  # fewer lines may leave out a lesser requirement, but no answer to a question
     if weighed := trade_off_conclusion(tree):
-        lines.append(f"By all criteria: {weighed}")
+        lines.append(f"Weighing all criteria: {weighed}")
     lines += [*measured_words(tree), *wave_words(tree)]
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":

@@ -35,5 +35,5 @@ def best_of_any_matcher(titles: tuple[str, ...]) -> str:
     """The caveat on errors at the bound of matching; empty if no camera has such errors."""
     if not titles:
         return ""
-    what = "disparity error of {} is" if len(titles) == 1 else "disparity errors of {} are"
-    return f"The {what.format(listed(titles))} derived from the picture: a lower bound for any matcher."
+    what = "disparity error of {} is a lower bound" if len(titles) == 1 else "disparity errors of {} are lower bounds"
+    return f"The {what.format(listed(titles))} derived from the picture; no matcher does better."
