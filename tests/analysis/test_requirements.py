@@ -222,6 +222,21 @@ def test_a_camera_without_overlap_decides_nothing() -> None:
     assert one.camera.startswith("stereo")
 
 
+def test_a_camera_that_is_usable_nowhere_in_the_required_range_is_never_the_closest() -> None:
+    study = robot(own={"camera": "any", "depth_uncertainty": {"below_relative": "2 %", "over": ["0.4 m", "3 m"]}})
+    out_of_focus = {"focus_distance": "30 mm", "depth.disparity_error": "0.1 px"}
+    heads = {f"stereo-{base}mm.{name}": value for base in (50, 75) for name, value in out_of_focus.items()}
+    study = study.with_values({**heads, "usable_range.blur": "2 px"})
+    one, every = Judge().answer(part(study, "own"), study.definition.case)
+    assert [every[f"stereo-{base}mm"].unusable for base in (50, 75)] == [1.0, 1.0]
+    array, head = every["raytrix-r5"], every["stereo-75mm"]
+    assert array.value_margin is not None
+    assert head.value_margin is not None
+    # By the sum of both shortfalls alone, the rig would be closer.
+    assert array.value_margin - array.unusable < min(head.value_margin, 0.0) - head.unusable
+    assert one.camera == "raytrix-r5"
+
+
 def test_one_camera_without_overlap_leaves_all_undecided_and_an_empty_bound_is_met() -> None:
     over = {"over": ["0.4 m", "3 m"]}
     study = robot(

@@ -67,3 +67,44 @@ def test_a_report_keeps_the_warnings() -> None:
     result = tradestudy.load(ROBOT, few).run()
     kept = result.data["assumptions"]["warning"].values.tolist()
     assert any("50 m is unusual" in str(one).replace("\N{NO-BREAK SPACE}", " ") for one in kept)
+
+
+STEREO = """%YAML:1.0
+---
+image_width: 640
+image_height: 480
+M1: !!opencv-matrix {rows: 3, cols: 3, dt: d, data: [800., 0., 320., 0., 800., 240., 0., 0., 1.]}
+M2: !!opencv-matrix {rows: 3, cols: 3, dt: d, data: [800., 0., 320., 0., 800., 240., 0., 0., 1.]}
+D1: !!opencv-matrix {rows: 1, cols: 5, dt: d, data: [0., 0., 0., 0., 0.]}
+D2: !!opencv-matrix {rows: 1, cols: 5, dt: d, data: [0., 0., 0., 0., 0.]}
+R: !!opencv-matrix {rows: 3, cols: 3, dt: d, data: [1., 0., 0., 0., 1., 0., 0., 0., 1.]}
+T: !!opencv-matrix {rows: 3, cols: 1, dt: d, data: [-90., 0., 0.]}
+"""
+IMPORTING = """format: 2
+study: importing
+title: Blur of an imported rig
+question: Where is it usable?
+cameras:
+  rig:
+    from: rig.yml
+    length_unit: mm
+    lenses: {f_number: 4}
+    focus_distance: 0.6 m
+scene: {distances: {from: 0.3 m, to: 2 m, points: 10, spacing: log}, wavelength: 550 nm}
+usable_range: {blur: 2 px}
+"""
+
+
+def test_an_assumed_pixel_pitch_is_warned_about_only_where_blur_depends_on_it(tmp_path: Path) -> None:
+    (tmp_path / "rig.yml").write_text(STEREO, encoding="utf-8")
+    study = tmp_path / "importing.yaml"
+
+    def warnings(text: str, *overrides: str) -> tuple[str, ...]:
+        study.write_text(text, encoding="utf-8")
+        return tradestudy.load(study, list(overrides)).warnings
+
+    (reported,) = warnings(IMPORTING)
+    assert "cameras.rig.from: " in reported
+    assert "pixel_pitch" in reported
+    assert warnings(IMPORTING, "rig.sensor.pixel_pitch=3 um") == ()
+    assert warnings(IMPORTING.replace("blur: 2 px", "relative_uncertainty: 50 %")) == ()

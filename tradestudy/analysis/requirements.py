@@ -87,7 +87,8 @@ def _check_measured(
     margin = -1.0 if math.isnan(margin) else margin
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
-    reason, limit = f"worst {_distinguished(bound, value, dimension)} at {pretty(place, LENGTH)}", ""
+    worst = "no value" if math.isnan(value) else f"worst {_distinguished(bound, value, dimension)}"
+    reason, limit = f"{worst} at {pretty(place, LENGTH)}", ""
     if unusable > 0.0:
         broken = _limit_of(intervals, gap, case, name)
         reason = f"{_not_usable(gap, broken)}; {reason}"
@@ -162,7 +163,8 @@ class Judge:
 
         For ``any``, the best camera decides; for ``all``, the worst. A camera without a value leaves the requirement
         undecided, unless for ``any`` another meets it or for ``all`` another misses it. If none meets it, the closest
-        decides: the one whose value and usable range together fall short by the smallest share.
+        decides: the one whose value and usable range together fall short by the smallest share; a camera that is usable
+        nowhere in the required range comes last.
         """
         names = _names(requirement, case)
         found = {name: self._answer_of(requirement, case, name) for name in names}
@@ -217,13 +219,13 @@ def _distinguished(bound: float, value: float, dimension: Dimension) -> str:
     return pretty(value, dimension, fewest_digits(lambda digits: pretty(value, dimension, digits) != limit))
 
 
-def _closeness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, float, float]:
-    """Sort key, larger for better: the margin, or what value and usable range fall short together; then the value."""
+def _closeness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, bool, float, float]:
+    """Sort key, larger for better: usable anywhere; the margin, or what value and usable range miss; then the value."""
     value = -math.inf if math.isnan(answer.value) else answer.value if above else -answer.value
     margin = answer.margin
     if answer.unusable > 0.0 and answer.value_margin is not None:  # the shares by which value and range fall short
         margin = min(answer.value_margin, 0.0) - answer.unusable
-    return bool(answer.met), -math.inf if math.isnan(margin) else margin, value
+    return bool(answer.met), not answer.unusable >= 1.0, -math.inf if math.isnan(margin) else margin, value
 
 
 def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, name: str) -> RequirementAnswer:

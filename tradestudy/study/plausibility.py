@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
+from tradestudy.cameras.stereo.imported import NOMINAL
 from tradestudy.errors import Problem
 from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE
 from tradestudy.study.definition import StudyDefinition
@@ -57,6 +58,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_light(definition),
         *_imported_baselines(definition),
         *_folding_lenses(definition),
+        *_assumed_pitches(definition),
         *_idle_matcher(definition),
         *_tolerances(definition),
         *_requirements(definition),
@@ -123,6 +125,22 @@ def _folding_lenses(definition: StudyDefinition) -> Iterator[Problem]:
             path = ("cameras", name, "from")
             what = f"depth cannot be measured in {says}; check the distortion coefficients"
             yield definition.document.locate(path).problem(path, what)
+
+
+def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:
+    """Imported cameras whose blur or diffraction depends on a pixel pitch that their file does not give."""
+    for name, camera in definition.file.cameras.items():
+        inside = ("cameras", name)
+        pitch = definition.document.entry((*inside, "sensor", "pixel_pitch"))
+        if not isinstance(pitch, ScalarEntry) or NOMINAL not in str(pitch.annotation and pitch.annotation.note):
+            continue
+        if definition.document.entry((*inside, "lenses", "f_number")) is None:
+            continue
+        derived = isinstance(camera, DepthCameraDeclaration) and camera.depth.declared_error_px is None
+        if derived or definition.file.usable_range.blur is not None:
+            path = (*inside, "from")
+            what = f"the file gives no pixel pitch; {pitch.text} is assumed, but blur and diffraction depend on it"
+            yield definition.document.locate(path).problem(path, f"{what}; give sensor: {{pixel_pitch: ...}}")
 
 
 def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:

@@ -11,7 +11,7 @@ from tradestudy.cameras.imported import ImportedCamera, ImportedCorners, Importe
 from tradestudy.optics.lens_models.families import ANGLES
 
 _NOMINAL_PITCH: Final = "3 um"
-_NOMINAL: Final = (
+NOMINAL: Final = (
     "nominal: depth depends only on its ratio to the focal length, but blur and diffraction need the true value"
 )
 
@@ -66,7 +66,7 @@ def _of_camera(side: str, camera: ImportedCamera) -> Iterator[Stated]:
 
 
 def _pitch(key: str) -> Stated:
-    return Stated(path=("sensor", "pixel_pitch"), value=_NOMINAL_PITCH, key=key, basis="assumed", note=_NOMINAL)
+    return Stated(path=("sensor", "pixel_pitch"), value=_NOMINAL_PITCH, key=key, basis="assumed", note=NOMINAL)
 
 
 def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:
