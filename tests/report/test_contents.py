@@ -190,16 +190,13 @@ def test_a_study_without_other_readings_does_not_speak_of_them(make_tree: Callab
     assert "reading-table" not in [one.name for one in document_of(tree).blocks if isinstance(one, Table)]
 
 
-def test_the_record_says_how_many_points_were_computed(tree: xr.DataTree) -> None:
+def test_the_record_says_what_an_interrupted_run_had_computed(tree: xr.DataTree) -> None:
     points = {"depth": {"computed": 3, "taken up": 0}, "ranks": {"computed": 1, "taken up": 2}}
     document = compose_report(tree, {"options": [], "points": points}, figures.build(tree))
     options, heading, *steps = table(document, "provenance-table")
     assert options == ["options", "none"]
     assert len(heading) == 1
-    assert steps == [
-        ["depth", "3"],
-        ["ranks", "1, and 2 reused from an interrupted run"],
-    ]
+    assert steps == [["ranks", "2 of 3"]]
 
 
 def test_a_sensor_is_width_times_height(tree: xr.DataTree) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 LensModelName = Literal[
     "rational",
@@ -20,6 +20,11 @@ LensModelName = Literal[
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
 Value = str | float | Sequence["Value"]
+
+NOMINAL_PITCH: Final = (
+    "nominal: depth depends only on its ratio to the focal length, but blur and diffraction need the true value"
+)
+"""Note on a pixel pitch that no calibration file gives."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
-from tradestudy.cameras.stereo.imported import NOMINAL
+from tradestudy.cameras.imported import NOMINAL_PITCH
 from tradestudy.errors import Problem
 from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE
 from tradestudy.study.definition import StudyDefinition
@@ -132,7 +132,7 @@ def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:
     for name, camera in definition.file.cameras.items():
         inside = ("cameras", name)
         pitch = definition.document.entry((*inside, "sensor", "pixel_pitch"))
-        if not isinstance(pitch, ScalarEntry) or NOMINAL not in str(pitch.annotation and pitch.annotation.note):
+        if not isinstance(pitch, ScalarEntry) or NOMINAL_PITCH not in str(pitch.annotation and pitch.annotation.note):
             continue
         if definition.document.entry((*inside, "lenses", "f_number")) is None:
             continue

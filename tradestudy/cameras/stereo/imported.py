@@ -7,13 +7,17 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.cameras.imported import ImportedCamera, ImportedCorners, ImportedRig, Stated, conventions_stated
+from tradestudy.cameras.imported import (
+    NOMINAL_PITCH,
+    ImportedCamera,
+    ImportedCorners,
+    ImportedRig,
+    Stated,
+    conventions_stated,
+)
 from tradestudy.optics.lens_models.families import ANGLES
 
-_NOMINAL_PITCH: Final = "3 um"
-NOMINAL: Final = (
-    "nominal: depth depends only on its ratio to the focal length, but blur and diffraction need the true value"
-)
+_ASSUMED_PITCH: Final = "3 um"
 
 
 def stated_by(imported: ImportedRig | ImportedCorners) -> Iterator[Stated]:
@@ -66,7 +70,7 @@ def _of_camera(side: str, camera: ImportedCamera) -> Iterator[Stated]:
 
 
 def _pitch(key: str) -> Stated:
-    return Stated(path=("sensor", "pixel_pitch"), value=_NOMINAL_PITCH, key=key, basis="assumed", note=NOMINAL)
+    return Stated(path=("sensor", "pixel_pitch"), value=_ASSUMED_PITCH, key=key, basis="assumed", note=NOMINAL_PITCH)
 
 
 def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:

@@ -360,7 +360,8 @@ def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
 
     It lacks the inputs, which earlier sections show, and the checksum, which is not known yet.
     """
-    rows = tuple(_recorded({key: value for key, value in run.items() if key not in ("inputs", CHECKSUM)}))
+    plain = {key: value for key, value in run.items() if key not in ("inputs", "points", CHECKSUM)}
+    rows = (*_recorded(plain), *_reused(run.get("points", {})))
     if rows:
         yield Heading(text="Provenance", anchor="provenance")
         yield Table(
@@ -377,8 +378,8 @@ def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield from (_plain(key, value) for key, value in content.items() if key not in groups)
     for key, values in groups.items():
         if values:
-            yield ("Separate computations in each step" if key == "points" else in_words(key).capitalize(),)
-            yield from map(_points, values.items()) if key == "points" else _recorded(values)
+            yield (in_words(key).capitalize(),)
+            yield from _recorded(values)
 
 
 def _plain(key: str, value: Any) -> tuple[str, str]:
@@ -388,12 +389,13 @@ def _plain(key: str, value: Any) -> tuple[str, str]:
     return in_words(key), _shown(value)
 
 
-def _points(one: tuple[str, Mapping[str, int]]) -> tuple[str, str]:
-    """How many points of a step a run computed, and reused from an interrupted run."""
-    name, counts = one
-    taken = counts.get("taken up", 0)
-    reused = f", and {taken} reused from an interrupted run" if taken else ""
-    return in_words(name), f"{counts['computed']}{reused}"
+def _reused(points: Mapping[str, Mapping[str, int]]) -> Iterator[tuple[str, ...]]:
+    """How many points of each step come from an interrupted run; nothing if none do."""
+    taken = {name: counts for name, counts in points.items() if counts.get("taken up", 0)}
+    if taken:
+        yield ("Reused from an interrupted run",)
+    for name, counts in taken.items():
+        yield in_words(name), f"{counts['taken up']} of {counts['taken up'] + counts['computed']}"
 
 
 def _shown(value: Any) -> str:
