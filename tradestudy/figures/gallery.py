@@ -176,18 +176,19 @@ _ERRORS: Final = {"array": "microlens positions"}
 
 
 def _shares(tree: xr.DataTree) -> Drawing:
-    every, shown = variance_shares.largest_shares(nominal(tree)), variance_shares.shown_parts(nominal(tree))
+    depth = nominal(tree)
+    every, shown = variance_shares.largest_shares(depth), variance_shares.shown_parts(depth)
     silent = listed(
         [_ERRORS.get(name, in_words(name)) for name, most in every.items() if most >= 0.0 and name not in shown]
     )
-    usable = nominal(tree)["usable"].values
-    known = np.isfinite(nominal(tree)["variance_share"].transpose(*nominal(tree)["usable"].dims, "part").values).all(-1)
+    known = depth["variance_share"].notnull().all("part")
+    pale = "; pale: the camera is not usable" * bool((known & ~depth["usable"].astype(bool)).any())
+    blank = "; blank: the camera measures no depth" * bool((~known).any())
     return Drawing(
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
         "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
-        f"sources that averaging does not reduce{'; pale: the camera is not usable' * bool((known & ~usable).any())}"
-        f"{'; blank: the camera measures no depth' * bool((~known).any())}."
+        f"sources that averaging does not reduce{pale}{blank}."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),

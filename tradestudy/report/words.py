@@ -115,6 +115,11 @@ def interval(low: float, high: float) -> str:
     return f"{low / size:.{decimals}f} – {high / size:.{decimals}f}\N{NO-BREAK SPACE}{unit}"
 
 
+def percent(value: float) -> str:
+    """Write a fraction in per cent, however small, to two digits."""
+    return f"{significant(100.0 * value, 2)}\N{NO-BREAK SPACE}%"
+
+
 def share(value: float, digits: int = 3) -> str:
-    """Write a fraction in per cent."""
+    """Write a fraction in per cent, or in ppm if it is small."""
     return pretty(value, FRACTION, digits).replace(" ", "\N{NO-BREAK SPACE}")

@@ -95,7 +95,7 @@ def _direction_bits(dimensions: int) -> FloatArray:
 
 def _lines(dimensions: int) -> list[list[int]]:
     """The primitive polynomial, in binary, and the first direction numbers of each dimension."""
-    with (resources.files(__package__) / "joe_kuo.txt").open() as table:
+    with (resources.files(__package__) / "joe_kuo.txt").open(encoding="utf-8") as table:
         return [[1], *([int(number) for number in line.split()] for line in islice(table, dimensions - 1))]
 
 

@@ -115,7 +115,7 @@ class Rational(LensModel):
     def _has(self, *names: str) -> bool:
         """Whether one of these coefficients is not zero."""
         values = [getattr(self, name) for name in names]
-        # Inverting rays builds many models, and asking numpy about plain numbers would take most of that time.
+        # Computations build many models, and numpy is slow at plain numbers.
         return any(value != 0.0 if isinstance(value, float) else np.any(value) for value in values)
 
     def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -9,8 +9,9 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Spans, pictures_of, say
+from tradestudy.report.words import percent
 from tradestudy.results.views.groups import group, has
-from tradestudy.units import DURATION, pretty, significant
+from tradestudy.units import DURATION, pretty
 from tradestudy.wording import listed
 
 
@@ -20,10 +21,8 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
     if has(tree, "depth"):
-        yield Paragraph(
-            "The error is that of the computed depth uncertainty where the camera is usable. Where nothing else is "
-            "said, more complete models give the same result within the error."
-        )
+        yield Paragraph("Errors of cameras are those of the computed depth uncertainty, where the camera is usable.")
+    yield Paragraph("Where nothing else is said, more complete models give the same result within the error.")
     yield Bullets(tuple(answers(group(tree, "cost"))))
     yield from pictures_of(drawings, "cost")
 
@@ -54,7 +53,7 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
         models=str(own["models"]),
         seconds=_seconds(own),
         most="at most " if error <= floor else "",
-        error=f"{significant(100.0 * error, 2)} %",
+        error=percent(error),
         more=more,
         left_out=f" Left out: {listed(left_out)}." if left_out else "",
     )

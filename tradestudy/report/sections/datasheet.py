@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import xarray as xr
 
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.words import length, or_dash, share
+from tradestudy.report.words import length, or_dash, percent, share
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, declared_matchers
 from tradestudy.units import ANGLE, pretty, significant
@@ -76,7 +76,7 @@ def _rows(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:
 def _lengths(one: xr.Dataset, name: str) -> Iterator[str]:
     for value, place in zip(one[name].values, one["sheet_distance"].values, strict=True):
         if math.isfinite(float(value)):
-            yield f"{length(float(value))} ({significant(100.0 * float(value / place), 2)} %)"
+            yield f"{length(float(value))} ({percent(float(value / place))})"
         else:
             yield "—" if math.isnan(float(value)) else "unbounded"
 

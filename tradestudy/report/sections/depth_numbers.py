@@ -12,7 +12,7 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.words import distance_with_error, interval, length, or_dash, share, with_error
 from tradestudy.results.views.depth import nominal, shares_at, table_depth, table_distances
-from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
+from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, records, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared
 from tradestudy.wording import distance, in_words
 
@@ -34,7 +34,6 @@ def _values_at_places(tree: xr.DataTree) -> Table:
     """List the numbers behind the curves at the declared distances."""
     depth = table_depth(tree)
     rows: list[tuple[Text, ...]] = []
-    noise_alone = False
     quantiles = depth["quantile"].values
     content = share(float(quantiles[-1] - quantiles[0]))
     for place in table_distances(tree):
@@ -50,7 +49,6 @@ def _values_at_places(tree: xr.DataTree) -> Table:
                 error_source: tuple(float(one.sel(error_source=error_source)) for one in known)
                 for error_source in _ERROR_SOURCES
             }
-            noise_alone |= u["both"][0] == u["noise"][0] and u["calibration"][0] > 0.0
             nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
             low, high = camera["depth_quantile"].sel(error_source="both").values[[0, -1]]
             rows.append(
@@ -82,7 +80,8 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             "and both"
             + "; ± its error, where that exceeds 1 %" * ("±" in shown)
             + "."
-            + " Where u both equals u noise, the chosen models leave calibration errors out." * noise_alone
+            + " Where u both equals u noise, the chosen models leave calibration errors out."
+            * _leaves_out_calibration(tree)
             + " ∞: the interval has no far end." * ("∞" in shown)
             + " *: not converged; the sampling error exceeds the tolerance." * ("*" in shown)
             + _numerical_error(tree)
@@ -106,6 +105,13 @@ def _noise_is_coarse(tree: xr.DataTree) -> str:
         f" The study declares no tolerance for u noise: omitted effects change it by up to {largest} "
         "(to limit this, declare accuracy.depth_noise)."
     )
+
+
+def _leaves_out_calibration(tree: xr.DataTree) -> bool:
+    """Whether the models of a camera leave out calibration errors that it has."""
+    decisions = records(tree, "effects", "decision")
+    chosen = (row for row in decisions if row["chosen"] and row["slot"] == "calibration")
+    return any(row["model"] == "off" and (row["forced"] or not row["reason"]) for row in chosen)
 
 
 def _numerical_error(tree: xr.DataTree) -> str:
@@ -172,8 +178,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
         yield table(
             "baseline-table",
             "equivalent_baseline",
-            "Equivalent baseline: the baseline of a stereo rig with the same focal length, disparity error and u noise."
-            "",
+            "Equivalent baseline: the baseline of a rig with the same focal length, disparity error and u noise.",
             length,
             _baseline_note(tree, depth),
         )

@@ -22,8 +22,8 @@ _HOW: Final = {
 }
 _EVIDENCE: Final = (
     "Evidence: how the change was found. Computed: by running with and without what the model leaves out. Trial: "
-    "the same, but at a few distances or field positions only. Formula: estimated without the more complete "
-    "model. Changes found in a trial or by a formula include a safety margin."
+    "the same, but at a few distances or places only. Formula: estimated without the more complete model. "
+    "Changes found in a trial or by a formula include a safety margin."
 )
 _FULL: Final = "none"
 _COLUMNS: Final = (

@@ -165,8 +165,8 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "**Total covering plane**: the magnitude of the virtual depth is at least the declared one."
         ),
         "availability": say(
-            "**Availability**: two or more of the microlenses that the estimator uses see the same points, at least "
-            "the declared fraction of all."
+            "**Availability**: at least the declared fraction of points is seen by two or more of the microlenses that "
+            "the estimator uses."
         ),
         "focus": say(
             "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs, is at "
