@@ -11,7 +11,9 @@ from tests.cameras.builders import r5
 from tests.optics.small_chain import relative
 from tradestudy import optics
 from tradestudy.errors import NotConvergedError, OutOfRangeError, TradestudyError, UnaffordableError
-from tradestudy.optics import microlens_camera as module
+from tradestudy.optics import refined_image as module
+from tradestudy.optics.chain.array_reach import array_reach
+from tradestudy.optics.chain.arriving_light import blur_radius
 
 WAVELENGTH = 550e-9
 CAMERA = optics.MicrolensCamera(
@@ -97,6 +99,55 @@ def test_an_image_that_misses_its_tolerance_is_refined_or_refused(monkeypatch: p
     assert asked[-1] < 1e-2 * asked[0]
 
 
+@pytest.mark.parametrize(
+    ("waves", "wavelength", "tolerance"),
+    [
+        ({}, 550e-9, 2e-3),
+        ({8: 1.0}, 550e-9, 1e-2),
+        ({4: 2.0}, 550e-9, 1e-2),
+        ({2: 5.0}, 550e-9, 1e-2),
+        ({}, 8e-6, 5e-2),
+    ],
+)
+def test_light_of_microlenses_left_out_is_within_the_stated_error(
+    waves: dict[int, float], wavelength: float, tolerance: float
+) -> None:
+    """Coma, defocus and tilt of whole waves, or far infrared, light microlenses far beyond the geometric blur."""
+    pupil = optics.Pupil.from_waves(waves, wavelength=wavelength) if waves else None
+    lens = replace(CAMERA, microlens_focal_lengths=76e-6, pupil=pupil)
+    image = module.microlens_image(lens, POINT, wavelength=wavelength, tolerance=tolerance)
+    path = lens.light_path(POINT, wavelength=wavelength)
+    centres = 26e-6 * np.array([[q + r / 2, r * np.sqrt(3) / 2] for q in range(-15, 16) for r in range(-15, 16)])
+    away = np.linalg.norm(centres - path.chief_point(POINT), axis=1)
+    farthest = np.linalg.norm(path.microlenses.centres - path.chief_point(POINT), axis=1).max()
+    near = away < farthest + 2.5 * 26e-6
+    many = replace(path.microlenses, centres=centres[near], focal_lengths=np.full(near.sum(), 76e-6))
+    truth = optics.chain_image(
+        replace(path, microlenses=many), POINT, wavelength=wavelength, legs=optics.KIRCHHOFF,
+        accuracy=optics.ChainAccuracy(tolerance=tolerance / 5), rng=np.random.default_rng(3),
+    )  # fmt: skip
+    assert many.count > 1.5 * path.microlenses.count
+    assert relative(image.pixels, truth.pixels) <= image.numerical_error + truth.numerical_error
+    assert image.numerical_error <= tolerance
+    assert truth.pixels.sum() > 0.6
+    assert image.error_terms["microlenses left out"] > 0.0
+
+
+def test_light_behind_the_pupil_reaches_as_far_as_its_exact_rays() -> None:
+    """Defocus of 2 waves rms moves the rim's rays by 4√3 W z/R beside the blur; tilt moves all rays by 2 W z/R."""
+    path = CAMERA.light_path(POINT, wavelength=WAVELENGTH)
+    blur = blur_radius(path, POINT)
+    dark_ring = 0.61 * WAVELENGTH * 2.5e-3 / 0.125e-3
+    for index, waves, moved in ((4, 2.0, 4 * np.sqrt(3)), (4, -2.0, -4 * np.sqrt(3)), (2, 5.0, 2.0)):
+        pupil = optics.Pupil.from_waves({index: waves}, wavelength=WAVELENGTH)
+        aberrated = replace(path, main_lens=replace(path.main_lens, pupil=pupil))
+        reach = array_reach(aberrated, [POINT], WAVELENGTH) - dark_ring
+        side = np.sign(path.image_at_array(POINT)[2])
+        shift = moved * abs(waves) * WAVELENGTH * 2.5e-3 / 0.125e-3
+        expected = abs(shift - side * blur) if index == 4 else shift + blur
+        assert reach == pytest.approx(expected, rel=0.02)
+
+
 def test_colour_and_curvature_move_the_image_as_another_focal_length_does() -> None:
     table = optics.FocalLengths(
         field_angles=np.array([0.0, 0.1]),
@@ -164,6 +215,8 @@ def test_field_curvature_of_a_camera_moves_the_image_that_far() -> None:
         ({"microlens_aperture": 0.0}, OutOfRangeError),
         ({"microlens_pitch": 1e-9}, UnaffordableError),
         ({"pixel_pitch": 1e-12}, UnaffordableError),
+        ({"pupil": optics.Pupil(zernikes={2: 0.06e-3})}, UnaffordableError),
+        ({"pupil": optics.Pupil(zernikes={2: 0.1e-3})}, OutOfRangeError),
     ],
 )
 def test_impossible_arrays_are_refused_at_once(change: dict[str, float], error: type[TradestudyError]) -> None:
@@ -171,3 +224,8 @@ def test_impossible_arrays_are_refused_at_once(change: dict[str, float], error: 
     camera = optics.MicrolensCamera(focal_length=2e-3, f_number=8.0, array_distance=2.5e-3, **data)  # type: ignore[arg-type]
     with pytest.raises(error):
         camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9)
+
+
+def test_wavelengths_that_no_memory_resolves_are_refused_before_nodes_are_placed() -> None:
+    with pytest.raises(UnaffordableError, match="microlens nodes"):
+        module.microlens_image(CAMERA, POINT, wavelength=1e-12)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,8 +52,24 @@ def test_correlated_inputs_cancel_or_add_and_outputs_keep_their_shape() -> None:
     np.testing.assert_allclose(found.median, 0.0, atol=0.02)
 
 
-def test_a_budget_that_is_too_small_is_reported() -> None:
-    found = propagate_through(lambda x: x, {"x": UNIT}, coverage=[0.999999], tolerance=1e-4, most_draws=2**15)
+@pytest.mark.parametrize("coverage", [0.99, 0.999, 0.9999])
+@pytest.mark.parametrize("distribution", [stats.norm(), stats.lognorm(1.0), stats.t(3)])
+def test_wide_intervals_are_resolved_at_any_tolerance(coverage: float, distribution: Any) -> None:
+    """The extreme draws of a replicate do not stand for the ends beyond them."""
+
+    def function(x: np.ndarray) -> np.ndarray:
+        return np.asarray(distribution.ppf(stats.norm.cdf(x)))
+
+    found = propagate_through(function, {"x": UNIT}, coverage=coverage, tolerance=0.2)
+    ends = distribution.ppf([0.5 - coverage / 2.0, 0.5 + coverage / 2.0])
+    assert found.converged
+    assert np.all(np.abs([found.low[0] - ends[0], found.high[0] - ends[1]]) <= 4.0 * found.error[0])
+
+
+def test_too_few_draws_are_refused_and_a_missed_tolerance_is_reported() -> None:
+    with pytest.raises(OutOfRangeError, match=r"coverage of 0\.999999: 32768 .allowed: at least 536870912"):
+        propagate_through(lambda x: x, {"x": UNIT}, coverage=[0.5, 0.999999], tolerance=1e-4, most_draws=2**15)
+    found = propagate_through(lambda x: x, {"x": UNIT}, coverage=[0.95], tolerance=1e-4, most_draws=2**15)
     assert not found.converged
     assert found.draws <= 2**15
 
@@ -70,16 +87,29 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
         ({"tolerance": 0.0}, "tolerance"),
         ({"most_draws": 10}, "number of draws"),
         ({"seed": -1}, "seed"),
+        ({"coverage": [[0.5]]}, "coverage"),
+        ({"coverage": "95 %"}, "coverage: '95 %'"),
         ({"correlation": {("x", "z"): 0.5}}, "input: z .allowed: x"),
-        ({"function": lambda x: np.sqrt(x)}, "non-finite"),
-        ({"function": lambda x: x[:3]}, r"\(3,\) \(allowed: \(\d+,\)\)"),
-        ({"function": lambda x: x.mean()}, r"\(\) \(allowed: \(\d+,\)\)"),
+        ({"correlation": {"xy": 0.5}}, "a pair of names"),
+        ({"correlation": {("x", "y", "x"): 0.5}}, "a pair of names"),
+        ({"correlation": {("x", "y"): 0.5, ("y", "x"): 0.4}}, r"two correlations of x and y: 0\.5 and 0\.4"),
+        ({"correlation": {("x", "constant"): 0.5}}, "constant input: constant"),
+        ({"inputs": {"x": 3.0}}, "input 'x': 3.0"),
+        ({"inputs": {}, "function": lambda: np.zeros(1)}, "inputs"),
+        ({"function": lambda x, **_: x + 1j}, "type complex128"),
+        ({"function": lambda x, **_: np.ma.masked_less(x, 0.5)}, "masked values"),
+        ({"function": lambda x, **_: np.zeros((x.size, 0))}, "no values"),
+        ({"function": lambda x, **_: np.where(x < 0.5, x, np.nan)}, r"non-finite values: \d+ of \d+"),
+        ({"function": lambda x, **_: np.sqrt(x)}, "non-finite"),
+        ({"function": lambda x, **_: x[:3]}, r"\(3,\) \(allowed: \(\d+,\)\)"),
+        ({"function": lambda x, **_: x.mean()}, r"\(\) \(allowed: \(\d+,\)\)"),
     ],
 )
 def test_impossible_requests_are_refused(settings: dict[str, object], message: str) -> None:
-    function = settings.pop("function", lambda x: x)
+    function = settings.pop("function", lambda x, **_: x)
+    inputs = settings.pop("inputs", {"x": UNIT, "y": UNIT, "constant": Uniform(low=1.0, high=1.0)})
     with np.errstate(invalid="ignore"), pytest.raises(OutOfRangeError, match=message):
-        propagate_through(function, {"x": UNIT}, **settings)  # type: ignore[arg-type]  # wrong on purpose
+        propagate_through(function, inputs, **settings)  # type: ignore[arg-type]  # wrong on purpose
 
 
 def test_the_example_of_the_documentation_runs() -> None:

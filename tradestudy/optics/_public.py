@@ -23,7 +23,7 @@ from tradestudy.optics.chain import (
 )
 from tradestudy.optics.focal_lengths import FocalLengths
 from tradestudy.optics.lens_point_spread import LensPointSpread, point_spread
-from tradestudy.optics.microlens_camera import MicrolensCamera, microlens_image
+from tradestudy.optics.microlens_camera import MicrolensCamera
 from tradestudy.optics.propagation import (
     ApertureField,
     ApertureSamples,
@@ -41,6 +41,7 @@ from tradestudy.optics.propagation import (
 )
 from tradestudy.optics.propagation.pupil import Pupil, noll_order
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, rectangle_nodes
+from tradestudy.optics.refined_image import microlens_image
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread
 from tradestudy.optics.spread_fields import as_point_spread
 from tradestudy.optics.spread_metrics import (

@@ -1,4 +1,4 @@
-"""The spot behind a microlens array from the data of a camera, in one call, refined to a tolerance."""
+"""The data of a camera with a microlens array, and the part of it that a source lights."""
 
 from __future__ import annotations
 
@@ -8,24 +8,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
-from tradestudy.optics.argument_types import check_wavelength, checked, checked_fields
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.argument_types import check_wavelength, checked_fields
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
-from tradestudy.optics.chain.arriving_light import blur_radius
-from tradestudy.optics.chain.image import chain_image, mean_image
+from tradestudy.optics.chain.array_reach import array_reach
 from tradestudy.optics.chain.microlenses import Gaps, Layout, Microlenses
-from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath, PixelGrid
-from tradestudy.optics.chain.sources import DiscSource, spectral_shares
+from tradestudy.optics.chain.scene import LightPath, PixelGrid
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.focal_lengths import FocalLengths, focal_length_for, reference_focal_length
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
 from tradestudy.optics.propagation.pupil import Pupil
 
-_ROUNDS = 3
 _MOST_MICROLENSES = 1e5
 _MOST_PIXELS = 1e8
-_FINEST = 1e-6  # smallest tolerance that `ChainAccuracy` accepts
-_LENSES_BEYOND = 1.0  # pitches beyond the geometric light, for the light that the main lens diffracts
+_LENSES_BEYOND = 1.0  # pitches beyond the light's reach, for the light that the main lens diffracts farther
+_NEXT_LENSES = 2.0  # pitches beyond the microlenses of an image, where others may send light to its pixels
 
 
 @checked_fields
@@ -92,8 +89,10 @@ class MicrolensCamera:
     ...     gap=0.43e-3,
     ...     pixel_pitch=5.5e-6,
     ... )
-    >>> camera.light_path(optics.PointSource(distance=0.5), wavelength=550e-9).microlenses.count
-    7
+    >>> point = optics.PointSource(distance=0.5)
+    >>> path = camera.light_path(point, wavelength=550e-9)
+    >>> path.microlenses.count, camera.next_microlenses(path, point).count
+    (7, 30)
     """
 
     focal_length: float | FocalLengths
@@ -163,6 +162,8 @@ class MicrolensCamera:
         -------
         LightPath
             Main lens, the microlenses that the source lights and a ring around them, and the pixels behind all of them.
+            The lit part of the array contains all exact rays through the pupil, with its aberrations, and the first
+            dark ring of diffraction around them.
 
         Raises
         ------
@@ -174,15 +175,8 @@ class MicrolensCamera:
             If the source lights more than 100 000 microlenses or 100 million pixels.
         """
         check_wavelength(wavelength)
-        points = [source]
-        if isinstance(source, DiscSource):
-            radius = source.diameter / 2
-            points = [
-                PointSource(x=source.x + i * radius, y=source.y + j * radius, distance=source.distance)
-                for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
-            ]
+        points = source_points(source)
         middle = points[0]
-        assert isinstance(middle, PointSource)
         lens = CircularLens(
             radius=reference_focal_length(self.focal_length) / self.f_number / 2,
             focal_length=self._focal_length(source, wavelength),
@@ -198,14 +192,33 @@ class MicrolensCamera:
             detector_distance=self.gap,
             pixels=PixelGrid(pitch=self.pixel_pitch, shape=(1, 1)),
         )
-        chief = np.array([first.chief_point(one) for one in points if isinstance(one, PointSource)])
-        reach = blur_radius(first, middle) + float(np.linalg.norm(chief - chief[0], axis=1).max())
-        reach += _LENSES_BEYOND * self.microlens_pitch
+        chief = np.array(first.chief_point(middle))
+        reach = array_reach(first, points, wavelength) + _LENSES_BEYOND * self.microlens_pitch
         self._refuse_too_many(reach)
-        centres, types = self._lattice(chief[0], reach)
-        return replace(
-            first, microlenses=self._microlenses(centres, types, depth), pixels=self._pixels(chief[0], reach)
-        )
+        centres, types = self._lattice(chief, reach)
+        return replace(first, microlenses=self._microlenses(centres, types, depth), pixels=self._pixels(chief, reach))
+
+    def next_microlenses(self, path: LightPath, source: PointSource) -> Microlenses:
+        """Return the microlenses around those of a light path, which the path leaves out.
+
+        Parameters
+        ----------
+        path
+            A light path of this camera.
+        source
+            Point source about whose chief ray the microlenses of the path lie.
+
+        Returns
+        -------
+        Microlenses
+            The microlenses up to two pitches farther from the chief ray than the farthest of the path.
+        """
+        chief, known = np.array(path.chief_point(source)), path.microlenses
+        reach = float(np.linalg.norm(known.centres - chief, axis=1).max()) + _NEXT_LENSES * self.microlens_pitch
+        centres, types = self._lattice(chief, reach)
+        apart = np.linalg.norm(centres[:, None] - known.centres, axis=-1).min(axis=1)
+        new = apart > self.microlens_pitch / 2
+        return replace(known, centres=centres[new], focal_lengths=self._types[types[new]])
 
     def _refuse_too_many(self, reach: float) -> None:
         """Refuse light on more microlenses or pixels than any camera has, before they are listed."""
@@ -276,110 +289,12 @@ class MicrolensCamera:
         return PixelGrid(pitch=self.pixel_pitch, shape=(rows, columns), centre=(float(centre[0]), float(centre[1])))
 
 
-@checked
-def microlens_image(
-    camera: MicrolensCamera,
-    source: PointSource | DiscSource,
-    *,
-    wavelength: float | FloatArray,
-    weights: FloatArray | None = None,
-    legs: Legs = KIRCHHOFF,
-    tolerance: float = 1e-3,
-    seed: int = 0,
-) -> ChainImage:
-    """Image of a point or a disc on the pixels behind a main lens and a microlens array, within a tolerance.
-
-    Parameters
-    ----------
-    camera
-        Main lens, microlens array and sensor. For a plenoptic camera of a study, give
-        ``study.definition.case.cameras["raytrix-r5"].light_chain()``.
-    source
-        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
-        phase over the disc (coherent disc).
-    wavelength
-        Wavelength λ [m], > 0; or several, shape (n,), whose images are averaged with ``weights``.
-    weights
-        Power through the pupil at each wavelength [any unit], ≥ 0, not all zero, shape (n,); only the ratios matter.
-        Default: equal.
-    legs
-        Methods of propagation to the array and to the detector, as in `chain_image`.
-    tolerance
-        Largest relative L2 error over the pixels [1], from 1e-6 to 0.2.
-    seed
-        Seed, ≥ 0, of the random points at which the result is checked; the same seed gives the same digits.
-
-    Returns
-    -------
-    ChainImage
-        Fraction of the power through the pupil on each pixel, with a stated error within the tolerance. The pixels are
-        ``camera.light_path(source, wavelength=…).pixels``; for several wavelengths, the widest of these grids.
-
-    Raises
-    ------
-    OutOfRangeError
-        An argument is outside the range in which the methods hold; see `chain_image`.
-    UnaffordableError
-        The computation needs more than 2 GB of memory, or would divide the source into more than about a million
-        points.
-    NotConvergedError
-        The stated error stays above the tolerance after refinement.
-
-    References
-    ----------
-    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, as in
-    `chain_image`.
-
-    Examples
-    --------
-    >>> from tradestudy import optics
-    >>> camera = optics.MicrolensCamera(
-    ...     focal_length=2e-3,
-    ...     f_number=8,
-    ...     array_distance=2.5e-3,
-    ...     microlens_focal_lengths=76e-6,
-    ...     microlens_pitch=26e-6,
-    ...     gap=0.1e-3,
-    ...     pixel_pitch=4e-6,
-    ...     pupil=optics.Pupil.from_waves({8: 0.1}, wavelength=550e-9),
-    ... )
-    >>> image = optics.microlens_image(camera, optics.PointSource(distance=20e-3), wavelength=550e-9, tolerance=1e-2)
-    >>> rows, columns = image.pixels.shape
-    >>> print(f"{image.pixels.sum():.2f} of the light on {rows} × {columns} pixels, to 1 %: {image.within_tolerance}")
-    0.88 of the light on 22 × 22 pixels, to 1 %: True
-    >>> grid = camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9).pixels
-    >>> print(f"from x = {grid.edges_x[0] * 1e6:.0f} to {grid.edges_x[-1] * 1e6:.0f} µm")
-    from x = -44 to 44 µm
-    """
-    if seed < 0:
-        raise OutOfRangeError("seed", value=str(seed), limit="≥ 0", remedy="give another")
-    wavelengths = np.atleast_1d(np.asarray(wavelength, dtype=np.float64))
-    shares = spectral_shares(wavelengths, np.ones_like(wavelengths) if weights is None else weights)
-    paths = [camera.light_path(source, wavelength=float(one)) for one in wavelengths]
-    widest = max((path.pixels for path in paths), key=lambda grid: grid.shape)
-    lenses = max((path.microlenses for path in paths), key=lambda array: array.count)
-    parts = [
-        _refined(replace(path, pixels=widest, microlenses=lenses), source, float(one), legs, tolerance, seed)
-        for one, path in zip(wavelengths, paths, strict=True)
+def source_points(source: PointSource | DiscSource) -> list[PointSource]:
+    """A point source; or the centre of a disc and four points of its rim."""
+    if isinstance(source, PointSource):
+        return [source]
+    radius = source.diameter / 2
+    return [
+        PointSource(x=source.x + i * radius, y=source.y + j * radius, distance=source.distance)
+        for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
     ]
-    return parts[0] if len(parts) == 1 else mean_image(parts, wavelengths, shares)
-
-
-def _refined(
-    path: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs, tolerance: float, seed: int
-) -> ChainImage:
-    """Image whose stated error is within the tolerance."""
-    accuracy = ChainAccuracy(tolerance=tolerance)
-    for _ in range(_ROUNDS):
-        rng = np.random.default_rng(seed)
-        image = chain_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
-        if image.numerical_error <= tolerance:
-            return replace(image, tolerance=tolerance)
-        finer = max(accuracy.tolerance * min(0.3, 0.5 * tolerance / image.numerical_error), _FINEST)
-        accuracy = replace(accuracy, tolerance=finer)
-    raise NotConvergedError(
-        "the image does not reach its tolerance",
-        value=f"stated relative L2 error {image.numerical_error:.2g}",
-        limit=f"{tolerance:g}",
-        remedy="raise the tolerance; the error_terms of chain_image show what limits the error",
-    )

@@ -24,6 +24,9 @@ _REPLICATES: Final = 16
 _FIRST_DRAWS: Final = 2**10
 _BATCH: Final = 2**14
 _CONFIDENCE: Final = 0.975
+# Draws of each replicate expected beyond an end. Of independent draws, the bias of the mean of 16 sample quantiles is
+# then at most two thirds of its standard error in a normal tail; of Sobol points, less.
+_BEYOND: Final = 10
 
 Function = Callable[..., ArrayLike]
 
@@ -89,16 +92,18 @@ def propagate_through(
     """Propagate the distributions of inputs through a function by the Monte Carlo method (JCGM 101:2008).
 
     The draws are scrambled Sobol points in 16 independent replicates; the scatter between the replicates gives the
-    errors of the intervals. The number of draws is doubled until the error of every end of every interval is within the
-    tolerance at 95 % confidence, but not beyond ``most_draws``.
+    errors of the intervals. It begins with as many draws as leave at least 10 of each replicate beyond every end. The
+    number is doubled until the error of every end of every interval is within the tolerance at 95 % confidence, but not
+    beyond ``most_draws``.
 
     Parameters
     ----------
     function
-        Function that takes each input as a keyword argument, an array of shape (draws,), and returns an array of shape
-        (draws,) or (draws, …).
+        Function that takes each input as a keyword argument, an array of shape (draws,), and returns an array of real
+        numbers, of shape (draws,) or (draws, …).
     inputs
-        Distribution of each input, under the name of the argument, such as ``{"gap": Uniform(low=-0.03, high=0.03)}``.
+        Distribution of each input, at least one, under the name of the argument, such as
+        ``{"gap": Uniform(low=-0.03, high=0.03)}``.
     correlation
         Correlations of pairs of inputs, such as ``{("block", "gap"): 0.5}``; all other pairs are uncorrelated. A
         Gaussian copula joins inputs that are not normal; the correlations are then those of its normal scores.
@@ -107,7 +112,7 @@ def propagate_through(
     tolerance
         Largest error of each end of an interval, as a fraction of half the width of the interval, between 0 and 1.
     most_draws
-        Largest number of draws, ≥ 16384.
+        Largest number of draws, ≥ 16384; more for coverages above about 98 %.
     seed
         Seed of the draws, ≥ 0: the same call gives the same digits.
 
@@ -120,8 +125,10 @@ def propagate_through(
     Raises
     ------
     OutOfRangeError
-        A number is outside its range; a correlation names an unknown input; no joint distribution has these
-        correlations; or the function returns an array of the wrong shape or values that are not finite.
+        An argument has the wrong type or a number is outside its range; ``most_draws`` is too small for the coverage; a
+        correlation names an unknown or constant input, or contradicts another; no joint distribution has these
+        correlations; or the function returns an array of the wrong shape, no values, or values that are not finite real
+        numbers.
 
     Examples
     --------
@@ -134,15 +141,24 @@ def propagate_through(
     ...     coverage=[0.99],
     ... )
     >>> print(f"{found.median:.2f} ± {found.half_width[0]:.3f}, each end with an error of {found.error[0]:.1g}")
-    25.00 ± 0.045, each end with an error of 0.0002
+    25.00 ± 0.045, each end with an error of 0.0001
     >>> found.converged
     True
     """
-    if isinstance(coverage, int | float):
-        coverage = (coverage,)
-    _require(coverage, tolerance, most_draws, seed)
+    try:
+        levels = np.atleast_1d(np.asarray(coverage, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise OutOfRangeError("a coverage", value=repr(coverage), limit="between 0 and 1") from None
+    _require(levels, tolerance, most_draws, seed)
+    draws = _first_draws(levels, most_draws)
     sources = _sources(inputs, correlation or {})
     shape = np.shape(function(**{name: value.ravel() for name, value in sources.nominal().items()}))[1:]
+    if 0 in shape:
+        raise OutOfRangeError(
+            "the function returned no values",
+            value=f"shape (draws, {', '.join(map(str, shape))})",
+            limit="at least one",
+        )
     model = _model(function, shape)
     alignment = alignment_with([model], sources)
     replicates = [
@@ -152,9 +168,7 @@ def propagate_through(
         )
         for number in range(_REPLICATES)
     ]  # fmt: skip
-    levels = np.array(coverage, dtype=np.float64)
     probabilities = np.concatenate([[0.5], 0.5 * (1.0 - levels), 0.5 * (1.0 + levels)])
-    draws = _FIRST_DRAWS
     while True:
         for one in replicates:
             one.lengthen(draws, _BATCH)
@@ -179,9 +193,10 @@ def propagate_through(
     )
 
 
-def _require(coverage: Sequence[float], tolerance: float, most_draws: int, seed: int) -> None:
+def _require(coverage: FloatArray, tolerance: float, most_draws: int, seed: int) -> None:
+    between = coverage.ndim == 1 and coverage.size > 0 and bool(np.all((coverage > 0.0) & (coverage < 1.0)))
     limits: list[tuple[str, bool, Any, str]] = [
-        ("a coverage", bool(coverage) and all(0.0 < one < 1.0 for one in coverage), coverage, "between 0 and 1"),
+        ("a coverage", between, coverage.tolist(), "between 0 and 1"),
         ("the tolerance", 0.0 < tolerance < 1.0, tolerance, "between 0 and 1"),
         ("the number of draws", most_draws >= _REPLICATES * _FIRST_DRAWS, most_draws,
          f"at least {_REPLICATES * _FIRST_DRAWS}"),
@@ -192,10 +207,33 @@ def _require(coverage: Sequence[float], tolerance: float, most_draws: int, seed:
             raise OutOfRangeError(what, value=str(value), limit=limit)
 
 
+def _first_draws(coverage: FloatArray, most_draws: int) -> int:
+    """Draws of a replicate that leave enough of them beyond every end, a power of two."""
+    tail = 0.5 * (1.0 - float(coverage.max()))
+    draws = max(_FIRST_DRAWS, 1 << math.ceil(math.log2(_BEYOND / tail)))
+    if draws * _REPLICATES > most_draws:
+        raise OutOfRangeError(
+            f"the number of draws for a coverage of {coverage.max():.10g}",
+            value=str(most_draws),
+            limit=f"at least {draws * _REPLICATES}",
+            remedy="raise most_draws or lower the coverage, so that draws fall beyond the ends of the interval",
+        )
+    return draws
+
+
 def _sources(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str, str], float]) -> Sources:
+    if not inputs:
+        raise OutOfRangeError("inputs", value="none", limit="at least one", remedy='give {"x": Normal(…)}')
     names = tuple(inputs)
-    if unknown := sorted({name for pair in correlation for name in pair} - set(names)):
-        raise OutOfRangeError("a correlation names an unknown input", value=", ".join(unknown), limit=", ".join(names))
+    for name, one in inputs.items():
+        if not (hasattr(one, "quantile") and hasattr(one, "standard_deviation")):
+            raise OutOfRangeError(
+                f"input {name!r}",
+                value=repr(one),
+                limit="a distribution",
+                remedy="give Normal(…), Uniform(…) or another",
+            )
+    _require_correlations(inputs, correlation)
     if not correlation:
         own = [Source(name=name, distribution=one, error_class=ErrorClass.RIG) for name, one in inputs.items()]
         return Sources(groups=tuple(own))
@@ -215,11 +253,46 @@ def _sources(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str,
     )
 
 
+def _require_correlations(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str, str], float]) -> None:
+    for pair, value in correlation.items():
+        if not (isinstance(pair, tuple) and len(pair) == 2):
+            raise OutOfRangeError(
+                "a correlation", value=repr(pair), limit="a pair of names", remedy='give it as {("x", "y"): 0.5}'
+            )
+        if unknown := [name for name in pair if name not in inputs]:
+            raise OutOfRangeError(
+                "a correlation names an unknown input", value=", ".join(unknown), limit=", ".join(inputs)
+            )
+        if constant := [name for name in pair if inputs[name].standard_deviation == 0.0]:
+            raise OutOfRangeError(
+                "a correlation with a constant input",
+                value=", ".join(constant),
+                limit="inputs that vary",
+                remedy="leave the correlation out",
+            )
+        if correlation.get(pair[::-1], value) != value:
+            raise OutOfRangeError(
+                f"two correlations of {pair[0]} and {pair[1]}",
+                value=f"{value:g} and {correlation[pair[::-1]]:g}",
+                limit="one value",
+                remedy="give each pair once",
+            )
+
+
 def _model(function: Function, shape: tuple[int, ...]) -> Model:
     def model(values: Mapping[str, FloatArray]) -> Outcome:
         draws = max(one.size for one in values.values())
         given = {name: np.broadcast_to(one.ravel(), (draws,)) for name, one in values.items()}
-        found = np.asarray(function(**given), dtype=np.float64)
+        returned = function(**given)
+        found = np.asarray(returned)
+        if found.dtype.kind not in "buif" or (isinstance(returned, np.ma.MaskedArray) and returned.mask.any()):
+            raise OutOfRangeError(
+                "the function returned values that are not real numbers",
+                value="masked values" if found.dtype.kind in "buif" else f"an array of type {found.dtype}",
+                limit="real numbers",
+                remedy="return the real part and the imaginary part separately, and no masked values",
+            )
+        found = found.astype(np.float64, copy=False)
         if found.shape != (draws, *shape):
             raise OutOfRangeError(
                 "the function returned an array of the wrong shape",
@@ -230,7 +303,7 @@ def _model(function: Function, shape: tuple[int, ...]) -> Model:
         if not np.isfinite(found).all():
             raise OutOfRangeError(
                 "the function returned non-finite values",
-                value=f"{np.mean(~np.isfinite(found)):.2g} of {found.size}",
+                value=f"{np.sum(~np.isfinite(found))} of {found.size}",
                 remedy="limit the distributions to inputs for which the function is defined",
             )
         return Outcome(values=found.reshape(draws, -1))

@@ -37,7 +37,7 @@ _UPSAMPLING = 4.0  # memory of a nonuniform FFT relative to that of its modes
 POINTS_AT_ONCE = 2  # source points followed side by side, with one thread each
 SINGLE_PRECISION_FROM = 1e-3  # tolerance from which on 32-bit floats add nothing to the error
 _NODE = 10.0  # cost of a microlens node, in detector samples
-_FEWEST_NODES = 6.0  # least number of nodes of a microlens, per square of the cycles that they resolve
+FEWEST_NODES = 6.0  # least number of nodes of a microlens, per square of the cycles that they resolve
 # Tolerance that patches meet: behind microlenses in focus, which interfere beyond the patches, points err by 5e-4 to
 # 7e-3. Below it, the whole detector may cost more by the ratio of the tolerances.
 _MET_BY_PATCHES = 1e-2
@@ -64,7 +64,7 @@ class DetectorPlan:
     per_pixel: int
     transfer: Transfer
 
-    def memory(self, nodes: int, *, single: bool = False) -> float:
+    def memory(self, nodes: float, *, single: bool = False) -> float:
         """Memory that nodes and samples take together, in single or double precision [bytes]."""
         return (8.0 if single else 16.0) * (12 * nodes + (_UPSAMPLING + 4) * self.transfer.count**2)
 
@@ -298,7 +298,7 @@ def _plans(
             target_reach=plan.target_reach,
             density=accuracy.microlens_nodes,
         )
-        least = plan.transfer.count**2 + _NODE * _FEWEST_NODES * cycles**2 * path.microlenses.count
+        least = plan.transfer.count**2 + _NODE * FEWEST_NODES * cycles**2 * path.microlenses.count
         found.append((plan, cycles, least))
     return sorted(found, key=lambda one: one[2])
 

@@ -62,7 +62,9 @@ def _felt(wave: PupilWave, away: FloatArray, accuracy: ChainAccuracy) -> tuple[B
     """Microlenses that matter within the tolerance, and the light that the others take."""
     path, lenses = wave.path, wave.path.microlenses
     blur = blur_radius(path, wave.source)
-    power = _diffracted(path, blur, away - lenses.cell_reach, wave.wavelength) * lenses.pitch**2
+    nearest = away - lenses.cell_reach
+    radius, z = path.main_lens.radius, path.array_distance
+    power = lenses.pitch**2 * rim_light(radius=radius, z=z, blur=blur, distance=nearest, wavelength=wave.wavelength)
     order = np.argsort(-away, kind="stable")
     lost = np.sqrt(np.cumsum(power[order] ** 2))
     longer = accuracy.diffraction_reach**2  # the irradiance falls as the square of the distance
@@ -72,12 +74,15 @@ def _felt(wave: PupilWave, away: FloatArray, accuracy: ChainAccuracy) -> tuple[B
     return kept, float(lost[count - 1]) if count else 0.0
 
 
-def _diffracted(path: LightPath, blur: float, distance: FloatArray, wavelength: float) -> FloatArray:
-    """Irradiance over the power through the pupil, at distances from the chief ray [1/m²]; infinite where rays land."""
+def rim_light(*, radius: float, z: float, blur: float, distance: FloatArray, wavelength: float) -> FloatArray:
+    """Mean irradiance of the light from a lens's rim, over the power through the lens [1/m²]; infinite where rays land.
+
+    The rays land within `blur` of a point z behind the lens; `distance` is measured from this point.
+    """
     beyond = np.maximum(distance, blur)
     with np.errstate(divide="ignore"):
         law = (1 / (beyond - blur) ** 2 + 1 / (beyond + blur) ** 2) / beyond
-    return np.asarray(wavelength * path.array_distance / (4 * math.pi**3 * path.main_lens.radius) * law)
+    return np.asarray(wavelength * z / (4 * math.pi**3 * radius) * law)
 
 
 def _least_norm(wave: PupilWave, away: FloatArray, blur: float) -> float:

@@ -14,7 +14,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative_change
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, leg_kernel
 from tradestudy.optics.chain.arriving_light import ArrivingLight, RayReach, RayWave, arriving_light, ray_reach
-from tradestudy.optics.chain.detector_patch import DetectorPlan, field_on_detector, plan_detector
+from tradestudy.optics.chain.detector_patch import FEWEST_NODES, DetectorPlan, field_on_detector, plan_detector
 from tradestudy.optics.chain.detector_transfer import fading_length, response
 from tradestudy.optics.chain.lit_part import lit_part, reached_pixels
 from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
@@ -22,6 +22,7 @@ from tradestudy.optics.chain.microlens_plane import (
     MicrolensPlane,
     direct_detector_field,
     microlens_plane,
+    resolved_cycles,
 )
 from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
 from tradestudy.optics.chain.scene import LegMethod
@@ -232,6 +233,12 @@ def _plane(
     wave: PupilWave | RayWave, plan: DetectorPlan, reach: RayReach, density: float, accuracy: ChainAccuracy
 ) -> MicrolensPlane:
     """Nodes for all pixels that light reaches, if memory allows."""
+    cycles = resolved_cycles(
+        wave.path, reach, wavelength=wave.wavelength, target_reach=plan.target_reach, density=density
+    )
+    lit = isinstance(wave, RayWave)  # one cell is resolved before its dark part is cut off
+    least = FEWEST_NODES * cycles**2 * (1 if lit else wave.path.microlenses.count)
+    _check_memory(plan, least, accuracy)
     plane = microlens_plane(
         wave.path,
         reach,
@@ -245,13 +252,13 @@ def _plane(
     return plane
 
 
-def _check_memory(plan: DetectorPlan, nodes: int, accuracy: ChainAccuracy) -> None:
+def _check_memory(plan: DetectorPlan, nodes: float, accuracy: ChainAccuracy) -> None:
     """Refuse more nodes and samples than memory holds."""
     needed = plan.memory(nodes)
     if needed > accuracy.memory_limit:
         raise UnaffordableError(
             "microlens nodes and detector samples",
-            value=f"{nodes} nodes, {plan.transfer.count}² samples, {needed / 1e9:.3g} GB",
+            value=f"{nodes:.0f} nodes, {plan.transfer.count}² samples, {needed / 1e9:.3g} GB",
             limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
             remedy="use fewer microlenses or pixels or a larger tolerance, or raise the memory limit",
         )

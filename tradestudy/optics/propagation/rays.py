@@ -99,7 +99,7 @@ def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
     paths = wave.paths
     if len(paths.terms) == 1:
         return True  # straight lines through one point
-    u, v = _aperture_mesh(wave.lens.radius)
+    u, v = aperture_mesh(wave.lens.radius)
     p_x, p_y = paths.slope(u, v)
     if np.max(p_x**2 + p_y**2) >= 1.0:
         return False
@@ -124,13 +124,13 @@ def fewest_zones(wave: LensWave, z: float) -> float:
     It is R² √|det|/λ, from the determinant of the path's second derivatives: for a spherical wave, the Fresnel number
     R² |1/z − 1/b|/λ.
     """
-    u, v = _aperture_mesh(wave.lens.radius)
+    u, v = aperture_mesh(wave.lens.radius)
     x, y = land(wave, u, v, np.asarray(z))
     *_, xx, xy, yy = _derivatives(wave.paths, u, v, x, y, np.asarray(z))
     return float(wave.lens.radius**2 * np.sqrt(np.abs(xx * yy - xy * xy).min()) / wave.wavelength)
 
 
-def _aperture_mesh(radius: float) -> tuple[FloatArray, FloatArray]:
+def aperture_mesh(radius: float) -> tuple[FloatArray, FloatArray]:
     """Points on 16 rings of an aperture out to its edge, flat."""
     ring, angle = radius * np.arange(1, 17) / 16.0, 2 * np.pi * np.arange(32) / 32
     return np.multiply.outer(ring, np.cos(angle)).ravel(), np.multiply.outer(ring, np.sin(angle)).ravel()

@@ -1,0 +1,105 @@
+"""How far a source's light reaches on the array, and what the microlenses that an image leaves out would change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.arriving_light import blur_radius, ray_reach
+from tradestudy.optics.chain.lit_part import rim_light
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.propagation.fast_sum import fast_sum
+from tradestudy.optics.propagation.lens import LensWave, PointSource
+from tradestudy.optics.propagation.rays import aperture_mesh, land
+from tradestudy.optics.propagation.targets import TargetPoints
+
+_POINTS = 12  # on the aperture of each microlens, for its power
+_TOLERANCE = 1e-2  # of the field at these points
+
+
+def array_reach(path: LightPath, points: Sequence[PointSource], wavelength: float) -> float:
+    """Distance from the first point's chief ray within which the light of all points meets the array [m].
+
+    It includes the exact rays from the whole aberrated pupil, and the first dark ring around them, of radius
+    0.61 λ z/R. Parts of the pupil whose phase is steeper than that of any ray send no light to the array.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the phase is as steep as that over the whole pupil.
+    """
+    z, radius = path.array_distance, path.main_lens.radius
+    chief = path.chief_point(points[0])
+    u, v = aperture_mesh(radius)
+    farthest = 0.0
+    for one in points:
+        wave = LensWave(source=one, lens=path.main_lens, wavelength=wavelength, paraxial=False, obliquity="paper")
+        with np.errstate(invalid="ignore"):
+            x, y = land(wave, u, v, np.asarray(z))
+        away = np.hypot(x - chief[0], y - chief[1])
+        if not np.isfinite(away).any():
+            raise OutOfRangeError(
+                "slope of the phase behind the main lens",
+                value="steeper than that of any ray, over the whole pupil",
+                limit="a sine < 1",
+                remedy="reduce the aberrations; give waves to Pupil.from_waves, with the wavelength in metres",
+            )
+        farthest = max(
+            farthest, float(np.nanmax(away)), math.dist(path.chief_point(one), chief) + blur_radius(path, one)
+        )
+    return farthest + 0.61 * wavelength * z / radius
+
+
+def missing_light(wave: PupilWave, path: LightPath, pixels: FloatArray) -> FloatArray:
+    """Estimate what microlenses that an image leaves out would change in it.
+
+    The main lens's field at points of each aperture gives the power P that a microlens receives. Of this, pixel j
+    receives P s_j, evenly where its rays land and by the mean light from its rim beyond. There it interferes with the
+    light I_j of the image: the mean square of the change is 2 I_j P s_j + (P s_j)².
+
+    Parameters
+    ----------
+    wave
+        Wave behind the main lens.
+    path
+        The camera with only the microlenses left out.
+    pixels
+        The image: fraction of the power through the pupil on each pixel.
+
+    Returns
+    -------
+    array, shape (lenses,)
+        L2 change by each microlens, relative to the image [1].
+    """
+    lenses, grid = path.microlenses, path.pixels
+    turn = np.arange(_POINTS) * math.pi * (3 - math.sqrt(5))
+    out = lenses.cell_reach * np.sqrt((np.arange(_POINTS) + 0.5) / _POINTS)
+    x = lenses.centres[:, 0, None] + out * np.cos(turn)
+    y = lenses.centres[:, 1, None] + out * np.sin(turn)
+    field = fast_sum(
+        wave.samples(wave.nodes((x, y), density=1.0)),
+        wave.kernel,
+        TargetPoints(x=x.ravel(), y=y.ravel(), distance=path.array_distance),
+        low_rank_tolerance=_TOLERANCE,
+        nufft_tolerance=_TOLERANCE,
+    ).field.reshape(x.shape)
+    power = np.mean(np.abs(field) ** 2, axis=1) * math.pi * lenses.cell_reach**2 / wave.power()
+    reach = ray_reach(path, wave.source, whole_pupil=wave.whole_pupil)
+    across, along = ((edges[1:] + edges[:-1]) / 2 for edges in (grid.edges_x, grid.edges_y))
+    changes = np.empty(lenses.count)
+    for index, (centre, spread) in enumerate(zip(reach.image, reach.spread, strict=True)):
+        share = grid.pitch**2 * rim_light(
+            radius=lenses.reach,
+            z=path.detector_distance,
+            blur=float(spread),
+            distance=np.hypot(across - centre[0], (along - centre[1])[:, None]),
+            wavelength=wave.wavelength,
+        )
+        light = power[index] * np.minimum(share, 1.0 / max(1.0, math.pi * (spread / grid.pitch) ** 2))
+        changes[index] = math.sqrt(np.sum(2 * np.abs(pixels) * light + light**2))
+    return changes / float(np.linalg.norm(pixels))
