@@ -119,6 +119,14 @@ def test_inverses_hold_throughout_the_valid_field(model):
         assert np.isnan(model.project(directions(end * (1.0 + 1e-6), np.array([0.3])))).all()
 
 
+@pytest.mark.parametrize("model", [Rational(k1=-1e-4), Rational(k4=1e-3, k5=1e-7), Rational(k1=-0.3)])
+def test_inverses_hold_up_to_the_end_of_a_wide_field(model):
+    angle = float(model.valid_field) - np.geomspace(3e-6, 1e-2, 200)
+    u, v = model.image(np.sin(angle), 0.0 * angle, np.cos(angle))
+    x, _, z = model.ray(u, v)
+    np.testing.assert_allclose(np.arctan2(x, z), angle, atol=1e-11)
+
+
 @pytest.mark.parametrize(
     ("model", "end"),
     [

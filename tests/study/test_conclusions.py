@@ -391,6 +391,28 @@ def test_readings_can_be_unknowns() -> None:
     assert data["worth"].values[0] == pytest.approx(data.attrs["worth_of_all"], abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"decision.candidates": ["stereo-50mm", "stereo-50mm"]}, r"decision\.candidates\.1: is listed twice"),
+        (
+            {"solve": {"size": {"says": "how large", "vary": "stereo-50mm.title", "low": "1 m", "high": "2 m",
+                                "camera": "stereo-50mm", "relative": "2 %", "at": "1 m"}}},
+            r"solve\.size\.vary: stereo-50mm\.title: is text; vary a number",
+        ),
+        (
+            {"requirements": {"few": {"says": "few", "camera": "any",
+                                      "failed_fraction": {"below": "200 %", "over": ["1 m", "2 m"]}}}},
+            r"failed_fraction\.below: '200 %' is out of range",
+        ),
+    ],
+)  # fmt: skip
+def test_questions_without_an_answer_are_refused_at_their_place(change: dict[str, object], message: str) -> None:
+    overrides = [f"{path}={json.dumps(value)}" for path, value in change.items()]
+    with pytest.raises(StudyError, match=message):
+        tradestudy.load(STUDIES / "robot.yaml", overrides)
+
+
 def test_a_value_that_two_assumptions_vary_is_refused_at_the_second() -> None:
     yaw = WORTH["value_of_information"]["assumptions"]["yaw"]
     readings = {"careless": {"says": "worse", "set": {yaw["vary"][0]: "0.2 deg"}}}

@@ -22,6 +22,7 @@ UNUSUAL = {
     "stereo-75mm.lenses.f_number": ("0.5", "0.5 is unusual (0.7 to 200 is common)"),
     "stereo-75mm.calibration.errors.yaw.standard_deviation": ("80 deg", "80° is unusual"),
     "accuracy.tolerance": ("0.1", "0.1 means 10 %; write '0.1 %' for 0.1 %"),
+    "decision.at": ("[8 m]", "lies beyond the distances of the scene"),
     "requirements.near-and-mid.depth_uncertainty.over": ("[0.2 m, 1 m]", "reaches beyond the distances of the scene"),
 }
 

@@ -191,6 +191,7 @@ Fraction = Annotated[float, *quantity(units.FRACTION)]
 PositiveFraction = Annotated[float, *quantity(units.FRACTION, above=0.0)]
 # A fraction of a whole: an overlap, a probability, a confidence.
 Share = Annotated[float, *quantity(units.FRACTION, at_least=0.0, at_most=1.0)]
+PositiveShare = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most=1.0)]
 Number = Annotated[float, *quantity(units.NUMBER)]
 PositiveNumber = Annotated[float, *quantity(units.NUMBER, above=0.0)]
 

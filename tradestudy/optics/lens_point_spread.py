@@ -487,7 +487,7 @@ def _of_field(
 
 def _peak_in_phase(wave: LensWave, kernel: Kernel, at: tuple[float, float, float]) -> float:
     """Intensity at a point if the light of the whole pupil arrived there in phase."""
-    nodes = wave.power_nodes()
+    nodes = wave.power_nodes(min(abs(wave.source.distance), at[2]))
     cosine = wave.axial_cosine(nodes.x, nodes.y) if wave.obliquity == "textbook" else None
     strength = wave.amplitude(nodes.x, nodes.y) * kernel.amplitude(nodes.x, nodes.y, cosine, *(np.array(c) for c in at))
     return float(nodes.weights @ np.abs(strength)) ** 2

@@ -18,6 +18,7 @@ from tradestudy.study.schema.value_of_information import AssumptionPart
 from tradestudy.study.sweep import sweep_axes
 from tradestudy.study.varying import Varying
 
+_FREE_TEXT = ("title", "note", "says", "question")
 _INFERRED_ANEW = (
     "the calibration of {0} is a fit that depends on this, so every value would need a new fit; vary "
     "something on which it does not depend, such as {0}.calibration.stability"
@@ -99,6 +100,9 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
     """Mistakes of the first and last value of each sweep axis, and of the ends of inverse questions and assumptions."""
     for where, values in _changes(definition):
         place = definition.document.locate(where)
+        if where[0] != "sweep" and (text := [path for path in values if path.rpartition(".")[2] in _FREE_TEXT]):
+            yield place.problem(where, f"{text[0]}: is text; vary a number")
+            continue
         try:
             changed = definition.with_values(values)
         except StudyError as error:

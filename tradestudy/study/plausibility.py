@@ -62,6 +62,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_idle_matcher(definition),
         *_tolerances(definition),
         *_requirements(definition),
+        *_decision(definition),
     ]
     return tuple({(one.file, one.line, one.column, one.what): one for one in found}.values())
 
@@ -178,16 +179,32 @@ def _large(text: str) -> Iterator[str]:
 
 def _requirements(definition: StudyDefinition) -> Iterator[Problem]:
     """Requirements that reach beyond the distances of the scene."""
-    distance = definition.case.distance
     for name, one in definition.file.requirements.items():
-        if not (distance.size and one.over):
-            continue
-        near, far = one.over
-        if near < distance[0] * (1.0 - 1e-9) or far > distance[-1] * (1.0 + 1e-9):
+        if one.over and (ends := _beyond_the_scene(definition, *one.over)):
             path = ("requirements", name, one.quantity, "over")
-            ends = " to ".join(f"{end:g} m" for end in (distance[0], distance[-1]))
             what = (
                 f"reaches beyond the distances of the scene, {ends}: the requirement is evaluated there too, but "
                 "figures and tables end with the scene"
             )
             yield definition.document.locate(path).problem(path, what)
+
+
+def _decision(definition: StudyDefinition) -> Iterator[Problem]:
+    """Distances of the decision beyond those of the scene."""
+    asked = definition.file.decision
+    for index, at in enumerate(asked.at if asked else ()):
+        if ends := _beyond_the_scene(definition, at, at):
+            path = ("decision", "at", index)
+            what = (
+                f"lies beyond the distances of the scene, {ends}: the cameras are compared there too, but figures and "
+                "tables end with the scene"
+            )
+            yield definition.document.locate(path).problem(path, what)
+
+
+def _beyond_the_scene(definition: StudyDefinition, near: float, far: float) -> str:
+    """The ends of the scene's distances, if others reach beyond them; else nothing."""
+    distance = definition.case.distance
+    if not distance.size or (near >= distance[0] * (1.0 - 1e-9) and far <= distance[-1] * (1.0 + 1e-9)):
+        return ""
+    return " to ".join(f"{end:g} m" for end in (distance[0], distance[-1]))

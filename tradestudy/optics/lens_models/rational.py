@@ -14,6 +14,7 @@ from tradestudy.optics.lens_models.lens_model import Coefficient, LensModel, slo
 
 _NEWTON_STEPS: Final = 30
 _SETTLED: Final = 1e-12
+_ROUNDING: Final = 1e-15  # of both sides of the equation; where its slope is small, so many digits are lost
 _LARGEST_SCALE: Final = 4.0  # beyond, a Newton step for a draw has left the field of the lens
 _TABLE: Final = 512
 _WIDE: Final = 1.5  # rad; beyond, slopes grow so fast that their logarithms are tabulated
@@ -178,18 +179,20 @@ class Rational(LensModel):
         """
         square = a * a + b * b
         scale = self._first_scale(square) if self._single else np.ones(())
+        most = self._most_scale(square) if self._single else np.asarray(_LARGEST_SCALE)
         found = np.ones((), dtype=bool)
-        step = np.zeros(())
+        step, settled = np.zeros(()), np.zeros(())
         for _ in range(_NEWTON_STEPS):
             inner = scale * scale * square
             g, rise = self._factor(inner)
             slope = g + 2.0 * inner * rise
             found = found & (slope > 0.0)
             step = (scale * g - 1.0) / np.where(slope > 0.0, slope, 1.0)
-            scale = np.clip(scale - step, 0.0, _LARGEST_SCALE if not self._single else np.inf)
-            if not np.any(np.abs(step) > _SETTLED * scale):
+            scale = np.clip(scale - step, 0.0, most)
+            settled = (_SETTLED + _ROUNDING / np.where(slope > 0.0, slope, np.inf)) * scale
+            if not np.any(np.abs(step) > settled):
                 break
-        return scale, found & (np.abs(step) <= _SETTLED * scale)
+        return scale, found & (np.abs(step) <= settled)
 
     def _first_scale(self, square: FloatArray) -> FloatArray:
         """Interpolated scale r/r_d, from which the solution starts."""
@@ -197,13 +200,19 @@ class Rational(LensModel):
         distorted = np.sqrt(square)
         return np.where(square > 0.0, np.interp(distorted, picture, radius) / np.where(square > 0.0, distorted, 1.0), 1)
 
+    def _most_scale(self, square: FloatArray) -> FloatArray:
+        """Scale r/r_d at the end of the table: near the fold behind it, a step may overshoot."""
+        return np.asarray(self._table[0][-1] / np.sqrt(np.where(square > 0.0, square, 1.0)))
+
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
         """Radii before and after radial distortion alone, over the part of the field where both rise."""
         end = float(replace(self, **dict.fromkeys(_NOT_RADIAL, 0.0)).valid_field)
         radius = np.tan(np.linspace(0.0, min(end, _WIDE), _TABLE))
         if end > _WIDE:
-            radius = np.concatenate([radius, np.geomspace(radius[-1], 1.0 / (np.pi / 2.0 - end + 1e-9), _TABLE)[1:]])
+            radius = np.concatenate(
+                [radius, np.geomspace(radius[-1], np.tan(min(end, np.pi / 2.0 - 1e-9)), _TABLE)[1:]]
+            )
         return radius, radius * self._factor(radius * radius)[0]
 
     def _oblique_inverse(

@@ -23,6 +23,8 @@ Obliquity = Literal["paper", "textbook", "rayleigh-sommerfeld-1"]
 OBLIQUITIES: tuple[Obliquity, ...] = ("paper", "textbook", "rayleigh-sommerfeld-1")
 # As good as infinity: over an aperture of a metre its sphere departs from a plane by 1e-16 m, the limit of doubles.
 _AS_AT_INFINITY = 1e15
+_AMPLITUDE_DIGITS = 1e14
+_MOST_RINGS = 400  # enough for a pupil 100 times as wide as its distance, to 1e-7
 
 
 def check_obliquity(obliquity: str) -> None:
@@ -359,15 +361,21 @@ class LensWave:
 
     def power(self) -> float:
         """∫ |U|² over the pupil."""
-        nodes = self.power_nodes()
+        nodes = self.power_nodes(abs(self.source.distance))
         return float(nodes.weights @ np.abs(self.amplitude(nodes.x, nodes.y)) ** 2)
 
-    def power_nodes(self) -> QuadratureNodes:
-        """Nodes, relative to the centre, that resolve the amplitude but not the phase."""
+    def power_nodes(self, nearest: float) -> QuadratureNodes:
+        """Nodes, relative to the centre, that resolve the amplitude but not the phase.
+
+        A power of 1/r, seen from a point at the distance d that is `nearest`, has a pole in ρ² at −d². Gauss's rule
+        converges as t⁻²ⁿ with t = x + √(x² − 1) and x = 1 + 2 (d/R)².
+        """
         masked = self.lens.pupil is not None and self.lens.pupil.amplitude is not None
-        radial, angular = (100, 200) if masked else (12, 24)
+        beyond = 1 + 2 * (nearest / self.lens.radius) ** 2
+        needed = math.log(_AMPLITUDE_DIGITS) / (2 * math.acosh(beyond)) if beyond > 1 else math.inf
+        radial = max(100 if masked else 12, math.ceil(min(needed, _MOST_RINGS)))
         return self.lens.without_obscuration(
-            lambda radius: disc_nodes(radius=radius, radial_count=radial, angular_count=angular)
+            lambda radius: disc_nodes(radius=radius, radial_count=radial, angular_count=2 * radial)
         )
 
     def _arriving(self, x: Array, y: Array) -> Array:

@@ -342,7 +342,7 @@ def stated_error(
     rounding *= largest
     typical = math.sqrt(float(np.mean(intensity))) * check.field_share
     bright = math.sqrt(float(np.einsum("i,i->", intensity, intensity)) / intensity.size) * check.intensity_share
-    if typical == 0.0:
+    if typical == 0.0 or bright == 0.0:  # also where the intensity underflows
         nothing = math.inf if check.total > 0 else 0.0
         return NumericalError(
             field=nothing, intensity=nothing, nodes=nothing, low_rank=nothing, nufft=nothing, check=nothing

@@ -87,7 +87,7 @@ class DecisionPart(Part):
         description="Pairs of cameras; for each camera of a pair, the program computes the probability that its "
         "depth error is the smaller one. Default: the pair in `between`.",
     )
-    candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
+    candidates: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None,
         description="Cameras of which the best one is named; default: all. Of several cameras that model the same "
         "device, list only one.",

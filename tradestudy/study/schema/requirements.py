@@ -8,7 +8,14 @@ from pydantic import Field, model_validator
 
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import PositiveFraction, PositiveLength, PositiveNumber, QuantityText, Share
+from tradestudy.declarations.quantities import (
+    PositiveFraction,
+    PositiveLength,
+    PositiveNumber,
+    PositiveShare,
+    QuantityText,
+    Share,
+)
 from tradestudy.declarations.words import CameraName, Span, Text
 
 Risk = Annotated[PositiveFraction, Field(lt=0.5)]
@@ -56,7 +63,7 @@ class ShareAbovePart(Part):
 class ShareBelowPart(Part):
     """An upper bound on a fraction, over a range of distances."""
 
-    below: PositiveFraction = Field(description="Value below which the fraction must stay.")
+    below: PositiveShare = Field(description="Value below which the fraction must stay.")
     over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
