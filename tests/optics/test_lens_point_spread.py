@@ -160,6 +160,15 @@ def test_the_plot_has_spot_cuts_energy_and_transfer(tmp_path: Path) -> None:
     assert "± " in figure.axes[0].get_title()
 
 
+@pytest.mark.parametrize("lens_phase", ["perfect", "stigmatic"])
+def test_a_lens_focused_at_infinity_images_in_its_focal_plane(lens_phase: str) -> None:
+    lens = {"focal_length": 50e-3, "f_number": 8, "wavelength": 550e-9, "tolerance": 1e-3, "lens_phase": lens_phase}
+    default, focused = optics.point_spread(**lens), optics.point_spread(focus_distance=np.inf, **lens)
+    np.testing.assert_array_equal(focused.intensity, default.intensity)
+    near = optics.PointSource(distance=200.0)  # imaged 12.5 µm behind
+    assert optics.point_spread(source=near, focus_distance=np.inf, **lens).strehl_ratio().value < 1.0
+
+
 def test_a_spot_wider_than_its_window_has_no_width() -> None:
     """A source at 1 m before a 50 mm lens at f/2.8 focused at 2 m: geometry alone makes a disc of 460 µm."""
     lens = {"focal_length": 50e-3, "f_number": 2.8, "wavelength": 550e-9, "focus_distance": 2.0, "tolerance": 1e-3}

@@ -109,3 +109,19 @@ def test_an_assumed_pixel_pitch_is_warned_about_only_where_blur_depends_on_it(tm
     assert "pixel_pitch" in reported
     assert warnings(IMPORTING, "rig.sensor.pixel_pitch=3 um") == ()
     assert warnings(IMPORTING.replace("blur: 2 px", "relative_uncertainty: 50 %")) == ()
+
+
+@pytest.mark.parametrize(
+    ("matrix", "said"),
+    [
+        ("8.8e-9, 0., 320., 0., 8.8e-9, 240.", "a focal length of 8.8e-09 px is unusual for a picture of 640 × 480 px"),
+        ("800., 0., 320., 0., 400., 240.", "focal lengths of 800 and 400 px mean pixels that are not square"),
+        ("800., 0., 5000., 0., 800., 240.", "the principal point (5000, 240) px lies outside the picture"),
+    ],
+)
+def test_a_camera_matrix_that_does_not_fit_its_picture_is_warned_about(tmp_path: Path, matrix: str, said: str) -> None:
+    good = "800., 0., 320., 0., 800., 240."
+    (tmp_path / "rig.yml").write_text(STEREO.replace(good, matrix, 1), encoding="utf-8")
+    (tmp_path / "importing.yaml").write_text(IMPORTING, encoding="utf-8")
+    reported = tradestudy.load(tmp_path / "importing.yaml", ["rig.sensor.pixel_pitch=3 um"]).warnings
+    assert any("cameras.rig.from: " in one and said in one for one in reported), reported

@@ -18,6 +18,7 @@ from tradestudy.optics.focal_lengths import FocalLengths, focal_length_for, refe
 from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import (
+    AS_AT_INFINITY,
     CircularLens,
     LensPhase,
     LensWave,
@@ -330,8 +331,9 @@ def point_spread(
     tolerance
         Largest relative L2 error of the intensity over the window [1], from 1e-10 to 0.1.
     focus_distance
-        Object distance at which the lens is focused [m]. The image plane is where an axial point at this distance is
-        imaged; with a table of focal lengths, at its reference wavelength. Default: the distance of the source.
+        Object distance at which the lens is focused [m], possibly infinite. The image plane is where an axial point at
+        this distance is imaged; with a table of focal lengths, at its reference wavelength. Default: the distance of
+        the source.
     lens_phase
         Phase of the lens:
 
@@ -390,7 +392,7 @@ def point_spread(
     """
     nominal = reference_focal_length(focal_length)
     _check_numbers(nominal, f_number, wavelength, window)
-    focus = source.distance if focus_distance is None else focus_distance
+    focus = source.distance if focus_distance is None else min(focus_distance, AS_AT_INFINITY)
     image = finite_image_distance(focus, nominal)
     if not image > 0:
         raise OutOfRangeError(

@@ -10,7 +10,7 @@ from typing import Final
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.imported import NOMINAL_PITCH
 from tradestudy.errors import Problem
-from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE
+from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE, UNUSUAL_MATRIX
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
 from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse, pretty
@@ -48,6 +48,11 @@ _USUAL: Final = (
     _Range(key="standard_deviation", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
     _Range(key="half_width", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
 )
+_OF_IMPORTS: Final = {
+    UNUSUAL_BASELINE: "the baseline is {}",
+    FOLDING_LENS: "depth cannot be measured in {}; check the distortion coefficients",
+    UNUSUAL_MATRIX: "{}; check the camera matrix",
+}
 _LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit was probably meant in per cent
 
 
@@ -56,8 +61,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
     found = [
         *_outside_the_usual(definition),
         *_light(definition),
-        *_imported_baselines(definition),
-        *_folding_lenses(definition),
+        *_imported(definition),
         *_assumed_pitches(definition),
         *_idle_matcher(definition),
         *_tolerances(definition),
@@ -111,21 +115,13 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
         yield _warning(definition, path, what)
 
 
-def _imported_baselines(definition: StudyDefinition) -> Iterator[Problem]:
-    """Baselines of calibration files that would be usual only in another unit of length."""
+def _imported(definition: StudyDefinition) -> Iterator[Problem]:
+    """Calibration files with an unusual unit of length, lens model or camera matrix."""
     for name, camera in definition.file.cameras.items():
-        if says := camera.read_as.get(UNUSUAL_BASELINE):
-            path = ("cameras", name, "from")
-            yield definition.document.locate(path).problem(path, f"the baseline is {says}")
-
-
-def _folding_lenses(definition: StudyDefinition) -> Iterator[Problem]:
-    """Imported lens models that do not reach the edges of their pictures."""
-    for name, camera in definition.file.cameras.items():
-        if says := camera.read_as.get(FOLDING_LENS):
-            path = ("cameras", name, "from")
-            what = f"depth cannot be measured in {says}; check the distortion coefficients"
-            yield definition.document.locate(path).problem(path, what)
+        path = ("cameras", name, "from")
+        for convention, what in _OF_IMPORTS.items():
+            if says := camera.read_as.get(convention):
+                yield definition.document.locate(path).problem(path, what.format(says))
 
 
 def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:

@@ -22,7 +22,7 @@ LENS_PHASES: tuple[LensPhase, ...] = ("parabolic", "stigmatic", "perfect")
 Obliquity = Literal["paper", "textbook", "rayleigh-sommerfeld-1"]
 OBLIQUITIES: tuple[Obliquity, ...] = ("paper", "textbook", "rayleigh-sommerfeld-1")
 # As good as infinity: over an aperture of a metre its sphere departs from a plane by 1e-16 m, the limit of doubles.
-_AS_AT_INFINITY = 1e15
+AS_AT_INFINITY = 1e15
 _AMPLITUDE_DIGITS = 1e14
 _MOST_RINGS = 400  # enough for a pupil 100 times as wide as its distance, to 1e-7
 
@@ -111,9 +111,7 @@ class PointSource:
                 limit="between −π/2 and π/2",
                 remedy="give angles in radians",
             )
-        return cls(
-            x=_AS_AT_INFINITY * math.tan(angle_x), y=_AS_AT_INFINITY * math.tan(angle_y), distance=_AS_AT_INFINITY
-        )
+        return cls(x=AS_AT_INFINITY * math.tan(angle_x), y=AS_AT_INFINITY * math.tan(angle_y), distance=AS_AT_INFINITY)
 
 
 @checked_fields

@@ -23,6 +23,10 @@ UNUSUAL_BASELINE: Final = "baseline"
 """Name of the convention that states that another unit of length would give a usual baseline."""
 FOLDING_LENS: Final = "part of the picture without direction"
 """Name of the convention that states that the lens model of a camera does not reach the edges of its picture."""
+UNUSUAL_MATRIX: Final = "camera matrix"
+"""Name of the convention that states that a camera matrix does not fit the picture."""
+_SHORTEST_LENS, _LONGEST_LENS = 0.1, 100.0  # focal length over the wider side of the picture: 157° to 0.6° across
+_LARGEST_ASPECT = 1.25  # of pixels
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _PLACES: Final = 65  # points along each side of a picture at which directions are computed
 _LARGEST_TANGENTIAL: Final = 0.05
@@ -89,8 +93,9 @@ def paired(
     )
     if not _USUAL_FROM <= baseline <= _USUAL_TO and (says := _by_units(baseline, metre)):
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says, key=key))
-    if says := "; ".join(filter(None, map(_folding, (first, second)))):
-        conventions = (*conventions, Convention(name=FOLDING_LENS, says=says, key=key))
+    for name, words in ((FOLDING_LENS, _folding), (UNUSUAL_MATRIX, _unusual_matrix)):
+        if says := "; ".join(filter(None, map(words, (first, second)))):
+            conventions = (*conventions, Convention(name=name, says=says, key=key))
     if is_vertical:
         first, second = _turned(first, at), _turned(second, at)
         rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
@@ -172,6 +177,21 @@ def _folding(camera: ImportedCamera) -> str:
         return ""
     ends = pretty(float(lens.valid_field), ANGLE)
     return f"{pretty(missing, FRACTION, 2)} of the picture of {camera.name}, whose lens model folds {ends} off the axis"
+
+
+def _unusual_matrix(camera: ImportedCamera) -> str:
+    """Focal lengths and principal points that no usual camera has, in words; empty if there are none."""
+    (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
+    found = []
+    if not 1.0 / _LARGEST_ASPECT <= fx / fy <= _LARGEST_ASPECT:
+        found.append(f"focal lengths of {fx:g} and {fy:g} px mean pixels that are not square")
+    if camera.pixels is not None:
+        columns, rows = camera.pixels
+        if not _SHORTEST_LENS <= max(fx, fy) / max(columns, rows) <= _LONGEST_LENS:
+            found.append(f"a focal length of {fx:g} px is unusual for a picture of {columns} × {rows} px")
+        if not (-0.5 <= cx <= columns - 0.5 and -0.5 <= cy <= rows - 0.5):
+            found.append(f"the principal point ({cx:g}, {cy:g}) px lies outside the picture of {columns} × {rows} px")
+    return f"{camera.name}: {', and '.join(found)}" if found else ""
 
 
 def _turned(camera: ImportedCamera, at: Located) -> ImportedCamera:
