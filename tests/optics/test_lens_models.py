@@ -125,6 +125,7 @@ def test_inverses_hold_up_to_the_end_of_a_wide_field(model):
     u, v = model.image(np.sin(angle), 0.0 * angle, np.cos(angle))
     x, _, z = model.ray(u, v)
     np.testing.assert_allclose(np.arctan2(x, z), angle, atol=1e-11)
+    assert model.ray(0.0, 0.0)[0] == 0.0
 
 
 @pytest.mark.parametrize(

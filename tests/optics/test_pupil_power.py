@@ -54,5 +54,8 @@ def test_a_very_wide_clear_lens_has_a_strehl_ratio_of_one(f_number: float) -> No
 @pytest.mark.parametrize("width", [3e-3, 3e-4, 1e-5])
 def test_an_opening_that_all_nodes_miss_is_refused(width: float) -> None:
     opening = optics.Pupil(amplitude=lambda x, y: np.exp(-((x - 0.3333) ** 2 + (y - 0.1234) ** 2) / (2 * width**2)))
-    with pytest.raises(TradestudyError, match=r"does not reach its tolerance|passes light"):
-        point_spread(focal_length=50e-3, f_number=8, wavelength=550e-9, pupil=opening, tolerance=1e-3)
+    with pytest.raises(TradestudyError, match=r"does not reach its tolerance|passes light|nodes"):
+        point_spread(
+            focal_length=50e-3, f_number=8, wavelength=550e-9, pupil=opening, tolerance=1e-3,
+            limits=optics.Limits(nodes=100_000),
+        )  # fmt: skip

@@ -202,7 +202,9 @@ class Rational(LensModel):
 
     def _most_scale(self, square: FloatArray) -> FloatArray:
         """Scale r/r_d at the end of the table: near the fold behind it, a step may overshoot."""
-        return np.asarray(self._table[0][-1] / np.sqrt(np.where(square > 0.0, square, 1.0)))
+        return np.asarray(
+            np.where(square > 0.0, self._table[0][-1] / np.sqrt(np.where(square > 0.0, square, 1)), np.inf)
+        )
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:

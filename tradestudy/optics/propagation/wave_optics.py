@@ -311,7 +311,7 @@ def _refined(
         good = error.intensity <= accuracy.tolerance
         if good or (fixed_nodes and (check.nodes > check.sums or share < 1e-13)):
             break
-        if not check.nodes <= check.sums:
+        if not check.nodes <= check.sums or math.isinf(error.intensity):
             counts = counts.scaled(1.3)
         else:
             share = max(share * min(0.1, 0.3 * accuracy.tolerance / error.intensity), 1e-15)
