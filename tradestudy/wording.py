@@ -27,6 +27,11 @@ def with_unit_symbols(text: str) -> str:
     return text
 
 
+def with_article(title: str) -> str:
+    """Write the title of a camera within a sentence: "the 8 mm stereo rig", but "Raytrix R5"."""
+    return title if title[:1].isupper() else f"the {title}"
+
+
 def listed(items: Sequence[str]) -> str:
     """Join items for a sentence: "a", "a and b", "a, b and c"."""
     return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
@@ -81,7 +86,7 @@ _LIMITS: Final[Mapping[str, str]] = {
     "real_image": "no real image",
     "overlap": "too little overlap",
     "total_covering_plane": "points seen by too few microlenses",
-    "availability": "too few points seen by two microlenses",
+    "availability": "too few points seen by two microlenses that are compared",
     "focus": "out of focus",
     "saturation": "brightest pixels saturated",
     "matching": "unreliable matching",

@@ -52,7 +52,7 @@ def tree(
     root = {
         "format_version": 1,
         "study": "synthetic",
-        "title": "Raytrix R5 against a 100 mm stereo rig",
+        "title": "Raytrix R5 against a stereo rig with a 100 mm baseline",
         "question": "Which sensor should measure depth, and at which distance does the answer change?",
     }
     groups = {

@@ -105,7 +105,7 @@ def test_a_handover_is_given_with_its_error(make_tree: MakeTree) -> None:
     decision["change_error"][0] = 0.02
     tree["decision"] = xr.DataTree(decision)
     assert list(handovers(decision.isel(reading=0).sel(error_source="both"))) == [(0.391, 0.02)]
-    assert any("changes at 0.39 ± 0.02 m;" in text for text in texts(report_of(tree)))
+    assert any("directly from one to the other at 0.39 ± 0.02 m;" in text for text in texts(report_of(tree)))
 
 
 @pytest.mark.parametrize(
@@ -246,7 +246,7 @@ def test_ranks_appear_in_text_figure_and_table(make_tree: MakeTree) -> None:
         [*names, "90.0 ± 0.2 %", "80.0 ± 0.2 %", "70.0 ± 0.2 %"],
         [*names, "60.0 ± 0.2 %", "50.0 ± 0.2 %", "—"],
     ]
-    assert any("a probability of 70 % to 90 % if all noise is averaged out" in text for text in texts(report))
+    assert any("is 70 % to 90 % if all noise is averaged out" in text for text in texts(report))
     (panel,) = figures.figure(tree, "rank-probability").axes  # one for each pair
     assert all(name in panel.get_title(loc="left").replace("\n", " ") for name in names)
     drawn = [np.asarray(line.get_ydata(), dtype=float) for line in panel.get_lines()[:2]]

@@ -111,7 +111,7 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
     assert shown
     assert float(shown[1]) == pytest.approx(100.0 * first["first"], abs=0.51)
     assert re.fullmatch(
-        r"Rests on \(measure first\): yaw of 75 mm stereo head, assumed 0\.01° \(9\d % of the variance at 3 m\); "
+        r"Rests on \(measure first\): yaw of the 75 mm stereo head, assumed 0\.01° \(9\d % of the variance at 3 m\); "
         r"matching noise of Raytrix R5.*",
         rests,
     )
@@ -254,7 +254,7 @@ def test_a_run_with_changed_values_has_a_folder_of_its_own(tmp_path: Path, monke
 
 
 def test_the_inputs_that_the_answer_rests_on_have_their_basis(swept: Result) -> None:
-    assert rests_on(swept.data)[0].startswith("yaw of 75 mm stereo head, assumed 0.01 deg")
+    assert rests_on(swept.data)[0].startswith("yaw of the 75 mm stereo head, assumed 0.01 deg")
     causes = swept.data["decision"].to_dataset()["cause"]
     assert str(causes.sel(camera="raytrix-r5").item()) == "matching noise of Raytrix R5, derived from the picture"
     assert [one.words for one in best_ranges(swept.data)] == ["75 mm stereo head from 0.3 to 4 m"]

@@ -66,7 +66,9 @@ def test_claims_name_cameras_by_their_titles(headline_result: Result) -> None:
     quantity = headline_result.data["claims"].to_dataset()["quantity"]
     overlap, ratio = (str(quantity.sel(claim=claim).item()) for claim in ("C1", "C2"))
     assert re.search(r"\bnearest\b.*\b8 mm stereo rig\b.*\boverlap\b", overlap)
-    assert re.search(r"largest ratio of the uncertainty of 8 mm stereo rig .*\bRaytrix R5\b.* 500 mm to 10 m\b", ratio)
+    assert re.search(
+        r"largest ratio of the uncertainty of the 8 mm stereo rig .*\bRaytrix R5\b.* 500 mm to 10 m\b", ratio
+    )
     assert "noise and calibration errors" in ratio
 
 

@@ -30,7 +30,7 @@ from tradestudy.study.schema.questions import (
     UncertaintyRatioClaim,
 )
 from tradestudy.units import FRACTION, LENGTH, Dimension, parse, pretty
-from tradestudy.wording import in_words, listed
+from tradestudy.wording import in_words, listed, with_article
 
 # Enough for a smooth curve over two decades; the ends of ranges are always included.
 _POINTS = 401
@@ -53,6 +53,7 @@ def claims_in_order(claims: Mapping[str, ClaimPart], names: Sequence[str]) -> li
 
 def claim_quantity(claim: ClaimPart, titles: Mapping[str, str]) -> str:
     """The quantity that answers a claim, in words; `titles` name the cameras."""
+    titles = {key: with_article(title) for key, title in titles.items()}
     match claim:
         case LimitDistanceClaim():
             end = "nearest" if claim.end == "near" else "farthest"

@@ -42,7 +42,7 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="depth_achieved",
         caption="Errors of measured depth against true depth. Markers: median, with its standard error as a thick bar. "
-        "Thin bars: half the central 68.27 % interval to either side. Band: predicted depth uncertainty.",
+        "Thin bars: half the width of the central 68.27 % interval to either side. Band: predicted depth uncertainty.",
         alt=f"For {names}: the median and the spread of the errors of measured depth in classes of true depth, with "
         "the predicted uncertainty as a band around zero. Over all depths: " + _error_words(tree),
         draw=lambda: draw_achieved(tree),

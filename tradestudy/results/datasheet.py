@@ -35,8 +35,8 @@ DATASHEET: Final[Mapping[str, Variable]] = {
         dims=_OVER,
         units="m",
         long_name="root-mean-square deviation of measured depths from a plane fitted to them, for a flat target "
-        "perpendicular to the axis; equal to the depth uncertainty from matching noise alone, because calibration "
-        "errors are taken to shift and tilt the whole plane; infinite or NaN like temporal_noise",
+        "perpendicular to the axis; taken as the depth uncertainty from matching noise alone, which leaves out how "
+        "calibration errors bend the plane; infinite or NaN like temporal_noise",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "fill_rate": Variable(

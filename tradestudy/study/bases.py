@@ -9,6 +9,7 @@ from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.matcher import AT_BOUND
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
+from tradestudy.wording import with_article
 
 _SESSION: Final = ("temperature", "pressure", "colour")
 Path = tuple[str | int, ...]
@@ -26,7 +27,7 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
     parameter
         One of the camera's error sources, or ``noise``.
     """
-    title = definition.file.cameras[camera].title
+    title = with_article(definition.file.cameras[camera].title)
     if parameter == "noise":
         path: Path = ("cameras", camera, "depth", "disparity_error")
         part, declared = definition.file.cameras[camera], definition.document.entry(path)

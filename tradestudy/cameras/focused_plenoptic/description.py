@@ -34,7 +34,10 @@ def properties_of(
         ("fill factor of the array", fill_factor(array)),
         ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
         ("total covering plane, where |virtual depth| is 2", pretty(plane, LENGTH, 4)),
-        ("distance from which two or more microlenses see every point", _covered_from(lens, array, mla_distance)),
+        (
+            "distances at which two or more microlenses, of any type, see every point",
+            _covered_from(lens, array, mla_distance),
+        ),
         ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
         ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
     )
@@ -64,4 +67,4 @@ def _covered_from(lens: Lens, array: MicrolensArray, mla_distance: float) -> str
     if shift <= 0.0:
         return "nowhere" if keplerian else "everywhere"
     distance = pretty(float(object_distance(shift, lens.focal_length)), LENGTH, 4)
-    return distance if keplerian else f"the lens to {distance}"
+    return f"from {distance}" if keplerian else f"up to {distance}"

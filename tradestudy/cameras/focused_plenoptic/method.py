@@ -11,11 +11,13 @@ METHOD: Final = Method(
     title="Depth from a focused plenoptic camera",
     statements=(
         "The main lens (focal length *f*~M~) forms the image of a point at distance *a*~M~. The microlens array is a "
-        "distance *z* behind the main lens, and the image lies a distance *a*~L~ from the array. Every microlens that "
-        "sees the image repeats it on the sensor, a gap *b*~L~ behind the array. The virtual depth "
-        "*v* = *a*~L~/*b*~L~ is positive if the image lies in front of the array (Keplerian), and negative if it lies "
-        "behind (Galilean). Two microlenses whose centres are at *x*~off~ show the point at σ, measured in each "
-        "micro-image from the centre of its microlens; superscripts distinguish the two:",
+        "distance *z* behind the main lens, and the image lies *a*~L~ in front of the array (Keplerian), or behind it "
+        "(Galilean), where *a*~L~ is negative. Every microlens that sees this image forms an image of it on the "
+        "sensor, "
+        "a gap *b*~L~ behind the array. The virtual depth is *v* = *a*~L~/*b*~L~; the total covering plane is the "
+        "object distance at which its magnitude is 2. Two microlenses whose centres are at *x*~off~ show the point at "
+        "the position σ, measured in each micro-image from the centre of its microlens; superscripts distinguish the "
+        "two:",
         Formula(
             typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
             alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the "
@@ -33,8 +35,8 @@ METHOD: Final = Method(
         ),
         "The two derivatives have opposite signs: depth depends mainly on the error of *z* − *f*~M~, and therefore on "
         "how the errors of *z* and *f*~M~ are correlated. For a given disparity error, the error of *v* depends on "
-        "the declared estimator: it grows with *v*² for an adjacent pair of microlenses (of any type, or of the "
-        "same type), with *v* for the widest pair, and is constant for least squares over all microlenses.",
+        "the declared estimator: it grows with *v*² for the nearest pair of microlenses (of any type, or of "
+        "one type), with *v* for the widest pair, and is constant for least squares over all microlenses.",
     ),
     matching=(
         "A focused plenoptic camera compares two micro-images, each *n* in diameter, over the part of the object that "

@@ -430,8 +430,9 @@ class StereoRig(DepthCamera):
                 stated=f"{show(f, LENGTH)}, the focal length",
                 implied=f"{show(focused, LENGTH)} when focused at {show(focus, LENGTH)}: longer by "
                 f"{pretty(magnification, FRACTION)}, more than the {pretty(tolerance, FRACTION)} tolerance on depth",
-                used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur. Unless the focal length comes "
-                "from a calibration in pixels, set principal_distance: focused to use the latter for both",
+                used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur. If the focal length does not "
+                f"come from a calibration in pixels, set principal_distance: focused to use {show(focused, LENGTH)} "
+                "for both",
             ),
         ]
 

@@ -20,8 +20,10 @@ METHOD: Final = Method(
             "changes Z by about Z squared over B, times one plus x squared over c squared, times psi.",
         ),
         "The last two are linear approximations, which show how the errors scale. The numbers come from the exact "
-        "expression, in which depth becomes infinite where the yaw cancels the disparity, at *Z* = *B*/ψ. The overlap "
-        "of the two fields of view limits how near the rig can measure; for parallel axes it is 1 − *B*/*W*, where "
+        "expression, in which depth becomes infinite where the yaw cancels the disparity: on the axis, at *Z* = "
+        "*B*/|ψ|. The overlap "
+        "of the two fields of view limits how near the rig can measure; for parallel axes the overlap is 1 − "
+        "*B*/*W*, where "
         "*W* = 2 *Z* tan(FOV/2) is the width of each field of view at the distance *Z*.",
         "The principal distance *c* is the distance from the lens to the sensor. By default it equals the focal length "
         "*f*, which is right if *f* comes from a calibration in pixels. If the study declares "

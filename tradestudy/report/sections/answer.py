@@ -37,10 +37,10 @@ from tradestudy.results.views.requirement_conclusions import (
 )
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import significant
-from tradestudy.wording import distance, limit_words, listed, span
+from tradestudy.wording import distance, limit_words, listed, span, with_article
 
 _MOST_REASONS = 3
-_WHICH: Final = "Which camera for which distance, with its depth uncertainty"
+_WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
 _DECLARED: Final = " (study as declared)"
 
 
@@ -229,8 +229,8 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
         by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of the {all} other readings"
         yield say(
             "The verdict between {first} and {second} is **reversed** at {places} " + by + " ([](#verdict-table)).",
-            first=titles[decision.attrs["first"]],
-            second=titles[decision.attrs["second"]],
+            first=with_article(titles[decision.attrs["first"]]),
+            second=with_article(titles[decision.attrs["second"]]),
             places=listed([distance(one.place) for one in turned]),
             only=says[names[0]],
             counts=str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}",
@@ -312,7 +312,7 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     if not has(tree, "decision", "change_distance"):
         return
     decision, titles = group(tree, "decision").sel(error_source="both"), camera_titles(tree)
-    first, second = (titles[decision.attrs[end]] for end in ("first", "second"))
+    first, second = (with_article(titles[decision.attrs[end]]) for end in ("first", "second"))
     handed = [list(handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
     own = "at " + " and ".join(distance_with_error(*place) for place in handed[0]) if handed[0] else "nowhere"
     others = [place for row in handed[1:] for place, _ in row]
@@ -327,7 +327,7 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     nowhere = f", and under the other{'s' * (alone > 1)} nowhere" if alone else ""
     moved = f"; under {among} {readings} it changes {'there too' if where == own else where}{nowhere}" if others else ""
     yield say(
-        "Of {first} and {second}, the better usable camera changes **{own}**{moved}.",
+        "Of {first} and {second}, the better usable camera changes directly from one to the other **{own}**{moved}.",
         first=first,
         second=second,
         own=own,

@@ -21,7 +21,9 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
     if has(tree, "depth"):
-        yield Paragraph("Errors of cameras are those of the computed depth uncertainty, where the camera is usable.")
+        yield Paragraph(
+            "The errors of cameras are the numerical errors of the depth uncertainty, at the usable distances."
+        )
     yield Paragraph("Where nothing else is said, more complete models give the same result within the error.")
     yield Bullets(tuple(answers(group(tree, "cost"))))
     yield from pictures_of(drawings, "cost")
@@ -48,7 +50,7 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     else:
         more = "; no measured set of models is ten times as accurate"
     return say(
-        "**{title}** ({models}) takes {seconds} of computing time, with an error of {most}{error}{more}.{left_out}",
+        "**{title}**: {seconds} for {models}, with an error of {most}{error}{more}.{left_out}",
         title=str(problem["title"].item()),
         models=str(own["models"]),
         seconds=_seconds(own),

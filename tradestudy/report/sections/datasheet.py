@@ -24,11 +24,12 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     yield Paragraph(
         say(
             "Values hold on the axis, for the declared scene and cameras; they follow no published test standard. "
-            "Values in brackets are relative to the distance. *Z accuracy*: half "
-            "the central 68.27 % interval from calibration errors alone, which remain after averaging many pictures. "
+            "Values in brackets are relative to the distance. *Z accuracy*: half the width of the central 68.27 % "
+            "interval from calibration errors alone, which remain after averaging many pictures. "
             "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one measured "
-            "disparity. *Plane-fit RMS*: residual of a plane fitted to a flat target; calibration errors shift "
-            "and tilt the whole plane, so only noise remains. *Fill rate*: the fraction of the picture seen by both "
+            "disparity. *Plane-fit RMS*: scatter about a plane fitted to a flat target, taken as the temporal "
+            "noise; how calibration errors bend the plane is left out. *Fill rate*: the fraction of the picture seen "
+            "by both "
             "views, or by enough microlenses, times the fraction of measurements that do not fail; 0 where the "
             "camera is unusable. *Field*: width and height of the area that one camera sees.{matching}",
             matching=_of_matching(tree),

@@ -76,8 +76,8 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         rows=tuple(rows),
         notes=(
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
-            "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
-            "and both"
+            "differ). u: half the width of the central 68.27 % interval of one measurement, for noise only, "
+            "calibration only, and both"
             + "; ± its error, where that exceeds 1 %" * ("±" in shown)
             + "."
             + " Where u both equals u noise, the chosen models leave calibration errors out."
@@ -178,7 +178,9 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
         yield table(
             "baseline-table",
             "equivalent_baseline",
-            "Equivalent baseline: the baseline of a rig with the same focal length, disparity error and u noise.",
+            "Equivalent baseline: the baseline of a stereo rig with the camera's focal length and disparity error "
+            "and the same "
+            "u noise.",
             length,
             _baseline_note(tree, depth),
         )
@@ -223,7 +225,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     yield Paragraph(
         say(
             "{open} The two cameras compared are {first} and {second}.",
-            open="Each other reading changes one assumption of the study as declared and nothing else."
+            open="Each other reading changes only what its assumption names; the rest is as declared."
             if others
             else "The study declares no other reading (set of assumptions).",
             **pair,

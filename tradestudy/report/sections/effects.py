@@ -44,8 +44,8 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
     yield Paragraph(
         say(
             "Each effect has several models, from `off` to the most complete one, named as in study files. The program "
-            "chose the cheapest models that together keep the answers within the tolerance at the worst distance, "
-            "reading and design. {together}",
+            "chose the cheapest models that together keep the answers within the tolerance at every distance, "
+            "under every reading and, in a sweep, in every design. {together}",
             together=" ".join(_together(tree)),
         )
     )
@@ -174,8 +174,8 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             more = "more than" if worst > np.nanmax(asked) else "within"
             yield f"Models that the study forces change the {changed} by up to {_share(worst)}, {more} the tolerance."
     if changes:
-        yield f"The omitted effects together change {listed(changes)}."
-    subject = "They do" if changes else "The omitted effects do"
+        yield f"All that the chosen models leave out changes {listed(changes)}."
+    subject = "It does" if changes else "What the chosen models leave out does"
     for tolerance, names in unchanged.items():
         yield f"{subject} not change {' or '.join(names)} (tolerance {tolerance})."
 

@@ -116,7 +116,8 @@ def _uncertainty() -> Iterator[Block]:
                 "mapped back. An inverse depth of zero or below counts as a depth of ∞."
             ),
             say(
-                "**What decides it**: the error source with the largest share of the variance of inverse depth. "
+                "**What decides the uncertainty**: the error source with the largest share of the variance of "
+                "inverse depth. "
                 "Shares are Shapley shares: they sum to 100 %, for correlated errors too."
             ),
         )
@@ -138,10 +139,12 @@ def _uncertainty() -> Iterator[Block]:
             "**Linear** propagation takes the covariance of all errors through the derivatives of that model at each "
             "distance; a comparison with random draws through the model gives the error of this approximation. "
             "**Exact** propagation sends eight independently scrambled Sobol sequences of draws through the model "
-            "itself, the same at all distances. A result is *converged* when the eight sequences "
+            "itself and reuses them at every distance. A result is *converged* when the eight sequences "
             "determine every reported half-width to within the tolerance (95 % *t*-interval); where an interval has "
             "no far end, the fraction of failed measurements is judged instead. The program uses linear propagation "
-            "where a trial shows that its error stays within the tolerance."
+            "where a trial shows that its error stays within the tolerance. The numerical error of a result is that "
+            "of this "
+            "computation with the chosen models; what these leave out is stated apart."
         )
     )
     yield Paragraph(
@@ -158,9 +161,7 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
         "each end of the usable range."
     )
     meanings = {
-        "overlap": say(
-            "**Overlap**: the other camera also sees part of each stereo picture, at least the declared fraction."
-        ),
+        "overlap": say("**Overlap**: each camera sees at least the declared fraction of the other's picture."),
         "total_covering_plane": say(
             "**Total covering plane**: the magnitude of the virtual depth is at least the declared one."
         ),
@@ -173,7 +174,8 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "most the declared one."
         ),
         "last_disparity_step": say(
-            "**Last disparity step**: the disparity still differs from that of infinity by more than one step."
+            "**Last disparity step**: the disparity still differs by more than one step from that of a point at "
+            "infinity."
         ),
         "failed_fraction": say(
             "**Failed measurements**: at most the declared fraction of measurements fail. A measurement fails if noise "

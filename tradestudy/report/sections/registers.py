@@ -138,7 +138,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
 
 
 _SET: Final = ", after values set for this run alone, on the command line or in Python"
-_ORDER: Final = " Assumed values come first{given}, because a verdict can rest on them."
+_ORDER: Final = " Assumed values come first{given}, because no source supports them."
 
 
 def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -> Iterator[tuple[Text, ...]]:
@@ -207,8 +207,9 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Claims", anchor="claims")
     yield Table(
         name="claim-verdicts",
-        caption="The claims and their verdicts. In brackets: where the claim was published. Expected: what the "
-        "quantity named in the section “Claims under every reading” must be. A reading is one set of assumptions.",
+        caption="The claims and their verdicts. In brackets: where the claim was published. Expected: the value "
+        "that meets the claim; the notes in “Claims under every reading” say of which quantity. A reading is one set "
+        "of assumptions.",
         columns=(
             Column(title="Claim"),
             Column(title="Says", weight=4),
@@ -243,20 +244,20 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
         return f"{text} {'✓' if met == 1 else '✗'}{near}" if met >= 0 else text
 
     tried = [name for name in data["reading"].values if any(cell(row["claim"], name) for row in rows)]
+    cells = [[cell(row["claim"], name) for row in rows] for name in tried]
     says = readings_in_words(data)
     yield Heading(text="Claims under every reading", anchor="claim-readings")
     yield Table(
         name="claim-values",
-        caption="Value found for each claim under each tested reading: ✓ met, ✗ not met, "
-        "≈ so close that a change within the study's tolerance could reverse the verdict, empty: not tested.",
+        caption="Value found for each claim under each tested reading: " + ", ".join(_marks_in(cells)) + ".",
         columns=(
             Column(title="Reading", weight=1),
             *(Column(title=str(row["claim"]), align="right") for row in rows),
         ),
-        rows=tuple((says[str(name)], *(cell(row["claim"], name) for row in rows)) for name in tried),
+        rows=tuple((says[str(name)], *row) for name, row in zip(tried, cells, strict=True)),
         notes=tuple(
             say(
-                "**{claim}**: {quantity}. Tolerance: {why}.",
+                "**{claim}**: {quantity}. Why this expectation: {why}.",
                 claim=str(r["claim"]),
                 quantity=str(r["quantity"]),
                 why=str(r["tolerance_reason"]),
@@ -264,6 +265,16 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
             for r in rows
         ),
     )
+
+
+def _marks_in(cells: list[list[Text]]) -> Iterator[str]:
+    """Explain the marks that a table of claims contains."""
+    written = [str(one) for row in cells for one in row]
+    yield "✓ met, ✗ not met"
+    if any("≈" in one[-1:] for one in written):
+        yield "≈ so close that a change within the study's tolerance could reverse the verdict"
+    if "" in written:
+        yield "empty: not tested"
 
 
 _NEAR: Final = ", though a change within the tolerances could reverse this"
@@ -282,8 +293,8 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
         name="requirement-table",
         caption="Requirements of the study, each with the camera that comes closest. A positive margin is room to "
         "spare, in % of the worst value; “margin / error” is the margin as a multiple of the estimated numerical error "
-        "of that value. Where a camera is unusable over part of the range, its margin is at most minus the unusable "
-        "share, in % of the range on a logarithmic scale.",
+        "of that value. A camera that is unusable over 30 % of the range, on a logarithmic scale, has a margin "
+        "of −30 % or less.",
         columns=(
             Column(title="Requirement", weight=3),
             Column(title="Met", weight=2),

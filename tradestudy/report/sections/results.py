@@ -16,7 +16,9 @@ from tradestudy.wording import distance, in_words
 
 _NOWHERE = "nowhere"
 _MISSING = (
-    " For a camera that is usable nowhere, the table names the limits that fail at the distance where the fewest fail."
+    " For a camera that is usable nowhere, the table names the limits that it misses at the distance where it misses "
+    "the "
+    "fewest."
 )
 
 

@@ -10,14 +10,14 @@ from tradestudy.report.document import Block, Column, Paragraph, Table, Text, sa
 from tradestudy.report.words import share
 from tradestudy.results.views.depth import table_distances
 from tradestudy.results.views.groups import camera_titles, group
-from tradestudy.wording import distance
+from tradestudy.wording import distance, with_article
 
 
 def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
     """Say how likely the first camera of the main pair errs less, for a rig and a measurement; then list all pairs."""
     decision, titles, places = group(tree, "decision"), camera_titles(tree), table_distances(tree)
     pair = decision.isel(pair=0)
-    first, second = (titles[str(pair[name].item())] for name in ("pair_first", "pair_second"))
+    first, second = (with_article(titles[str(pair[name].item())]) for name in ("pair_first", "pair_second"))
 
     def between(error_source: str) -> str:
         there = (
@@ -28,8 +28,8 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Paragraph(
         say(
-            "From {near} to {far}, one specimen of **{first}** has a smaller depth error than one of {second} with a "
-            "probability of **{rig}** if all noise is averaged out, and of **{reading}** in a single measurement.",
+            "From {near} to {far}, the probability that one specimen of **{first}** errs less than one of {second} is "
+            "**{rig}** if all noise is averaged out, and **{reading}** in a single measurement.",
             first=first,
             second=second,
             rig=between("calibration"),

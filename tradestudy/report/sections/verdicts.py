@@ -11,7 +11,7 @@ from tradestudy.report.document import Block, Bullets, Column, Heading, Spans, T
 from tradestudy.results.views.decision import Flips, answer_title, flips, readings_in_words
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
-from tradestudy.wording import counted, distance
+from tradestudy.wording import counted, distance, with_article
 
 
 def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
@@ -31,8 +31,8 @@ def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
     pair = [str(decision.attrs[end]) for end in ("first", "second")]
     yield say(
         "Between {first} and {second}, {noise}; {calibration}.",
-        first=titles[pair[0]],
-        second=titles[pair[1]],
+        first=with_article(titles[pair[0]]),
+        second=with_article(titles[pair[1]]),
         noise=_favoured(decision.isel(reading=0).sel(error_source="noise"), pair, titles, "noise"),
         calibration=_favoured(decision.isel(reading=0).sel(error_source="calibration"), pair, titles, "calibration"),
     )
@@ -45,7 +45,9 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
     undecided = int(np.isnan(neither).sum())
     wins = {key: names.count(key) for key in pair}
     parts = [
-        f"favours {titles[key]} at {wins[key]}" for key in sorted(pair, key=lambda key: -wins[key]) if wins[key] > 0
+        f"favours {with_article(titles[key])} at {wins[key]}"
+        for key in sorted(pair, key=lambda key: -wins[key])
+        if wins[key] > 0
     ]
     parts += [f"leaves a tie at {neither.size - undecided}"] if neither.size > undecided else []
     parts += [f"decides nothing at {undecided}"] if undecided else []

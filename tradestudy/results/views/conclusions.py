@@ -91,9 +91,14 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
     for words, share, where in found:
         shares[words] = max((share, where), shares.get(words, (0.0, "")))
     return tuple(
-        words + (f" ({pretty(share, FRACTION, digits=2)} of the variance{where})" if math.isfinite(share) else "")
+        words + (f" ({_share_of_variance(share)}{where})" if math.isfinite(share) else "")
         for words, (share, where) in shares.items()
     )
+
+
+def _share_of_variance(share: float) -> str:
+    words = "over 99\N{NO-BREAK SPACE}%" if 0.995 <= share < 1.0 else pretty(share, FRACTION, digits=2)
+    return f"{words} of the variance"
 
 
 @dataclass(frozen=True, kw_only=True)
