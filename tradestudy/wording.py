@@ -86,7 +86,7 @@ _LIMITS: Final[Mapping[str, str]] = {
     "real_image": "no real image",
     "overlap": "too little overlap",
     "total_covering_plane": "points seen by too few microlenses",
-    "availability": "too few points seen by two microlenses that are compared",
+    "availability": "too few points seen by two compared microlenses",
     "focus": "out of focus",
     "saturation": "brightest pixels saturated",
     "matching": "unreliable matching",

@@ -52,7 +52,7 @@ def tree(
     root = {
         "format_version": 1,
         "study": "synthetic",
-        "title": "Raytrix R5 against a stereo rig with a 100 mm baseline",
+        "title": "Raytrix R5 against a stereo rig",
         "question": "Which sensor should measure depth, and at which distance does the answer change?",
     }
     groups = {

@@ -86,8 +86,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
 def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
     caption = (
-        "Depth uncertainty (half the width of the central 68.27 % interval of one measurement), bold where the "
-        "camera is usable. "
+        "Depth uncertainty (half the width of the central 68.27 % interval), bold where the camera is usable. "
         "Grey lines: fractions of the distance. Bars: usable distances."
     )
     caption += _design_words(tree)

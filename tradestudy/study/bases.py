@@ -67,5 +67,5 @@ def _rests(definition: StudyDefinition, path: Path) -> str:
     note = definition.document.annotations.get(path)
     basis = note.basis if note is not None and note.basis is not None else "declared"
     text = definition.document.text_of(path)
-    sources = {"paper": "taken from the paper as", "datasheet": "taken from the data sheet as"}
-    return f", {sources.get(basis, basis)} {text}"
+    sources = {"paper": "from the paper", "datasheet": "from the data sheet"}
+    return f", {text} {sources[basis]}" if basis in sources else f", {basis} {text}"

@@ -204,10 +204,12 @@ def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
     if first := measure_first(tree):
         head, _, rest = first.partition(": ")
         if rest in rests_on(tree):  # the sentence before names it
+            named, short = rests_on(tree), rest.partition(" of ")[0]
+            alike = sum(one.startswith(f"{short} of ") for one in named) > 1
             yield (
                 say("**Measure that first.**")
-                if len(rests_on(tree)) == 1
-                else say("**Measure first** the {what}.", what=rest.partition(", assumed ")[0])
+                if len(named) == 1
+                else say("**Measure first** the {what}.", what=rest.partition(", assumed ")[0] if alike else short)
             )
         else:
             yield say("**{head}:** {rest}.", head=head, rest=rest) if rest else say("{head}.", head=head)
@@ -324,10 +326,10 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     count = len(handed) - 1
     among = f"{count - alone} of the {count} other" if alone else "the other"
     readings = "readings (sets of assumptions)," if count > 1 else "reading (set of assumptions),"
-    nowhere = f", and under the other{'s' * (alone > 1)} nowhere" if alone else ""
-    moved = f"; under {among} {readings} it changes {'there too' if where == own else where}{nowhere}" if others else ""
+    nowhere = f"; under the other{'s' * (alone > 1)}, nowhere" if alone else ""
+    moved = f"; under {among} {readings} {'there too' if where == own else where}{nowhere}" if others else ""
     yield say(
-        "Of {first} and {second}, the better usable camera changes directly from one to the other **{own}**{moved}.",
+        "Of {first} and {second}, the better usable camera changes directly **{own}**{moved}.",
         first=first,
         second=second,
         own=own,

@@ -97,7 +97,7 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def _share_of_variance(share: float) -> str:
-    words = "over 99\N{NO-BREAK SPACE}%" if 0.995 <= share < 1.0 else pretty(share, FRACTION, digits=2)
+    words = ">\N{NO-BREAK SPACE}99\N{NO-BREAK SPACE}%" if 0.995 <= share < 1.0 else pretty(share, FRACTION, digits=2)
     return f"{words} of the variance"
 
 
