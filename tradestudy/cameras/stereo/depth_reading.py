@@ -44,12 +44,20 @@ class PairReader(DepthReader):
     ----------
     camera, search
         The rig, and the depths to search.
+
+    Raises
+    ------
+    OutOfRangeError
+        If OpenCV is not installed.
     """
 
     relative_effort: ClassVar[float] = 1.7
 
     camera: StereoRig
     search: DepthSearch
+
+    def __post_init__(self) -> None:
+        _opencv()  # refused here, before pictures are rendered for it
 
     @property
     def _scale(self) -> float:
