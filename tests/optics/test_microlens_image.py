@@ -99,6 +99,30 @@ def test_an_image_that_misses_its_tolerance_is_refined_or_refused(monkeypatch: p
     assert asked[-1] < 1e-2 * asked[0]
 
 
+@pytest.mark.parametrize(("steepness", "centre", "tolerance"), [(22.0, 1.0, 1e-2), (60.0, 1.0, 3e-2)])
+def test_light_from_the_rim_of_a_masked_pupil_is_not_left_out(
+    steepness: float, centre: float, tolerance: float
+) -> None:
+    """A soft opening at the rim lights a microlens beside the geometric blur, which focuses on few pixels."""
+    pupil = optics.Pupil(amplitude=lambda x, y: np.exp(-steepness * ((x - centre) ** 2 + y**2)))
+    lens = replace(CAMERA, microlens_focal_lengths=76e-6, microlens_aperture=None, pupil=pupil)
+    source = optics.PointSource(distance=20e-3)
+    image = module.microlens_image(lens, source, wavelength=WAVELENGTH, tolerance=tolerance)
+    path = lens.light_path(source, wavelength=WAVELENGTH)
+    around = lens.next_microlenses(path, source)
+    many = replace(
+        around,
+        centres=np.concatenate([path.microlenses.centres, around.centres]),
+        focal_lengths=np.full(path.microlenses.count + around.count, 76e-6),
+    )
+    truth = optics.chain_image(
+        replace(path, microlenses=many), source, wavelength=WAVELENGTH, legs=optics.KIRCHHOFF,
+        accuracy=optics.ChainAccuracy(tolerance=tolerance / 3), rng=np.random.default_rng(3),
+    )  # fmt: skip
+    assert relative(image.pixels, truth.pixels) <= image.numerical_error + truth.numerical_error
+    assert image.numerical_error <= tolerance
+
+
 @pytest.mark.parametrize(
     ("waves", "wavelength", "tolerance"),
     [
@@ -224,6 +248,17 @@ def test_impossible_arrays_are_refused_at_once(change: dict[str, float], error: 
     camera = optics.MicrolensCamera(focal_length=2e-3, f_number=8.0, array_distance=2.5e-3, **data)  # type: ignore[arg-type]
     with pytest.raises(error):
         camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9)
+
+
+def test_a_dark_microlens_and_a_giant_coherent_disc_are_refused() -> None:
+    dark = replace(CAMERA, microlens_pupil=optics.Pupil(amplitude=lambda x, _y: 0.0 * x))
+    with pytest.raises(OutOfRangeError, match="microlenses' pupil"):
+        module.microlens_image(dark, POINT, wavelength=WAVELENGTH)
+    giant = optics.DiscSource(diameter=1e12, distance=1e15, coherent=True)
+    with pytest.raises(UnaffordableError, match="coherent disc"):
+        module.microlens_image(CAMERA, giant, wavelength=WAVELENGTH)
+    with pytest.raises(OutOfRangeError, match="source"):
+        CAMERA.light_path("x", wavelength=WAVELENGTH)  # type: ignore[arg-type]  # wrong on purpose
 
 
 def test_wavelengths_that_no_memory_resolves_are_refused_before_nodes_are_placed() -> None:

@@ -66,6 +66,32 @@ def test_wide_intervals_are_resolved_at_any_tolerance(coverage: float, distribut
     assert np.all(np.abs([found.low[0] - ends[0], found.high[0] - ends[1]]) <= 4.0 * found.error[0])
 
 
+@pytest.mark.parametrize(("coverage", "ends"), [(0.9, [1.0, 6.0]), (0.5, [2.0, 4.0]), (0.99, [0.0, 8.0])])
+def test_ends_between_discrete_values_are_resolved(coverage: float, ends: list[float]) -> None:
+    """Poisson with mean 3: P(X = 0) = 4.98 %, so that replicates of 1024 draws cannot tell 0 from 1 at 5 %."""
+    law = stats.poisson(3)
+    assert law.ppf([0.5 - coverage / 2.0, 0.5 + coverage / 2.0]).tolist() == ends
+    found = propagate_through(lambda x: law.ppf(x), {"x": Uniform(low=0.0, high=1.0)}, coverage=coverage)
+    assert found.converged
+    assert [found.low[0], found.high[0]] == ends
+
+
+def test_a_step_next_to_an_end_is_not_taken_for_converged() -> None:
+    inputs = {"x": Uniform(low=0.0, high=1.0)}
+    found = propagate_through(lambda x: (x < 0.25005) * 1.0, inputs, coverage=0.5, most_draws=2**14)
+    assert not found.converged
+    assert found.error[0] >= 0.25
+    assert propagate_through(lambda x: (x < 0.25005) * 1.0, inputs, coverage=0.5).high[0] == 1.0
+
+
+@pytest.mark.parametrize("value", [0.1, 1.0 / 3.0, 1e6 + 0.1, 2.0])
+def test_a_constant_output_converges_at_once(value: float) -> None:
+    found = propagate_through(lambda x: 0.0 * x + value, {"x": UNIT})
+    assert found.converged
+    assert found.draws == 2**14
+    assert found.low[0] == pytest.approx(value, rel=1e-15)
+
+
 def test_too_few_draws_are_refused_and_a_missed_tolerance_is_reported() -> None:
     with pytest.raises(OutOfRangeError, match=r"coverage of 0\.999999: 32768 .allowed: at least 536870912"):
         propagate_through(lambda x: x, {"x": UNIT}, coverage=[0.5, 0.999999], tolerance=1e-4, most_draws=2**15)
@@ -95,6 +121,17 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
         ({"correlation": {("x", "y"): 0.5, ("y", "x"): 0.4}}, r"two correlations of x and y: 0\.5 and 0\.4"),
         ({"correlation": {("x", "constant"): 0.5}}, "constant input: constant"),
         ({"inputs": {"x": 3.0}}, "input 'x': 3.0"),
+        ({"inputs": {1: UNIT}}, "by name"),
+        ({"inputs": [UNIT]}, "by name"),
+        ({"correlation": [1]}, "pairs of names"),
+        ({"correlation": {("x", "y"): float("nan")}}, "x and y: nan"),
+        ({"correlation": {("x", "x"): 1.0}}, "x and x"),
+        ({"correlation": {("x", "y"): "a"}}, "x and y: 'a'"),
+        ({"correlation": {("x", 1): 0.5}}, "unknown input: 1"),
+        ({"tolerance": "a"}, "tolerance: 'a'"),
+        ({"most_draws": np.inf}, "number of draws: inf"),
+        ({"seed": 1.5}, "seed: 1.5"),
+        ({"function": lambda x, **_: [x[:1], x]}, "type object"),
         ({"inputs": {}, "function": lambda: np.zeros(1)}, "inputs"),
         ({"function": lambda x, **_: x + 1j}, "type complex128"),
         ({"function": lambda x, **_: np.ma.masked_less(x, 0.5)}, "masked values"),

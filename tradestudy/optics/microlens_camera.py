@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.argument_types import check_wavelength, checked_fields
+from tradestudy.optics.argument_types import check_wavelength, checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.array_reach import array_reach
 from tradestudy.optics.chain.microlenses import Gaps, Layout, Microlenses
@@ -148,6 +149,7 @@ class MicrolensCamera:
     def _types(self) -> FloatArray:
         return np.atleast_1d(np.asarray(self.microlens_focal_lengths, dtype=np.float64))
 
+    @checked
     def light_path(self, source: PointSource | DiscSource, *, wavelength: float) -> LightPath:
         """Return the light path of a source through this camera.
 
@@ -198,6 +200,7 @@ class MicrolensCamera:
         centres, types = self._lattice(chief, reach)
         return replace(first, microlenses=self._microlenses(centres, types, depth), pixels=self._pixels(chief, reach))
 
+    @checked
     def next_microlenses(self, path: LightPath, source: PointSource) -> Microlenses:
         """Return the microlenses around those of a light path, which the path leaves out.
 
@@ -212,12 +215,17 @@ class MicrolensCamera:
         -------
         Microlenses
             The microlenses up to two pitches farther from the chief ray than the farthest of the path.
+
+        Raises
+        ------
+        UnaffordableError
+            If these are more than 100 000.
         """
         chief, known = np.array(path.chief_point(source)), path.microlenses
         reach = float(np.linalg.norm(known.centres - chief, axis=1).max()) + _NEXT_LENSES * self.microlens_pitch
+        self._refuse_too_many(reach)
         centres, types = self._lattice(chief, reach)
-        apart = np.linalg.norm(centres[:, None] - known.centres, axis=-1).min(axis=1)
-        new = apart > self.microlens_pitch / 2
+        new = cKDTree(known.centres).query(centres)[0] > self.microlens_pitch / 2
         return replace(known, centres=centres[new], focal_lengths=self._types[types[new]])
 
     def _refuse_too_many(self, reach: float) -> None:

@@ -128,8 +128,10 @@ def _refined(
     for _ in range(_ROUNDS):
         rng = np.random.default_rng(seed)
         image = chain_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
-        around = replace(path, microlenses=camera.next_microlenses(path, source_points(source)[0]))
-        missing = _missing(around, source, wavelength, legs, image.pixels)
+        around, missing = path, np.zeros(0)
+        if legs.to_array != "geometric":  # rays light none beyond
+            around = replace(path, microlenses=camera.next_microlenses(path, source_points(source)[0]))
+            missing = _missing(around, source, wavelength, legs, image.pixels)
         terms = image.error_terms | {"microlenses left out": _SAFETY * float(np.linalg.norm(missing))}
         error = math.hypot(image.numerical_error, terms["microlenses left out"])
         if error <= tolerance:
@@ -151,8 +153,6 @@ def _missing(
     around: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs, pixels: FloatArray
 ) -> FloatArray:
     """Relative L2 change of the image by each microlens around it: of a disc, by the point that changes it most."""
-    if legs.to_array == "geometric":  # rays light none of them
-        return np.zeros(around.microlenses.count)
     coherent = isinstance(source, DiscSource) and source.coherent
     waves = [
         PupilWave(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -27,6 +28,7 @@ _CONFIDENCE: Final = 0.975
 # Draws of each replicate expected beyond an end. Of independent draws, the bias of the mean of 16 sample quantiles is
 # then at most two thirds of its standard error in a normal tail; of Sobol points, less.
 _BEYOND: Final = 10
+_ROUNDING: Final = 1e-14
 
 Function = Callable[..., ArrayLike]
 
@@ -54,7 +56,7 @@ class Spread:
         Upper ends of the intervals, shape (m, …).
     error
         For each interval, the greater of the standard errors of its two ends, estimated from the scatter between
-        independent replicates; shape (m, …).
+        independent replicates and, at the edge of a discrete value, from the step to its neighbour; shape (m, …).
     draws
         Total number of draws.
     converged
@@ -145,6 +147,8 @@ def propagate_through(
     >>> found.converged
     True
     """
+    if isinstance(coverage, str):
+        raise OutOfRangeError("a coverage", value=repr(coverage), limit="a number between 0 and 1")
     try:
         levels = np.atleast_1d(np.asarray(coverage, dtype=np.float64))
     except (TypeError, ValueError):
@@ -152,7 +156,7 @@ def propagate_through(
     _require(levels, tolerance, most_draws, seed)
     draws = _first_draws(levels, most_draws)
     sources = _sources(inputs, correlation or {})
-    shape = np.shape(function(**{name: value.ravel() for name, value in sources.nominal().items()}))[1:]
+    shape = _output_shape(function, sources)
     if 0 in shape:
         raise OutOfRangeError(
             "the function returned no values",
@@ -172,10 +176,14 @@ def propagate_through(
     while True:
         for one in replicates:
             one.lengthen(draws, _BATCH)
-        found = np.stack([order_quantile(np.sort(one.values, axis=-1), probabilities) for one in replicates])
-        mean, error = found.mean(axis=0), found.std(axis=0, ddof=1) / math.sqrt(_REPLICATES)
+        sorted_values = [np.sort(one.values, axis=-1) for one in replicates]
+        found = np.stack([order_quantile(one, probabilities) for one in sorted_values])
+        mean = found.mean(axis=0)
+        steps = np.mean([_steps(one, probabilities) for one in sorted_values], axis=0)
+        error = np.hypot(found.std(axis=0, ddof=1) / math.sqrt(_REPLICATES), 0.5 * steps)
         (low, high), ends = np.split(mean[1:], 2), np.maximum(*np.split(error[1:], 2))
-        known = float(stdtrit(_REPLICATES - 1, _CONFIDENCE)) * ends <= tolerance * 0.5 * (high - low)
+        rounding = _ROUNDING * np.maximum(np.abs(low), np.abs(high))
+        known = float(stdtrit(_REPLICATES - 1, _CONFIDENCE)) * ends <= tolerance * 0.5 * (high - low) + rounding
         if known.all() or 2 * draws * _REPLICATES > most_draws:
             break
         draws *= 2
@@ -194,6 +202,13 @@ def propagate_through(
 
 
 def _require(coverage: FloatArray, tolerance: float, most_draws: int, seed: int) -> None:
+    for what, value, kind, limit in (
+        ("the tolerance", tolerance, numbers.Real, "a number between 0 and 1"),
+        ("the number of draws", most_draws, numbers.Integral, "a whole number"),
+        ("the seed", seed, numbers.Integral, "a whole number"),
+    ):
+        if not isinstance(value, kind):
+            raise OutOfRangeError(what, value=repr(value), limit=limit)
     between = coverage.ndim == 1 and coverage.size > 0 and bool(np.all((coverage > 0.0) & (coverage < 1.0)))
     limits: list[tuple[str, bool, Any, str]] = [
         ("a coverage", between, coverage.tolist(), "between 0 and 1"),
@@ -221,9 +236,30 @@ def _first_draws(coverage: FloatArray, most_draws: int) -> int:
     return draws
 
 
+def _output_shape(function: Function, sources: Sources) -> tuple[int, ...]:
+    """Shape of the output for one draw, from the function's value at the means."""
+    try:
+        return np.shape(function(**{name: value.ravel() for name, value in sources.nominal().items()}))[1:]
+    except ValueError:  # rows of unequal length; refused with the first draws
+        return ()
+
+
+def _steps(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
+    """Step at the edge of a discrete value around each quantile, else 0; shape (probabilities, outputs).
+
+    There, all replicates may err alike, which their scatter does not show. Draws of equal value give it away.
+    """
+    count = ascending.shape[-1]
+    low = np.clip((probabilities * count - 0.5).astype(np.int64) - 1, 0, count - 4)
+    around = np.diff(ascending[..., low[:, None] + np.arange(4)], axis=-1)
+    return np.moveaxis(np.where(around.min(axis=-1) == 0.0, around.max(axis=-1), 0.0), -1, 0)
+
+
 def _sources(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str, str], float]) -> Sources:
-    if not inputs:
-        raise OutOfRangeError("inputs", value="none", limit="at least one", remedy='give {"x": Normal(…)}')
+    if not (isinstance(inputs, Mapping) and inputs and all(isinstance(name, str) for name in inputs)):
+        raise OutOfRangeError(
+            "inputs", value=repr(inputs), limit="at least one distribution by name", remedy='give {"x": Normal(…)}'
+        )
     names = tuple(inputs)
     for name, one in inputs.items():
         if not (hasattr(one, "quantile") and hasattr(one, "standard_deviation")):
@@ -254,6 +290,8 @@ def _sources(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str,
 
 
 def _require_correlations(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str, str], float]) -> None:
+    if not isinstance(correlation, Mapping):
+        raise OutOfRangeError("correlation", value=repr(correlation), limit="pairs of names with their correlation")
     for pair, value in correlation.items():
         if not (isinstance(pair, tuple) and len(pair) == 2):
             raise OutOfRangeError(
@@ -261,7 +299,13 @@ def _require_correlations(inputs: Mapping[str, Distribution], correlation: Mappi
             )
         if unknown := [name for name in pair if name not in inputs]:
             raise OutOfRangeError(
-                "a correlation names an unknown input", value=", ".join(unknown), limit=", ".join(inputs)
+                "a correlation names an unknown input", value=", ".join(map(str, unknown)), limit=", ".join(inputs)
+            )
+        if pair[0] == pair[1] or not (isinstance(value, numbers.Real) and -1.0 <= value <= 1.0):
+            raise OutOfRangeError(
+                f"the correlation of {pair[0]} and {pair[1]}",
+                value=repr(value),
+                limit="a number from −1 to 1, of two inputs",
             )
         if constant := [name for name in pair if inputs[name].standard_deviation == 0.0]:
             raise OutOfRangeError(
@@ -284,7 +328,10 @@ def _model(function: Function, shape: tuple[int, ...]) -> Model:
         draws = max(one.size for one in values.values())
         given = {name: np.broadcast_to(one.ravel(), (draws,)) for name, one in values.items()}
         returned = function(**given)
-        found = np.asarray(returned)
+        try:
+            found = np.asarray(returned)
+        except ValueError:  # rows of unequal length
+            found = np.asarray(None)
         if found.dtype.kind not in "buif" or (isinstance(returned, np.ma.MaskedArray) and returned.mask.any()):
             raise OutOfRangeError(
                 "the function returned values that are not real numbers",

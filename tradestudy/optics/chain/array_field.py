@@ -28,6 +28,7 @@ _SHARE_OF_FACTOR = 0.2  # the same for its low-rank factor; two computations sha
 _OVERSAMPLING = 1.5  # of tables with a tolerance of 1e-3 or more …
 _FINER = 0.3  # … plus this much for each decade below
 _AROUND = 32  # points on the edge of a disc that represent all of it
+_MOST_DISC_NODES = 1e8  # four times the nodes on a coherent disc
 _LOOSER = 10.0  # a boundary wave's intensity errs by 1 % of its tolerance: a tenth of the image's
 
 
@@ -120,6 +121,13 @@ class PupilWave:
         degree = plane_wave_degree(
             2 * math.pi / self.wavelength * radius * reach / math.hypot(reach, self.source.distance)
         )
+        if degree**2 > _MOST_DISC_NODES:
+            raise UnaffordableError(
+                "nodes on a coherent disc",
+                value=f"about {degree**2 / 4:.2g}",
+                limit=f"{_MOST_DISC_NODES / 4:.2g}",
+                remedy="use a smaller disc, or an incoherent one",
+            )
         disc = disc_nodes(
             radius=radius,
             radial_count=degree // 4 + 2,

@@ -45,13 +45,14 @@ def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelen
             remedy="choose fresnel or kirchhoff, or leave the pupil out",
         )
     main = path.main_lens.pupil
-    if main is not None and main.amplitude is not None and not _passes_light(path.main_lens):
-        raise OutOfRangeError(
-            "amplitude of the main lens's pupil",
-            value="0 all over the aperture",
-            limit="light that passes",
-            remedy="check the amplitude: images are fractions of this light",
-        )
+    for lens, name in ((path.main_lens, "the main lens's pupil"), (path.microlenses.lens(0), "the microlenses' pupil")):
+        if lens.pupil is not None and lens.pupil.amplitude is not None and not _passes_light(lens):
+            raise OutOfRangeError(
+                f"amplitude of {name}",
+                value="0 all over the aperture",
+                limit="light that passes",
+                remedy="check the amplitude: images are fractions of the light through the main lens",
+            )
     if isinstance(source, DiscSource) and not coherent and main is not None and not main.round:
         raise OutOfRangeError(
             "incoherent disc seen through a main-lens pupil",

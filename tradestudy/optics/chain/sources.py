@@ -147,14 +147,15 @@ def spectral_shares(wavelengths: FloatArray, weights: FloatArray) -> FloatArray:
             limit="two arrays of shape (n,), n ≥ 1",
             remedy="give one weight for each wavelength",
         )
-    if not (np.all(weights >= 0) and np.isfinite(weights).all() and weights.sum() > 0):
+    if not (np.all(weights >= 0) and np.isfinite(weights).all() and weights.any()):
         raise OutOfRangeError(
             "spectral weights",
             value=str(weights),
             limit="≥ 0, finite, not all zero",
             remedy="give the power at each wavelength",
         )
-    return np.asarray(weights / weights.sum())
+    relative = weights / weights.max()  # the sum of the largest floats overflows
+    return np.asarray(relative / relative.sum())
 
 
 def tolerated_density(accuracy: ChainAccuracy) -> float:
