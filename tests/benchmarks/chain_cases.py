@@ -161,7 +161,8 @@ def nested_pixels(case: ChainCase, pixels: list[tuple[int, int]]) -> np.ndarray:
     nodes = wave.nodes((x, y), density=1.3)
     field = direct_sum(wave.samples(nodes), wave.kernel, x, y, np.full(x.size, path.array_distance))
     detector = direct_detector_field(
-        plane, leg_kernel(k, second), field.reshape(plane.positions[0].shape), plane.transmission(case.source), at
-    )
+        plane, leg_kernel(k, second), field.reshape(plane.positions[0].shape), plane.transmission(case.source), at,
+        images=lenses.centres, target_reach=math.inf,  # the nodes resolve all points
+    )  # fmt: skip
     weights = np.outer(g, g).ravel() * h**2
     return np.abs(detector.reshape(len(pixels), -1)) ** 2 @ weights / wave.power()

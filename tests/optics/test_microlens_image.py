@@ -250,6 +250,17 @@ def test_impossible_arrays_are_refused_at_once(change: dict[str, float], error: 
         camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9)
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("legs", [optics.FRESNEL, optics.KIRCHHOFF_FRESNEL])
+def test_fresnel_behind_an_aberrated_lens_passes_its_check(legs: optics.Legs, seed: int) -> None:
+    """Its check once summed the light of microlenses so far away that their nodes did not resolve it."""
+    lens = replace(CAMERA, pupil=optics.Pupil.from_waves({8: 0.6}, wavelength=WAVELENGTH))
+    image = module.microlens_image(lens, POINT, wavelength=WAVELENGTH, legs=legs, tolerance=1e-2, seed=seed)
+    exact = module.microlens_image(lens, POINT, wavelength=WAVELENGTH, tolerance=1e-2)
+    assert image.direct_check["intensity on the detector"] < 0.03
+    assert relative(image.pixels, exact.pixels) < 0.1  # the microlenses are faster than f/3
+
+
 def test_a_dark_microlens_and_a_giant_coherent_disc_are_refused() -> None:
     dark = replace(CAMERA, microlens_pupil=optics.Pupil(amplitude=lambda x, _y: 0.0 * x))
     with pytest.raises(OutOfRangeError, match="microlenses' pupil"):

@@ -127,9 +127,19 @@ def shadowed(lenses: Microlenses, whole: CellNodes, lit: Disc, index: int, cycle
 
 
 def direct_detector_field(
-    plane: MicrolensPlane, kernel: Kernel, field: ComplexArray, transmission: ComplexArray, at: FloatArray
+    plane: MicrolensPlane,
+    kernel: Kernel,
+    field: ComplexArray,
+    transmission: ComplexArray,
+    at: FloatArray,
+    *,
+    images: FloatArray,
+    target_reach: float,
 ) -> ComplexArray:
     """Field at a few detector points by plain summation over every node of every lens, as a reference.
+
+    A lens counts only at points that its nodes resolve: farther from where its rays land, too few nodes would invent
+    light.
 
     Parameters
     ----------
@@ -139,6 +149,9 @@ def direct_detector_field(
         Arriving field and `MicrolensPlane.transmission`, shape (lenses, nodes).
     at
         Points (x, y) [m], shape (points, 2).
+    images, target_reach
+        Where the ray through the centre of each lens lands [m], shape (lenses, 2), and the distance from there up to
+        which the nodes resolve points [m].
     """
     x, y = plane.positions
     lenses = plane.path.microlenses
@@ -152,5 +165,7 @@ def direct_detector_field(
             half_extent=lenses.cell_reach,
         )
         samples = ApertureSamples(nodes=nodes, field=field[index] * transmission[index])
-        total += direct_sum(samples, kernel, at[:, 0], at[:, 1], np.full(at.shape[0], plane.path.detector_distance))
+        seen = np.linalg.norm(at - images[index], axis=1) <= target_reach
+        distance = np.full(seen.sum(), plane.path.detector_distance)
+        total[seen] += direct_sum(samples, kernel, at[seen, 0], at[seen, 1], distance)
     return total

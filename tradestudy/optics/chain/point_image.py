@@ -296,6 +296,8 @@ def _intensity_check(
         done.light.read(*finer.positions),
         finer.transmission(wave.source),
         at,
+        images=done.plan.reach.image,
+        target_reach=plan.target_reach,
     )
     wrong = np.mean((np.abs(truth) ** 2 - inside[row, column]) ** 2 / chance[pick])
     return float(math.sqrt(wrong / np.sum(inside**2)))
