@@ -113,10 +113,8 @@ def _landings(wave: PupilWave, path: LightPath) -> tuple[FloatArray, FloatArray,
         passed[in_lens] = np.abs(np.broadcast_to(lens.transmission(*offset[in_lens].T), in_lens.sum())) ** 2
     at = lenses.centres[:, None] + offset
     step = _STEP * wave.wavelength * path.array_distance / path.main_lens.radius
-    here, right, up = (_field(wave, path, at + shift) for shift in ((0.0, 0.0), (step, 0.0), (0.0, step)))
-    slope = np.stack([np.angle(moved * here.conj()) for moved in (right, up)], axis=-1) / (
-        wave.kernel.wavenumber * step
-    )
+    here, *moved = _field(wave, path, np.stack([at + shift for shift in ((0.0, 0.0), (step, 0.0), (0.0, step))]))
+    slope = np.stack([np.angle(one * here.conj()) for one in moved], axis=-1) / (wave.kernel.wavenumber * step)
     weight = np.abs(here) ** 2 * passed
     total = np.maximum(weight.sum(axis=1), np.finfo(np.float64).tiny)
     landed = at + b * (slope + bent)
