@@ -40,9 +40,8 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="tornado",
         caption=f"Depth uncertainty at {pretty(place, LENGTH)} (half the width of the central 68.27 % interval) from "
-        "each source "
-        "alone. Correlated parameters, such as those of a joint calibration, count as one source: moving one "
-        "of them alone would describe cameras that the calibration rules out.",
+        "each source alone. Correlated parameters, such as those of a joint calibration, count as one source: moving "
+        "one of them alone would describe cameras that the calibration rules out.",
         alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
         draw=partial(sensitivity.draw_tornado, tree),
         values=partial(source_tables, tree, place),

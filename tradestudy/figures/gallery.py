@@ -229,8 +229,7 @@ def _off_axis(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="off_axis",
         caption=f"Depth uncertainty (half the width of the central 68.27 % interval) {fields} of the sensor, and on "
-        "the axis. A "
-        "line ends where the camera does not see the point, or the interval has no far end.",
+        "the axis. A line ends where the camera does not see the point, or the interval has no far end.",
         alt=f"One log-log chart per camera. Uncertainty {field_words(float(last['field']))}: " + "".join(sentences),
         draw=partial(off_axis.draw_off_axis, tree),
     )
@@ -267,8 +266,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         caption=f"Which assumption reverses the verdict on certainty: uncertainty of {numerator} over that of "
         f"{denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
         f"certain; right of 1, {denominator}. The panels count noise and calibration errors, noise alone, or "
-        "calibration "
-        "errors alone. Open marks: the reverse of the "
+        "calibration errors alone. Open marks: the reverse of the "
         + " ".join(["verdict that the study as declared gives.", *unbounded]),
         alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
         "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),

@@ -62,9 +62,8 @@ def overlay_drawing(
     return Drawing(
         name="overlay",
         caption="Depth uncertainty (half the width of the central 68.27 % interval of one measurement, noise and "
-        "calibration "
-        f"together) in each run: {_line_words(labels)}. Bold where the camera is usable, thin elsewhere. Grey lines: "
-        f"constant fractions of the distance.{_design_words(trees[0], design)}{rest}",
+        f"calibration together) in each run: {_line_words(labels)}. Bold where the camera is usable, thin elsewhere. "
+        f"Grey lines: constant fractions of the distance.{_design_words(trees[0], design)}{rest}",
         alt=f"Log-log chart of depth uncertainty against distance, one colour for each camera and one line style for "
         f"each run. {said}.",
         draw=partial(draw_overlay, trees, labels, drawn, design),

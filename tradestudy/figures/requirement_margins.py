@@ -63,8 +63,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         name="requirement_margins",
         caption=f"{shown}, against the {names}. {marks} "
         "Dashed: the study as declared. If no camera is usable over 30 % of the range, on a logarithmic scale, the "
-        "margin "
-        "is −30 % or less.",
+        "margin is −30 % or less.",
         alt=f"Margins over the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),

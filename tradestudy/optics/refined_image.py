@@ -13,6 +13,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.array_reach import missing_light
+from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.image import chain_image, mean_image
 from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath
@@ -153,18 +154,11 @@ def _missing(
     around: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs, pixels: FloatArray
 ) -> FloatArray:
     """Relative L2 change of the image by each microlens around it: of a disc, by the point that changes it most."""
-    coherent = isinstance(source, DiscSource) and source.coherent
-    waves = [
-        PupilWave(
-            path=around,
-            source=point,
-            wavelength=wavelength,
-            method="fresnel" if legs.to_array == "fresnel" else "kirchhoff",
-            coherent_radius=source.diameter / 2 if isinstance(source, DiscSource) and coherent else 0.0,
-        )
-        for point in source_points(source)[: 1 if coherent else None]
-    ]
-    return np.asarray(np.max([missing_light(wave, around, pixels) for wave in waves], axis=0))
+    coherent = source.diameter / 2 if isinstance(source, DiscSource) and source.coherent else 0.0
+    points = source_points(source)[: 1 if coherent else None]
+    waves = [point_wave(around, one, wavelength=wavelength, legs=legs, coherent_radius=coherent) for one in points]
+    changes = [missing_light(wave.reference, around, pixels) for wave in waves if isinstance(wave, PupilWave)]
+    return np.asarray(np.max(changes, axis=0))
 
 
 def _joined(known: Microlenses, others: Microlenses, missing: FloatArray, allowed: float) -> Microlenses:

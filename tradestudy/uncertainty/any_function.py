@@ -238,10 +238,24 @@ def _first_draws(coverage: FloatArray, most_draws: int) -> int:
 
 def _output_shape(function: Function, sources: Sources) -> tuple[int, ...]:
     """Shape of the output for one draw, from the function's value at the means."""
+    return _real_numbers(function(**{name: value.ravel() for name, value in sources.nominal().items()})).shape[1:]
+
+
+def _real_numbers(returned: ArrayLike) -> FloatArray:
+    """What the function returned, refused unless it is an array of real numbers, none of them masked."""
     try:
-        return np.shape(function(**{name: value.ravel() for name, value in sources.nominal().items()}))[1:]
-    except ValueError:  # rows of unequal length; refused with the first draws
-        return ()
+        found = np.asarray(returned)
+    except ValueError:  # rows of unequal length
+        found = np.asarray(None)
+    real = found.dtype.kind in "buif"
+    if not real or (isinstance(returned, np.ma.MaskedArray) and returned.mask.any()):
+        raise OutOfRangeError(
+            "the function returned values that are not real numbers",
+            value="masked values" if real else f"an array of type {found.dtype}",
+            limit="real numbers",
+            remedy="return the real part and the imaginary part separately, and no masked values",
+        )
+    return found.astype(np.float64, copy=False)
 
 
 def _steps(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
@@ -327,19 +341,7 @@ def _model(function: Function, shape: tuple[int, ...]) -> Model:
     def model(values: Mapping[str, FloatArray]) -> Outcome:
         draws = max(one.size for one in values.values())
         given = {name: np.broadcast_to(one.ravel(), (draws,)) for name, one in values.items()}
-        returned = function(**given)
-        try:
-            found = np.asarray(returned)
-        except ValueError:  # rows of unequal length
-            found = np.asarray(None)
-        if found.dtype.kind not in "buif" or (isinstance(returned, np.ma.MaskedArray) and returned.mask.any()):
-            raise OutOfRangeError(
-                "the function returned values that are not real numbers",
-                value="masked values" if found.dtype.kind in "buif" else f"an array of type {found.dtype}",
-                limit="real numbers",
-                remedy="return the real part and the imaginary part separately, and no masked values",
-            )
-        found = found.astype(np.float64, copy=False)
+        found = _real_numbers(function(**given))
         if found.shape != (draws, *shape):
             raise OutOfRangeError(
                 "the function returned an array of the wrong shape",

@@ -13,11 +13,10 @@ METHOD: Final = Method(
         "The main lens (focal length *f*~M~) forms the image of a point at distance *a*~M~. The microlens array is a "
         "distance *z* behind the main lens, and the image lies *a*~L~ in front of the array (Keplerian), or behind it "
         "(Galilean), where *a*~L~ is negative. Every microlens that sees this image forms an image of it on the "
-        "sensor, "
-        "a gap *b*~L~ behind the array. The virtual depth is *v* = *a*~L~/*b*~L~; the total covering plane is the "
-        "object distance at which its magnitude is 2. Two microlenses whose centres are at *x*~off~ show the point at "
-        "the position σ, measured in each micro-image from the centre of its microlens; superscripts distinguish the "
-        "two:",
+        "sensor, a gap *b*~L~ behind the array. The virtual depth is *v* = *a*~L~/*b*~L~; the total covering plane "
+        "is the object distance at which its magnitude is 2. Two microlenses whose centres are at *x*~off~ show the "
+        "point at the position σ, measured in each micro-image from the centre of its microlens; superscripts "
+        "distinguish the two:",
         Formula(
             typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
             alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the "

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.array_field import PupilWave
-from tradestudy.optics.chain.arriving_light import blur_radius
+from tradestudy.optics.chain.arriving_light import bending, blur_radius
 from tradestudy.optics.chain.lit_part import rim_light
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.phasors import ComplexArray
@@ -28,7 +29,7 @@ def array_reach(path: LightPath, points: Sequence[PointSource], wavelength: floa
     """Distance from the first point's chief ray within which the light of all points meets the array [m].
 
     It includes the exact rays from the whole aberrated pupil, and the first dark ring around them, of radius
-    0.61 λ z/R. Parts of the pupil whose phase is steeper than that of any ray send no light to the array.
+    1.22 λ z/(2R). Parts of the pupil whose phase is steeper than that of any ray send no light to the array.
 
     Raises
     ------
@@ -54,7 +55,7 @@ def array_reach(path: LightPath, points: Sequence[PointSource], wavelength: floa
         farthest = max(
             farthest, float(np.nanmax(away)), math.dist(path.chief_point(one), chief) + blur_radius(path, one)
         )
-    return farthest + 0.61 * wavelength * z / radius
+    return farthest + FIRST_DARK_RING * wavelength * z / (2 * radius)
 
 
 def missing_light(wave: PupilWave, path: LightPath, pixels: FloatArray) -> FloatArray:
@@ -98,18 +99,14 @@ def missing_light(wave: PupilWave, path: LightPath, pixels: FloatArray) -> Float
 
 def _landings(wave: PupilWave, path: LightPath) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Power of the light on each microlens over that through the pupil, and centre and radius of where it lands."""
-    lenses, b = path.microlenses, path.detector_distance
+    lenses = path.microlenses
     turn = np.arange(_POINTS) * math.pi * (3 - math.sqrt(5))
     out = lenses.cell_reach * np.sqrt((np.arange(_POINTS) + 0.5) / _POINTS)
     offset = out[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     lens = lenses.lens(0)
     in_lens = out <= lenses.reach
-    bent = np.zeros((lenses.count, *offset.shape))
-    bent[:, in_lens] = -offset[in_lens] / lenses.focal_lengths[:, None, None]
     passed = np.ones(_POINTS)
     if lenses.pupil is not None:
-        for term in lenses.pupil.path_terms(lenses.reach):
-            bent[:, in_lens] += np.stack(term.slope(*offset[in_lens].T), axis=-1)
         passed[in_lens] = np.abs(np.broadcast_to(lens.transmission(*offset[in_lens].T), in_lens.sum())) ** 2
     at = lenses.centres[:, None] + offset
     step = _STEP * wave.wavelength * path.array_distance / path.main_lens.radius
@@ -117,7 +114,7 @@ def _landings(wave: PupilWave, path: LightPath) -> tuple[FloatArray, FloatArray,
     slope = np.stack([np.angle(one * here.conj()) for one in moved], axis=-1) / (wave.kernel.wavenumber * step)
     weight = np.abs(here) ** 2 * passed
     total = np.maximum(weight.sum(axis=1), np.finfo(np.float64).tiny)
-    landed = at + b * (slope + bent)
+    landed = at + path.detector_distance * (slope + bending(lenses, offset, in_lens))
     centre = np.einsum("lp,lpc->lc", weight, landed) / total[:, None]
     squared = np.einsum("lp,lpc->l", weight, (landed - centre[:, None]) ** 2) / total
     power = weight.mean(axis=1) * math.pi * lenses.cell_reach**2 / wave.power()

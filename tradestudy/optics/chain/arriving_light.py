@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave, fast_phase, field_table, reading_kernel
+from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.phasors import ComplexArray, unit_phasor
@@ -61,17 +62,24 @@ def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False
     offset = np.concatenate(rings)
     at = lenses.centres[:, None] + offset  # (lenses, points, 2)
     slope = _arriving_slope(path, source, at, rim, whole_pupil)  # (lenses, points, candidates, 2)
-    power = np.asarray(refracts)[:, None, None] / lenses.focal_lengths[:, None, None, None]
-    behind = slope - power * offset[:, None, :]
-    if lenses.pupil is not None and aberrated:
-        for term in lenses.pupil.path_terms(lenses.reach):
-            bent = np.stack(term.slope(offset[:, 0], offset[:, 1]), axis=-1)
-            behind = behind + (np.asarray(refracts)[:, None] * bent)[:, None, :]
+    behind = slope + bending(lenses, offset, np.array(refracts))[:, :, None]
     landing = at[:, :, None] + b * behind
     image = landing[:, 0].mean(axis=1)
     travel = np.linalg.norm(b * behind, axis=-1).max(axis=(1, 2))
     spread = np.linalg.norm(landing - image[:, None, None], axis=-1).max(axis=(1, 2))
     return RayReach(image=image, travel=travel, spread=spread)
+
+
+def bending(lenses: Microlenses, offset: FloatArray, refracts: BoolArray) -> FloatArray:
+    """Changes of slope of paraxial rays by each lens at offsets (points, 2) from its centre, (lenses, points, 2).
+
+    They are 0 at offsets that do not refract: in clear gaps.
+    """
+    bent = -(refracts[:, None] / lenses.focal_lengths[:, None, None]) * offset
+    if lenses.pupil is not None:
+        for term in lenses.pupil.path_terms(lenses.reach):
+            bent = bent + refracts[:, None] * np.stack(term.slope(offset[:, 0], offset[:, 1]), axis=-1)
+    return np.asarray(bent)
 
 
 def blur_radius(path: LightPath, source: PointSource) -> float:

@@ -179,7 +179,6 @@ class Rational(LensModel):
         """
         square = a * a + b * b
         scale = self._first_scale(square) if self._single else np.ones(())
-        most = self._most_scale(square) if self._single else np.asarray(_LARGEST_SCALE)
         found = np.ones((), dtype=bool)
         step, settled = np.zeros(()), np.zeros(())
         for _ in range(_NEWTON_STEPS):
@@ -188,7 +187,7 @@ class Rational(LensModel):
             slope = g + 2.0 * inner * rise
             found = found & (slope > 0.0)
             step = (scale * g - 1.0) / np.where(slope > 0.0, slope, 1.0)
-            scale = np.clip(scale - step, 0.0, most)
+            scale = np.clip(scale - step, 0.0, _LARGEST_SCALE if not self._single else np.inf)
             settled = (_SETTLED + _ROUNDING / np.where(slope > 0.0, slope, np.inf)) * scale
             if not np.any(np.abs(step) > settled):
                 break
@@ -199,12 +198,6 @@ class Rational(LensModel):
         radius, picture = self._table
         distorted = np.sqrt(square)
         return np.where(square > 0.0, np.interp(distorted, picture, radius) / np.where(square > 0.0, distorted, 1.0), 1)
-
-    def _most_scale(self, square: FloatArray) -> FloatArray:
-        """Scale r/r_d at the end of the table: near the fold behind it, a step may overshoot."""
-        return np.asarray(
-            np.where(square > 0.0, self._table[0][-1] / np.sqrt(np.where(square > 0.0, square, 1)), np.inf)
-        )
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:

@@ -23,7 +23,7 @@ Obliquity = Literal["paper", "textbook", "rayleigh-sommerfeld-1"]
 OBLIQUITIES: tuple[Obliquity, ...] = ("paper", "textbook", "rayleigh-sommerfeld-1")
 # As good as infinity: over an aperture of a metre its sphere departs from a plane by 1e-16 m, the limit of doubles.
 AS_AT_INFINITY = 1e15
-_AMPLITUDE_DIGITS = 1e14
+_AMPLITUDE_ERROR = 1e-14  # relative, of the quadrature of amplitudes
 _MOST_RINGS = 400  # enough for a pupil 100 times as wide as its distance, to 1e-7
 
 
@@ -370,7 +370,7 @@ class LensWave:
         """
         masked = self.lens.pupil is not None and self.lens.pupil.amplitude is not None
         beyond = 1 + 2 * (nearest / self.lens.radius) ** 2
-        needed = math.log(_AMPLITUDE_DIGITS) / (2 * math.acosh(beyond)) if beyond > 1 else math.inf
+        needed = -math.log(_AMPLITUDE_ERROR) / (2 * math.acosh(beyond)) if beyond > 1 else math.inf
         radial = max(100 if masked else 12, math.ceil(min(needed, _MOST_RINGS)))
         return self.lens.without_obscuration(
             lambda radius: disc_nodes(radius=radius, radial_count=radial, angular_count=2 * radial)

@@ -203,8 +203,9 @@ def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
     """Which assumption to replace by a measurement first."""
     if first := measure_first(tree):
         head, _, rest = first.partition(": ")
-        if rest in rests_on(tree):  # the sentence before names it
-            named, short = rests_on(tree), rest.partition(" of ")[0]
+        named = rests_on(tree)
+        if rest in named:  # the sentence before names it
+            short = rest.partition(" of ")[0]
             alike = sum(one.startswith(f"{short} of ") for one in named) > 1
             yield (
                 say("**Measure that first.**")

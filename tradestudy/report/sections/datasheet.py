@@ -29,9 +29,8 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one measured "
             "disparity. *Plane-fit RMS*: scatter about a plane fitted to a flat target, taken as the temporal "
             "noise; how calibration errors bend the plane is left out. *Fill rate*: the fraction of the picture seen "
-            "by both "
-            "views, or by enough microlenses, times the fraction of measurements that do not fail; 0 where the "
-            "camera is unusable. *Field*: width and height of the area that one camera sees.{matching}",
+            "by both views, or by enough microlenses, times the fraction of measurements that do not fail; 0 where "
+            "the camera is unusable. *Field*: width and height of the area that one camera sees.{matching}",
             matching=_of_matching(tree),
         )
     )

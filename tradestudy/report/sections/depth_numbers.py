@@ -179,8 +179,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
             "baseline-table",
             "equivalent_baseline",
             "Equivalent baseline: the baseline of a stereo rig with the camera's focal length and disparity error "
-            "and the same "
-            "u noise.",
+            "and the same u noise.",
             length,
             _baseline_note(tree, depth),
         )

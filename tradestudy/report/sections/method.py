@@ -117,8 +117,7 @@ def _uncertainty() -> Iterator[Block]:
             ),
             say(
                 "**What decides the uncertainty**: the error source with the largest share of the variance of "
-                "inverse depth. "
-                "Shares are Shapley shares: they sum to 100 %, for correlated errors too."
+                "inverse depth. Shares are Shapley shares: they sum to 100 %, for correlated errors too."
             ),
         )
     )
@@ -143,8 +142,7 @@ def _uncertainty() -> Iterator[Block]:
             "determine every reported half-width to within the tolerance (95 % *t*-interval); where an interval has "
             "no far end, the fraction of failed measurements is judged instead. The program uses linear propagation "
             "where a trial shows that its error stays within the tolerance. The numerical error of a result is that "
-            "of this "
-            "computation with the chosen models; what these leave out is stated apart."
+            "of this computation with the chosen models; what these leave out is stated apart."
         )
     )
     yield Paragraph(

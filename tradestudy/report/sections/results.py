@@ -17,8 +17,7 @@ from tradestudy.wording import distance, in_words
 _NOWHERE = "nowhere"
 _MISSING = (
     " For a camera that is usable nowhere, the table names the limits that it misses at the distance where it misses "
-    "the "
-    "fewest."
+    "the fewest."
 )
 
 
