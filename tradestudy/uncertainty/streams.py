@@ -44,7 +44,7 @@ def point_generator(*, seed: int, point: str, replicate: int) -> np.random.Gener
             remedy="zero is a valid seed",
         )
     digest = hashlib.blake2b(f"{seed}\0{replicate}\0{point}".encode(), digest_size=16).digest()
-    # The samplers of Sobol and Halton points spawn generators from a seed sequence.
+    # Sobol sequences spawn generators from a seed sequence.
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(int.from_bytes(digest, "little"))))
 
 

@@ -11,6 +11,7 @@ from scipy.special import ndtr, ndtri
 from tradestudy.calibration.projection import move
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.sobol import scrambled_sobol
 
 CameraModel = Callable[[FloatArray, FloatArray], FloatArray]
 """Takes parameters (..., P) and points in the camera's frame (..., N, 3) [m]; returns observations (..., N, C), NaN for
@@ -158,7 +159,7 @@ class SyntheticTarget:
 def spread_poses(
     count: int, distances: tuple[float, float], half_field: float, tilt: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Poses of a target in the field of view, spread evenly over 1/Z, field and tilt by a scrambled Halton sequence.
+    """Poses of a target in the field of view, spread evenly over 1/Z, field and tilt by a scrambled Sobol sequence.
 
     A longer sequence begins with the shorter one, so that additional views never make a calibration less certain.
 
@@ -180,12 +181,10 @@ def spread_poses(
     array (V, 6)
         Rotation vectors [rad] and translations [m].
     """
-    from scipy.stats.qmc import Halton  # importing scipy.stats takes longer than most fits
-
-    shares = Halton(6, rng=rng).random(count)
-    depth = 1.0 / (1.0 / distances[0] + shares[:, 0] * (1.0 / distances[1] - 1.0 / distances[0]))
-    slopes = half_field * (2.0 * shares[:, 1:3] - 1.0)
-    return np.column_stack([tilt * ndtri(shares[:, 3:]), slopes * depth[:, None], depth])
+    shares = scrambled_sobol(6, rng)(count)
+    depth = 1.0 / (1.0 / distances[0] + shares[0] * (1.0 / distances[1] - 1.0 / distances[0]))
+    slopes = half_field * (2.0 * shares[1:3] - 1.0)
+    return np.column_stack([*(tilt * ndtri(shares[3:])), *(slopes * depth), depth])
 
 
 def flat_grid(columns: int, rows: int, spacing: float) -> FloatArray:
