@@ -241,7 +241,7 @@ def test_a_pilot_grows_with_what_a_picture_holds() -> None:
 
 def test_a_pilot_counts_only_what_a_point_lights(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond the blur, a larger array holds dark microlenses alone."""
-    monkeypatch.setattr(light_pilot, "_timed", lambda work: 1.0)
+    monkeypatch.setattr(light_pilot, "seconds_of", lambda work: 1.0)
     models = SpotModels(method="kirchhoff", tolerance=0.05, monochromatic=True, point=True)
     small, large = (
         predicted_picture_seconds(

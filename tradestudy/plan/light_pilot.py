@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +22,7 @@ from tradestudy.optics.chain.spot_image import CHECKED_POINTS, followed_points
 from tradestudy.optics.chain.spot_parts import source_density
 from tradestudy.optics.chain.spot_points import point_light, prepare_spot
 from tradestudy.optics.propagation import PointSource
+from tradestudy.plan.pilots import seconds_of
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 _COARSE = 0.2  # tolerance of rays in a pilot
@@ -66,11 +66,10 @@ def _seconds_of_rays(
 ) -> float:
     if models.method == "geometric":
         alone = _nearest(path, source.centre if isinstance(source, DiscSource) else source)
-        return path.microlenses.count * _timed(lambda: geometric_image(alone, source, density=1.0))
+        return path.microlenses.count * seconds_of(lambda: geometric_image(alone, source, density=1.0))
     coarse = ChainAccuracy(tolerance=_COARSE)
-    start = time.process_time()
-    exact_ray_image(path, source, accuracy=coarse)
-    return (time.process_time() - start) * max(1.0, ray_count(path, source, accuracy) / ray_count(path, source, coarse))
+    seconds = seconds_of(lambda: exact_ray_image(path, source, accuracy=coarse))
+    return seconds * max(1.0, ray_count(path, source, accuracy) / ray_count(path, source, coarse))
 
 
 def _seconds_of_point(
@@ -80,7 +79,7 @@ def _seconds_of_point(
     wave = point_wave(path, point, wavelength=wavelength, legs=laws, coherent_radius=coherent_radius)
     alone = replace(wave, path=_nearest(path, point))
     whole, one = (plan_point(each, laws.to_detector, accuracy).detector.transfer.count for each in (wave, alone))
-    return (whole / one) ** 2 * _timed(lambda: compute_point(alone, laws.to_detector, accuracy))
+    return (whole / one) ** 2 * seconds_of(lambda: compute_point(alone, laws.to_detector, accuracy))
 
 
 def _seconds_of_disc(
@@ -93,7 +92,7 @@ def _seconds_of_disc(
     seconds = time.process_time() - start
     table = spot.tables.tables[0] if spot.tables else None
     at = float(nodes.rings[-1][0, 0]), float(nodes.rings[-1][0, 1])
-    seconds += followed_points(path, source, nodes) * _timed(lambda: point_light(spot, at, table).on_pixels(spot))
+    seconds += followed_points(path, source, nodes) * seconds_of(lambda: point_light(spot, at, table).on_pixels(spot))
     check = Legs(to_array=laws.to_array, to_detector=reference_law(laws.to_detector))
     finer = accuracy.unstarved()
     seconds += CHECKED_POINTS * _seconds_of_point(path, source.centre, wavelength, check, finer, 0.0)
@@ -116,13 +115,3 @@ def _nearest(path: LightPath, point: PointSource) -> LightPath:
     present = np.unique(owner)
     away = np.linalg.norm(path.microlenses.centres[present] - path.chief_point(point), axis=1)
     return microlenses_alone(path, [int(present[np.argmin(away)])], owner)
-
-
-def _timed(work: Callable[[], object]) -> float:
-    """The shorter of two timings [s]: the first may fill caches."""
-    found = []
-    for _ in range(2):
-        start = time.process_time()
-        work()
-        found.append(time.process_time() - start)
-    return min(found)
