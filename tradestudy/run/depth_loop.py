@@ -245,8 +245,8 @@ def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[D
     recording = Recording(
         light=settings.light, noise=settings.sensor_noise, model=_NOISE, pixel_fill=settings.pixel_fill
     )
-    taken = [
-        take_picture(
+    taken = {
+        one.name: take_picture(
             Tile(
                 camera=point.name,
                 exposure=one,
@@ -259,9 +259,11 @@ def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[D
             )
         )
         for one in exposures
-    ]
-    flat = {one.name: flat_picture(one.values, white_picture(one.tile.exposure, recording), recording) for one in taken}
-    truth = reader.truth({one.name: one.depth for one in taken}, {name: one.pure for name, one in flat.items()})
+    }
+    flat = {one.name: flat_picture(taken[one.name][0], white_picture(one, recording), recording) for one in exposures}
+    truth = reader.truth(
+        {name: depth for name, (_, depth) in taken.items()}, {name: one.pure for name, one in flat.items()}
+    )
     return reader.read(flat), truth
 
 

@@ -17,7 +17,7 @@ from tradestudy.analysis.scene_pictures import Taken, declared_image, recording_
 from tradestudy.effects.models import OFF
 from tradestudy.errors import UnaffordableError
 from tradestudy.execution import Steps
-from tradestudy.imaging.render.tiles import WORKER_BYTES, Rendered, Tile, render_tile, tiles_of
+from tradestudy.imaging.render.tiles import WORKER_BYTES, Recorded, Rendered, Tile, record_tile, render_tile, tiles_of
 from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.scene import SceneSource
@@ -177,19 +177,14 @@ def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int
         )
 
 
-def take_picture(whole: Tile) -> TakenPicture:
-    """Render a picture by rays in this process, tile by tile."""
-    return assemble(whole, [(tile, render_tile(tile)) for tile in tiles_of(whole)], math.nan)
+def take_picture(whole: Tile) -> tuple[NDArray[Any], NDArray[np.float32]]:
+    """Values and depth of a picture by rays, rendered in this process, without the error of its sampling."""
+    return _joined(whole, [(tile, record_tile(tile)) for tile in tiles_of(whole)])
 
 
 def assemble(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], model_error: float) -> TakenPicture:
     """Assemble a picture from its tiles."""
-    shape = (whole.rows[1], whole.columns[1])
-    values = np.empty(shape, parts[0][1].values.dtype)
-    depth = np.empty(shape, np.float32)
-    for tile, rendered in parts:
-        values[slice(*tile.rows), slice(*tile.columns)] = rendered.values
-        depth[slice(*tile.rows), slice(*tile.columns)] = rendered.depth
+    values, depth = _joined(whole, parts)
     difference, size = (sum(rendered.sampling_error[k] for _, rendered in parts) for k in (0, 1))
     return TakenPicture(
         camera=whole.camera,
@@ -201,6 +196,17 @@ def assemble(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], model_error: f
         model_error=model_error,
         tile=whole,
     )
+
+
+def _joined(whole: Tile, parts: Sequence[tuple[Tile, Recorded]]) -> tuple[NDArray[Any], NDArray[np.float32]]:
+    """Values and depths of the tiles of a picture."""
+    shape = (whole.rows[1], whole.columns[1])
+    values = np.empty(shape, parts[0][1].values.dtype)
+    depth = np.empty(shape, np.float32)
+    for tile, recorded in parts:
+        values[slice(*tile.rows), slice(*tile.columns)] = recorded.values
+        depth[slice(*tile.rows), slice(*tile.columns)] = recorded.depth
+    return values, depth
 
 
 def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:

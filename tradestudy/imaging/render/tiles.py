@@ -62,8 +62,8 @@ class Tile:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rendered:
-    """A rendered tile.
+class Recorded:
+    """What the sensor records of a tile.
 
     Parameters
     ----------
@@ -74,14 +74,24 @@ class Rendered:
         light, infinite where the ray meets no surface.
     saturated
         Number of saturated pixels.
-    sampling_error
-        Sums of squares over the middle of the tile [electrons²]: of its difference from a finer picture (16 times the
-        samples and, by waves, twice as many spreads along each axis of their tables), and of the finer picture.
     """
 
     values: NDArray[Any]
     depth: NDArray[np.float32]
     saturated: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rendered(Recorded):
+    """A recorded tile with the error of its sampling.
+
+    Parameters
+    ----------
+    sampling_error
+        Sums of squares over the middle of the tile [electrons²]: of its difference from a finer picture (16 times the
+        samples and, by waves, twice as many spreads along each axis of their tables), and of the finer picture.
+    """
+
     sampling_error: tuple[float, float]
 
 
@@ -96,17 +106,20 @@ def tiles_of(tile: Tile) -> list[Tile]:
 
 
 def render_tile(tile: Tile) -> Rendered:
+    """Render a tile, and estimate the error of its sampling, which for small tiles takes as long."""
+    one = record_tile(tile)
+    error = _sampling_error(tile)
+    return Rendered(values=one.values, depth=one.depth, saturated=one.saturated, sampling_error=error)
+
+
+def record_tile(tile: Tile) -> Recorded:
     """Render the light of a tile, then its noise."""
     expected, depth = expected_electrons(tile)
     point = f"{tile.camera}/{tile.exposure.name}/{tile.rows[0]}/{tile.columns[0]}"
     recording = tile.recording
     values = recording.record(expected, point_generator(seed=tile.seed, point=point, replicate=0))
-    return Rendered(
-        values=values,
-        depth=depth,
-        saturated=int(np.count_nonzero(expected >= recording.saturation_electrons)),
-        sampling_error=_sampling_error(tile),
-    )
+    saturated = int(np.count_nonzero(expected >= recording.saturation_electrons))
+    return Recorded(values=values, depth=depth, saturated=saturated)
 
 
 def expected_electrons(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
