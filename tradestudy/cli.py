@@ -125,7 +125,7 @@ def run(
         bool,
         typer.Option(
             "--strict",
-            help="Exit with status 3 if a 'must' requirement is missed or undecided, or a calibration did not "
+            help="Exit with status 3 if a requirement that must hold is missed or undecided, or a calibration did not "
             "converge.",
         ),
     ] = False,
@@ -225,7 +225,7 @@ def export(
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera's calibration as files for other programs or, in the format 'posterior', for other studies."""
+    """Write a camera's calibration as files for other programs or, in the format ``posterior``, for other studies."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 

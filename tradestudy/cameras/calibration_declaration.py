@@ -150,7 +150,7 @@ class PosteriorPart(Part):
 
 
 class CalibrationPart(Part):
-    """How well a camera's parameters are known: their errors, the calibration, and changes since then."""
+    """How well a camera's parameters are known: their errors, their calibration, and changes since that calibration."""
 
     camera: ClassVar[type[DepthCamera]]
     kind: ClassVar[str]

@@ -51,7 +51,8 @@ class LensPart(Part):
     """How many of the keys focal_length and field_of_view a lens may have."""
 
     focal_length: FocalLengthOrPixels | None = Field(
-        default=None, description="Focal length: a length or, as in calibration files, a number of pixels."
+        default=None,
+        description="Focal length: a length or, as in calibration files, a number of pixels; or give field_of_view.",
     )
     field_of_view: PositiveAngle | None = Field(
         default=None,
@@ -233,8 +234,8 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="Conventions, by name, that the command `import` assumed when it read the calibration file of this "
-        "camera.",
+        description="Conventions, by name, that were assumed when `from` or `new --from` read the calibration file of "
+        "this camera.",
     )
     kind: str
 

@@ -78,7 +78,8 @@ class MicrolensCamera:
 
     Examples
     --------
-    A Raytrix R5, and the number of microlenses in the light path of a point at 0.5 m:
+    A camera with the lenses of a Raytrix R5, and the numbers of microlenses that a point at 0.5 m lights and of those
+    around them:
 
     >>> from tradestudy import optics
     >>> camera = optics.MicrolensCamera(

@@ -94,9 +94,9 @@ def propagate_through(
     """Propagate the distributions of inputs through a function by the Monte Carlo method (JCGM 101:2008).
 
     The draws are scrambled Sobol points in 16 independent replicates; the scatter between the replicates gives the
-    errors of the intervals. It begins with as many draws as leave at least 10 of each replicate beyond every end. The
-    number is doubled until the error of every end of every interval is within the tolerance at 95 % confidence, but not
-    beyond ``most_draws``.
+    errors of the intervals. The first round has enough draws that at least 10 of each replicate lie beyond every end of
+    an interval. Their number is doubled until the error of every end of every interval is within the tolerance at 95 %
+    confidence, but not beyond ``most_draws``.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def propagate_through(
     tolerance
         Largest error of each end of an interval, as a fraction of half the width of the interval, between 0 and 1.
     most_draws
-        Largest number of draws, ≥ 16384; more for coverages above about 98 %.
+        Largest number of draws. It must be at least 16384, and more for coverages above about 98 %.
     seed
         Seed of the draws, ≥ 0: the same call gives the same digits.
 

@@ -30,12 +30,13 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "pitch": ErrorParameter(
         unit="rad",
         part="relative rotation",
-        meaning="Rotation of the right camera relative to the left one, about the baseline.",
+        meaning="Rotation of the right camera relative to the left one, about the baseline; if positive, upwards.",
     ),
     "roll": ErrorParameter(
         unit="rad",
         part="relative rotation",
-        meaning="Rotation of the right camera relative to the left one, about its own optical axis.",
+        meaning="Rotation of the right camera relative to the left one, about its own optical axis; if positive, "
+        "clockwise as seen from behind.",
     ),
     "focal_length": ErrorParameter(
         unit="m",
@@ -45,8 +46,8 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "principal_point": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Position of the principal point along the baseline, right camera minus left camera; each camera has "
-        "half of the error.",
+        meaning="Difference between the positions of the two principal points along the baseline, right minus left; "
+        "half of the error shifts each, in opposite directions.",
     ),
 }
 

@@ -19,7 +19,7 @@ class DoubleSphere(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1] by which the second sphere lies behind the first, in radii; from above −1 (ahead of it) to 1.
+        Distance ξ [1] by which the second sphere lies behind the first, in radii, > −1 and ≤ 1; < 0: ahead of it.
     alpha
         Parameter α [1], from 0 to 1: the pinhole lies α/(1 − α) radii behind the centre of the second sphere.
 

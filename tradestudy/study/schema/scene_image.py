@@ -58,7 +58,8 @@ class StairsPart(Part):
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
     tread_width: DetailSize | None = Field(
         default=None,
-        description="Width of each tread of a staircase, except the first and the last, which are infinitely wide.",
+        description="Width of each tread of a staircase, except the first and the last, which are infinitely wide; a "
+        "staircase needs it, and a step has none.",
     )
     edge: Length = Field(
         default=0.0,
@@ -171,8 +172,8 @@ class SceneImagePart(Part):
     Texture, light, noise, fill factor and stop separation are those of scene.picture; its other keys (window, matcher,
     field angle, spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
 
-    The program renders pictures with rays. It uses waves of the wavelength scene.wavelength instead if diffraction
-    changes a picture by more than accuracy.pixel_intensity, or if effects.main_lens_diffraction or
+    The program renders pictures with rays. It adds diffraction by wave optics, at the wavelength scene.wavelength, if
+    diffraction changes a picture by more than accuracy.pixel_intensity, or if effects.main_lens_diffraction or
     effects.microlens_diffraction is `fresnel`.
     """
 
