@@ -8,7 +8,7 @@ distances, so the result at one distance does not depend on the others.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,17 +40,33 @@ def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
     """Interpolate corrections of `kirchhoff_correction` at fractions of the cut-off; 0 above it, within the error.
 
     One correction, shape (97,), is evaluated at fractions of any shape; of several, shape (n, 97), each is evaluated at
-    its own row of fractions.
+    its own row of fractions. The cubic spline is that of `scipy.interpolate.CubicSpline`, which takes longer to load
+    than most plans to make.
     """
-    from scipy.interpolate import CubicSpline
+    corrections = np.atleast_2d(correction)
+    bends = corrections @ _bends()
+    place = np.minimum(share, 1.0) * (_FREQUENCIES - 1)
+    interval = np.minimum(place.astype(np.intp), _FREQUENCIES - 2)
+    row = np.arange(len(corrections))[:, np.newaxis]
+    b = place - interval
+    a = 1.0 - b
+    cubic = a * corrections[row, interval] + b * corrections[row, interval + 1]
+    cubic += (a**3 - a) * bends[row, interval] + (b**3 - b) * bends[row, interval + 1]
+    return np.where(share < 1.0, cubic, 0.0).reshape(share.shape)
 
-    intervals = _FREQUENCIES - 1
-    cubic = CubicSpline(np.linspace(0.0, 1.0, _FREQUENCIES), np.atleast_2d(correction), axis=1).c
-    inside = np.minimum(share, 1.0)
-    interval = np.minimum((inside * intervals).astype(np.intp), intervals - 1)
-    a, b, c, d = cubic[:, interval, np.arange(cubic.shape[2])[:, np.newaxis]]
-    t = inside - interval / intervals
-    return np.where(share < 1.0, ((a * t + b) * t + c) * t + d, 0.0).reshape(share.shape)
+
+@cache
+def _bends() -> FloatArray:
+    """Matrix, applied from the right, from corrections to h²/6 times the second derivatives of their splines.
+
+    At spacing h, Dᵢ₋₁ + 4 Dᵢ + Dᵢ₊₁ is the second difference of the correction; the first two intervals, and the last
+    two, share one cubic.
+    """
+    neighbours = np.eye(_FREQUENCIES, k=1) + np.eye(_FREQUENCIES, k=-1)
+    of_bends, of_values = neighbours + 4.0 * np.eye(_FREQUENCIES), neighbours - 2.0 * np.eye(_FREQUENCIES)
+    of_bends[0, :3] = of_bends[-1, -3:] = 1.0, -2.0, 1.0
+    of_values[[0, -1]] = 0.0
+    return np.asarray(np.linalg.solve(of_bends, of_values).T, np.float64)
 
 
 @lru_cache(maxsize=2**15)  # a kilobyte each

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +28,6 @@ from numpy.typing import NDArray
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 _TAIL: Final = 16.0  # extent of a spread beyond its rays, over the radius of what limits it: 32 λN
 _SHADOW: Final = 8.0  # extent of light on the stop beyond the lens's shadow, in radii of its diffraction
@@ -243,18 +240,23 @@ class TwoApertures:
             bend = -math.pi / (self.wavelength * stop.reach * stop.scale)
             height = 1.0 / (math.sqrt(math.pi) * edge)
             return np.asarray(np.where(distance <= edge, height, 0.0) * np.exp(1j * bend * np.square(distance)))
-        far = float(self._amplitudes.x[-1])  # farther away there is almost no light
-        return np.where(distance <= far, self._amplitudes(np.minimum(distance, far)), 0.0)
+        from scipy.ndimage import map_coordinates
+
+        step, table = self._amplitudes
+        place = distance / step
+        last = table.size - 1  # farther away there is almost no light
+        light = map_coordinates(table, [np.minimum(place, last)], order=3, mode="mirror", prefilter=False)
+        return np.where(place <= last, light, 0.0)
 
     @cached_property
-    def _amplitudes(self) -> CubicSpline:
-        """Cubic spline through amplitudes, eight to each period of their band."""
-        from scipy.interpolate import CubicSpline
+    def _amplitudes(self) -> tuple[float, NDArray[np.complex128]]:
+        """Step [m] and coefficients of a cubic spline through amplitudes, eight to each period of their band."""
+        from scipy.ndimage import spline_filter1d
 
         assert self.stop is not None
         far = 2.0 * (self.stop.radius + self._half_window)
         radii = np.linspace(0.0, far, 8 * math.ceil(far / self._airy) + 33)
-        return CubicSpline(radii, self.amplitude(radii))
+        return float(radii[1]), spline_filter1d(self.amplitude(radii), order=3, mode="mirror", output=np.complex128)
 
     def spread(self, offset: float, curvature: float) -> Spread:
         """Light over the object, for a stop whose centre lies at an offset along x from the middle of the shadow.

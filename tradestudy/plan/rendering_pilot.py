@@ -28,7 +28,7 @@ from tradestudy.wording import counted
 _SIDE: Final = 64  # rendered pixels across and down
 # A loop first renders a trial, and only a part of its pictures shows points that appear in two of them.
 _PIXELS_OF_A_LOOP: Final = 5.0  # rendered per pixel of the windows; 3.5 for a stereo rig, 6 for a raw plenoptic picture
-_READING: Final = 2.0  # rendering and reading depth, relative to rendering alone
+_READING: Final = 1.4  # rendering and reading depth, relative to rendering alone
 # Computing the tables of spreads takes most of the difference, and would take as long in a pilot.
 _WAVES_OVER_RAYS: Final = 2.0  # 1.1 for a stereo pair, 3 for a raw plenoptic picture
 _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the time

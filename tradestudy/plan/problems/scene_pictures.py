@@ -25,7 +25,7 @@ from tradestudy.wording import NO_MICROLENSES
 _PATCHES: Final = 3  # along each side of a picture; both models render them
 _SIDE: Final = 24  # pixels along a patch
 _SAMPLES: Final = 16  # enough that the models, and not the samples, make the difference
-_OFFSET_STEP: Final = 2.0  # twice that of pictures; alters the change found by a hundredth
+_OFFSET_STEP: Final = 4.0  # four times that of pictures; alters the change found by less than a tenth
 TRIAL_TEXTURE: Final = 1024
 """Samples after which the texture of a trial repeats; patches are too few to show the repetition."""
 _MARGIN: Final = 1.3  # on the trial, since a few patches do not represent the whole picture
