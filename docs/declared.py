@@ -31,7 +31,9 @@ those of both ends of every interval of depths. `interval` numbers the usable in
 others are not declared: `real_image` (the lens forms a real image), and for derived disparity errors `saturation` (the
 brightest pixels are not saturated) and `matching` (a matcher can reach the Cramér–Rao bound).
 """,
-    "depth_at_places": "The variables of [`/depth`](#group-depth), at the distances of `decision.at`.",
+    "depth_at_places": """
+The variables of [`/depth`](#group-depth), at the distances of `decision.at`. Its usable intervals cover only these.
+""",
     "depth_field": """
 Variables of [`/depth`](#group-depth) off the axis. `field` lists the field positions of `propagation.field_places`.
 """,
@@ -43,7 +45,8 @@ half its height.
     "disparity_causes": """
 What makes each derived disparity error as large as it is, at the distances of `decision.at` or, without it, at up to
 four of `scene.distances`. These variables include the effects that other results leave out because they matter less
-than the tolerance. `change` names the one cause that is changed. For an unfocused plenoptic camera, 1 px is one
+than the tolerance. `change` names the one cause that is changed: `no blur`, `no diffraction`, `light of the brightest`
+(camera) or `ten times the light`. For an unfocused plenoptic camera, 1 px is one
 microlens.
 """,
     "depth_loop": """
@@ -71,7 +74,7 @@ possible weights of the criteria in `trade_off.criteria` (along `weighed`).
     "decision": """
 Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
 cameras of `decision.between`. Two depth uncertainties are *equal within their error* if their difference is at most
-their combined error; standard errors count 5.4 times.
+the root sum of squares of their errors, after standard errors over scrambles are multiplied by 5.4.
 
 `place` lists the distances of `decision.at`, `pair` the pairs of `decision.compare` (or the main pair), and `question`
 the questions of `solve`. `change` and `crossing` number changes and crossovers, from the nearest. `rank_distance` and
@@ -106,9 +109,10 @@ the paper has two solutions (along `zero`): the `first`, with the smaller apertu
 `fresnel_validity.path_errors`.
 """,
     "images": """
-The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods`: both `propagator`
-and `against` list the methods. `row` and `column` are the coordinates of the pixel centres on the detector. `benchmark`
-names the computations whose duration `light_spot.benchmarks` measures.
+The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods` or, without that
+key, by the method that the program chooses: both `propagator` and `against` list the methods. `row` and `column` are
+the coordinates of the pixel centres on the detector. `benchmark` names the computations whose duration
+`light_spot.benchmarks` measures; `run.json` contains the times.
 """,
     "point_spread": """
 The image of a point behind each lens (along `element`), by each method (along `propagator`). One input at a time
@@ -123,12 +127,15 @@ the study with models of its own: a camera, its pictures, a light path, the poin
 `accuracy`.
 """,
     "cost": """
-Error and computing time of the sets of models with which the answers of a study can be computed, as measured by
-the command [`cost`](#command-cost). A *problem* is a camera or a light path; an *entry* is one set of models for a
-problem.
+Error and computing time of the sets of models with which the answers of a study can be computed, as measured by the
+command [`cost`](#command-cost); only a run with `--with-cost` stores this group. A *problem* is a camera or a light
+path; an *entry* is one set of models for a problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
-    "datasheet": "Each camera in the terms of depth-camera data sheets, at one to five distances (`sheet_distance`).",
+    "datasheet": """
+Each camera in the terms of depth-camera data sheets, at up to five distances (`sheet_distance`): those of `decision.at`
+and, if these are fewer than three, the ends and the middle of `scene.distances`.
+""",
     "pictures": """
 Rendered pictures of the scene and, for the cameras along `mapped_camera`, depth measured in them. The terms are those
 of [`/depth_loop`](#group-depth_loop), but the predicted depth uncertainty includes calibration errors if
@@ -283,12 +290,13 @@ title.
 | none | nothing is uncertain; the text says why, for example because the value is declared or a count |
 | not estimated, not stored | no variable holds the error; the text says where it comes from |
 
-A variable without *Error* states none. Error estimates, text, and flags (1 or true for yes, 0 or false for no) need
-none.
+A variable without *Error* is itself an error estimate, a text or a flag (1 or true for yes, 0 or false for no), or its
+error is not known.
 
 The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file. Those of
-`error_source` are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a
-sweep, the swept parameters are dimensions too; they come before those given here.
+`error_source` are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a sweep, the
+variables of `/depth` and those whose names begin with `design_` also have the swept parameters as dimensions, before
+those given here; all others hold for the study as declared. Numeric labels of dimensions are in SI units.
 
 A *scramble* is one of several repetitions of a computation, each with its own quasi-random draws. A standard error
 *over scrambles* follows from the differences between them.

@@ -778,15 +778,15 @@ _INDEX = """
 A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example.
 Editors can complete the keys from the JSON Schema that `python -m tradestudy schema` prints.
 
-Write quantities with their units: `12.5 mm`, not `12.5`. Every value may carry its basis:
-`{value: 12.5 mm, basis: datasheet, note: where it comes from}`, where `basis` is `paper`, `datasheet`, `measured`,
-`assumed` or `derived`. `null` removes a value that a camera inherits by `from` or `like`.
+Write quantities with their units: `12.5 mm`, not `12.5`. Where infinity is allowed, write `inf`. Every value may carry
+its basis and a note: `{value: 12.5 mm, basis: datasheet, note: page 3}`, where `basis` is `paper`, `datasheet`,
+`measured`, `assumed` or `derived`. `null` removes a value that a camera inherits by `from` or `like`.
 
 The *path* of a value in the study consists of the keys that lead to it, joined by dots: `scene.wavelength`. The path of
 a value of a camera may begin with the name of the camera, without `cameras`: `stereo-75mm.baseline`.
 
-Every section describes one mapping. If the file can hold that mapping in at most three places, their paths stand below
-the heading. In them, `NAME` is a name that you choose, `PATH` is the path of a value, and `[]` is an item of a list.
+Each section describes one mapping. Below its heading are the paths at which it may occur, unless there are more than
+three. In them, `NAME` is a name that you choose, `PATH` is the path of a value, and `[]` is an item of a list.
 
 For a study of format 1, `python -m tradestudy check` says key by key what to write instead.
 """

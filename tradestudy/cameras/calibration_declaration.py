@@ -40,7 +40,7 @@ _ROUNDING: Final = 1e-9  # of correlations that are written with nine digits, as
 
 
 class ErrorsPart(Part):
-    """Distributions of the errors of a camera's parameters; each key names a parameter."""
+    """Distributions of the errors (true minus designed value) of a camera's parameters; each key names a parameter."""
 
     def given(self) -> dict[str, AnyDistribution]:
         """The declared errors by name."""
@@ -75,10 +75,14 @@ class StabilityPart(Part):
         default_factory=CalibratedAtPart, description="Temperature and pressure of the air during the calibration."
     )
     housing_expansion: ThermalExpansion | None = Field(
-        default=None, description="Coefficient of linear thermal expansion of the housing; needed with `temperature`."
+        default=None,
+        description="Coefficient of linear thermal expansion of the housing; needed with "
+        "`temperature`, and only with it.",
     )
     focal_length_expansion: ThermalExpansion | None = Field(
-        default=None, description="Relative change of the focal length per kelvin; needed with `temperature`."
+        default=None,
+        description="Relative change of the focal length per kelvin, without that due to the air; "
+        "needed with `temperature`, and only with it.",
     )
     glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
         default=None,
@@ -123,18 +127,16 @@ class CornersPart(Part):
     file: Text = Field(description="CSV file of the corners; the path is relative to the file that contains this key.")
     lens_model: FittedLensModel | None = Field(
         default=None,
-        description="Lens model to fit to both cameras; default: radial distortion with the coefficients `k1` and "
-        "`k2`.",
+        description="Lens model to fit to each camera; default: `{model: rational, fitted: [k1, k2]}`.",
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
         default=(),
-        description="Other lens models to fit. The report says how much better or worse each predicts a view that is "
-        "left out of the fit, and by how much it changes the depths.",
+        description="Other lens models to fit. The report says how much better or worse than lens_model each predicts "
+        "views that are left out of the fit, and by how much it changes the depths.",
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0,
-        description="Relative standard deviation of the side of the board's squares, which the corners cannot "
-        "determine.",
+        description="Relative standard deviation of the side of the board's squares; corners cannot determine it.",
     )
     max_steps: MostSteps = Field(
         default=20_000, description="Largest number of steps of each Markov chain that samples the posterior."
@@ -145,7 +147,9 @@ class PosteriorPart(Part):
     """A saved calibration: a covariance, or joint draws of the errors."""
 
     file: Text = Field(
-        description="CSV or NetCDF file of the calibration; the path is relative to the file that contains this key."
+        description="NetCDF file of a run, or CSV: parameter names, then a line for each draw; or `parameter,mean,` "
+        "and the names, then for each parameter its mean and its row of the covariance. The path is relative to the "
+        "file that contains this key."
     )
 
 

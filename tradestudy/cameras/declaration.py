@@ -134,7 +134,7 @@ class DisparityPart(Part):
 
     disparity_error: PositivePixels | Literal["derived"] = Field(
         description="Standard deviation of one measured disparity. With `derived`, the program computes it: the "
-        "Cramér–Rao bound of matching the texture of scene.picture, plus the errors of `matcher`."
+        "Cramér–Rao bound of matching the texture of scene.picture, increased by the errors of `matcher`."
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
@@ -150,8 +150,8 @@ class DisparityPart(Part):
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="Errors that a real matcher adds to a derived disparity error; default: those of "
-        "scene.picture.matcher.",
+        description="Errors that a real matcher adds to a derived disparity error (only with `derived`); default: "
+        "those of scene.picture.matcher.",
     )
 
     @model_validator(mode="after")
@@ -204,7 +204,8 @@ class AttributesPart(Part):
     )
     bits_per_pixel: PositiveCount | None = Field(
         default=None,
-        description="Number of bits per pixel of a raw picture; needed to derive the data volume of a depth map.",
+        description="Number of bits per pixel of a raw picture, as stored or sent; needed to derive the raw data "
+        "volume of a depth map.",
     )
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
@@ -235,7 +236,7 @@ class CameraDeclaration(Part, ABC):
     read_as: dict[AttributeName, Text] = Field(
         default={},
         description="Conventions, by name, that were assumed when `from` or `new --from` read the calibration file of "
-        "this camera.",
+        "this camera. The program writes this key.",
     )
     kind: str
 

@@ -44,7 +44,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "pupil_distance": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Distance from exit pupil to microlens array, minus the distance from main lens to array. It "
+        meaning="How much farther from the microlens array the exit pupil lies than the main lens; 0 by design. It "
         "shifts the centres of the micro-images of a white scene relative to the centres of the microlenses.",
     ),
     "principal_point_x": ErrorParameter(
@@ -84,8 +84,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="Each coordinate of the centre of a microlens; the error differs from microlens to microlens. "
-        "A disparity contains √2 times this error.",
+        meaning="Each coordinate of the centre of a microlens; the error differs from microlens to microlens. It "
+        "adds √2 times this error to a disparity, which compares two microlenses.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

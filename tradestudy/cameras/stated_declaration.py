@@ -9,11 +9,11 @@ from tradestudy.declarations.quantities import PositiveAngle, PositiveLength, Po
 
 
 class StatedPart(Part):
-    """Values that a data sheet or paper states; the program only compares them with those that other keys imply."""
+    """Values that a data sheet or paper states; the report lists those that contradict the values of other keys."""
 
     field_of_view: PositiveAngle | None = Field(
         default=None,
-        description="Full field of view, across either the width or the diagonal of the sensor.",
+        description="Full field of view; it may be that across the width or that across the diagonal of the sensor.",
     )
     microlens_gap: PositiveLength | None = Field(
         default=None, description="Distance from the microlens array to the sensor."
@@ -30,5 +30,5 @@ class StatedPart(Part):
         "noise are equal.",
     )
     depth_of_field: PositiveLength | None = Field(
-        default=None, description="Depth of field of one image of a conventional camera."
+        default=None, description="Depth of field of one image of a conventional camera, for a blur of one pixel."
     )

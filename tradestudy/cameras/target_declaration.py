@@ -43,7 +43,7 @@ class PosePart(Part):
 
     rotation: tuple[Angle, Angle, Angle] = Field(
         description="Rotation vector: its direction is the axis of rotation, its length the angle. At zero, the "
-        "board faces the camera."
+        "board is perpendicular to the optical axis."
     )
     position: tuple[Length, Length, ObjectDistance] = Field(description="Position of the board's centre: x, y and z.")
 
@@ -58,10 +58,10 @@ class PosePart(Part):
 
 
 class TargetPart(Part):
-    """A simulated calibration with views of a board.
+    """A simulated calibration with views of a board; `errors` gives independent normal or uniform priors.
 
-    Unless ``poses`` is given, the positions of the board are spread evenly over inverse distance and direction, and its
-    rotations are normally distributed.
+    Give either `poses`, or all of `views`, `distances`, `half_field_angle` and `tilt`. The positions of the board are
+    then spread evenly over inverse distance and direction, and its rotations are normally distributed.
     """
 
     views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(

@@ -59,7 +59,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
 
     shape: Shape | None = Field(
         default=None,
-        description="Shape of the distribution; default: normal with standard_deviation, uniform with half_width.",
+        description="Shape of the distribution; default: normal for standard_deviation, uniform for half_width.",
     )
     mean: Signed | None = Field(
         default=None,
@@ -74,7 +74,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     )
     inexactness: Positive | None = Field(
         default=None,
-        description="Uncertainty of the half-width of a curvilinear-trapezoid distribution: its largest deviation from "
+        description="Largest amount by which the half-width of a curvilinear-trapezoid distribution may differ from "
         "half_width.",
     )
     scale: Positive | None = Field(

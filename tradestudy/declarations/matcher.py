@@ -38,10 +38,10 @@ class MatcherPart(Part):
         default=None,
         description="Amplitude of a bias that is a sine of the disparity with a period of one pixel. Its phase is "
         "unknown, so amplitude/√2 adds to the noise in quadrature. The bias is the same in all measurements at one "
-        "distance.",
+        "distance; averaging does not reduce it.",
     )
     false_matches: FalseShare | None = Field(
-        default=None, description="Fraction of false matches, which count as failed measurements."
+        default=None, description="Fraction of all matches that are false; they count as failed measurements."
     )
 
     @model_validator(mode="after")

@@ -182,8 +182,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation of a parameter if motion of the board between the two exposures is fitted too, "
-        "divided by that if it is not; NaN where it is not fitted",
+        long_name="ratio of two standard deviations of a parameter: with motion of the board between the two "
+        "exposures fitted too, and without; NaN where the parameter is not fitted",
     ),
 }
 

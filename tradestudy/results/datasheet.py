@@ -20,15 +20,15 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "temporal_noise": Variable(
         dims=_OVER,
         units="m",
-        long_name="depth uncertainty from matching noise alone, without pixel locking: the spread of repeated "
-        "measurements at one pixel; infinite where the interval of depths has no far end, NaN where the camera does "
-        "not see the point",
+        long_name="depth uncertainty from matching noise alone, without pixel locking, a bias that repeats in every "
+        "measurement: the spread of repeated measurements at one pixel; infinite where the interval of depths has no "
+        "far end, NaN where the camera does not see the point",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "subpixel_rms": Variable(
         dims=_OVER,
         units="px",
-        long_name="disparity error; NaN where the camera forms no image",
+        long_name="disparity error; NaN where the camera forms no image or does not see the point",
         error="see disparity_error_px_error of /depth",
     ),
     "plane_fit_rms": Variable(

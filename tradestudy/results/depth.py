@@ -76,8 +76,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "failed_fraction": Variable(
         dims=("camera", "distance", "error_source"),
         units="1",
-        long_name="fraction of failed measurements: those whose errors push the depth beyond infinity and, except for "
-        "calibration errors alone, the declared false matches; NaN where the camera does not see the point",
+        long_name="fraction of failed measurements: those whose errors push the depth beyond infinity and, unless "
+        "error_source is 'calibration', the declared false matches; NaN where the camera does not see the point",
         symbol="P(a = ∞)",
         error="see failed_fraction_error",
     ),
@@ -146,9 +146,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
         units="mixed",
-        long_name="value that is compared with limit_bound, in m for 'real_image', in px for 'focus', 'matching' and "
-        "'last_disparity_step', otherwise a plain number; may be infinite; NaN where the limit does not apply or "
-        "the camera forms no image",
+        long_name="value that is compared with limit_bound, in m for 'real_image' (the distance of the object), in "
+        "px for 'focus', 'matching' and 'last_disparity_step', otherwise a plain number; may be infinite; NaN where "
+        "the limit does not apply or the camera forms no image",
         error="rounding only; limits on failures and on relative uncertainty also have the error of the draws",
     ),
     "limit_met": Variable(
@@ -191,14 +191,16 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "near_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="names of the limits that set usable_near ('matching' is followed by the condition that is "
-        "violated); 'range of the study' if scene.distances begins there; empty beyond the last interval",
+        long_name="names of the limits that set usable_near, separated by commas ('matching: CONDITION' names the "
+        "condition that is violated); 'range of the study' if scene.distances begins there; empty beyond the last "
+        "interval",
     ),
     "far_limit": Variable(
         dims=("camera", "interval"),
         units="",
-        long_name="names of the limits that set usable_far ('matching' is followed by the condition that is "
-        "violated); 'range of the study' if scene.distances ends there; empty beyond the last interval",
+        long_name="names of the limits that set usable_far, separated by commas ('matching: CONDITION' names the "
+        "condition that is violated); 'range of the study' if scene.distances ends there; empty beyond the last "
+        "interval",
     ),
 }
 
@@ -272,8 +274,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         units="px",
         long_name="disparity_error_px with one cause changed: without blur, without diffraction, with the light of "
         "brightest_camera, or with ten times the light; infinite where the compared pictures share no texture; NaN "
-        "where the camera forms no image and, with the light of brightest_camera, also for that camera itself and "
-        "where there is none",
+        "where the camera forms no image; with the light of brightest_camera, also for that camera itself, and where "
+        "brightest_camera is empty",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from tradestudy.results.depth_maps import score_variables
-from tradestudy.results.variable import ESTIMATE, EXACT, Variable
+from tradestudy.results.variable import ESTIMATE, EXACT, ROUNDING, Variable
 
 _POINT: Final = ("camera", "distance", "contrast", "electrons")
 _CAMERA: Final = ("camera",)
@@ -19,14 +19,14 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
         dims=_POINT,
         units="px",
         long_name="diameter of the geometric blur in the compared pictures; NaN where the camera forms no image",
-        error="none: closed form",
+        error=ROUNDING,
     ),
     "over_matcher": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard deviation of the depth errors without false matches, each converted to disparity and "
-        "divided by the disparity error that the fitted matcher predicts for the matching window of the point; NaN "
-        "where nothing was measured or no matcher was fitted",
+        long_name="standard deviation of the depth errors, false matches excluded, each error converted to disparity "
+        "and divided by the disparity error that the fitted matcher predicts for the matching window of the point; "
+        "NaN where nothing was measured or no matcher was fitted",
         error="see over_matcher_error",
     ),
     "over_matcher_error": Variable(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import ESTIMATE, EXACT, Variable
+from tradestudy.results.variable import ESTIMATE, EXACT, ROUNDING, Variable
 
 _ESTIMATES: Final = {
     "bias": ("m", "median depth error"),
@@ -90,12 +90,11 @@ def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
         units="1",
         long_name="predicted depth_available, at the distance of the plane or, in /pictures, at the median true depth; "
         "NaN where none is predicted",
-        error=_CLOSED_FORM,
+        error=ROUNDING,
     )
     return found
 
 
-_CLOSED_FORM: Final = "none: closed form"
 _MAP: Final = ("mapped_camera", "map_row", "map_column")
 _CLASS: Final = ("mapped_camera", "depth_class")
 _AS_MAP: Final = "see depth_spread"

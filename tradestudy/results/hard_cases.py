@@ -32,7 +32,9 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "our_answer": _text("answer of this program"),
     "expected": _text("right answer: a number rounded from a computation with more digits, or words"),
     "outcome": Variable(
-        dims=_CASE, units="1", long_name="whether the right answer is in words, such as a refusal, a sign or a count"
+        dims=_CASE,
+        units="1",
+        long_name="whether the right answer is no measured number but a refusal, a sign or a count",
     ),
     "naive_error": _error("relative error of the textbook formula"),
     "our_error": _error("relative error of this program"),

@@ -59,7 +59,8 @@ PICTURES: Final[Mapping[str, Variable]] = {
         dims=_OF,
         units="1",
         long_name="for a picture by rays, the relative change that diffraction would cause, in the L2 norm; for a "
-        "picture by waves, the fraction of the light that diffraction spreads beyond the computed range",
+        "picture by waves, the fraction of the light that diffraction spreads beyond the area over which "
+        "point-spread functions are computed",
         error="itself an error estimate; for a picture by rays, from places all over it, with a margin of 30 %",
     ),
 }

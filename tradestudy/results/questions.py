@@ -55,8 +55,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="distance at which another usable camera begins to have the lower depth uncertainty; NaN beyond the "
-        "last change",
+        long_name="distance at which the usable camera of the main pair with the lower depth uncertainty becomes the "
+        "other one, or none; NaN beyond the last change",
         error="see change_error",
     ),
     "change_error": Variable(
@@ -69,14 +69,14 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_nearer": Variable(
         dims=("reading", "error_source", "change"),
         units="",
-        long_name="usable camera with the lower depth uncertainty just below change_distance; empty if none is usable, "
-        "and beyond the last change",
+        long_name="usable camera of the main pair with the lower depth uncertainty just below change_distance; empty "
+        "if none is usable, and beyond the last change",
     ),
     "change_farther": Variable(
         dims=("reading", "error_source", "change"),
         units="",
-        long_name="usable camera with the lower depth uncertainty just above change_distance; empty if none is usable, "
-        "and beyond the last change",
+        long_name="usable camera of the main pair with the lower depth uncertainty just above change_distance; empty "
+        "if none is usable, and beyond the last change",
     ),
     "crossover_distance": Variable(
         dims=("reading", "error_source", "crossing"),
@@ -101,11 +101,13 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_best_camera": Variable(
         dims=("design_place",),
         units="",
-        long_name="best_camera of each design in a sweep, at the distances of 'decision.at', for which depth "
-        "uncertainties are interpolated",
+        long_name="best_camera, for the error source 'both', of each design in a sweep, at the distances of "
+        "'decision.at', to which depth uncertainties are interpolated",
     ),
     "design_best_camera_along": Variable(
-        dims=("distance",), units="", long_name="best_camera of each design in a sweep, at the distances of /depth"
+        dims=("distance",),
+        units="",
+        long_name="best_camera, for the error source 'both', of each design in a sweep, at the distances of /depth",
     ),
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
@@ -260,10 +262,10 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="how far 'value' may worsen before it reaches 'bound': their ratio minus 1; for a required usable or "
-        "sharp range, how far the camera's range reaches beyond it at the tighter end; negative if the bound is "
-        "missed; where the camera is unusable over part of the required distances, at most minus that part in "
-        "percent, on a logarithmic scale; NaN where 'value' is NaN",
+        long_name="relative margin: bound/value − 1 for an upper bound, value/bound − 1 for a lower one; for a "
+        "required usable or sharp range, the smaller of required near end/near end − 1 and far end/required far end "
+        "− 1; negative if the bound is missed; at most −100 s where the camera is unusable over a fraction s of the "
+        "required distances, on a logarithmic scale; NaN where 'value' is NaN",
         error="that of the worst value",
     ),
     "margin_sigma": Variable(
@@ -314,35 +316,38 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "bound_alone_met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="'met' if matching reached its bound; −1 also where no matcher makes a difference",
+        long_name="'met' if matching reached the Cramér–Rao bound; −1 also where no declared matcher affects it",
     ),
     "bound_alone_camera": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="camera_deciding if matching reached its bound; empty where no matcher makes a difference",
+        long_name="camera_deciding if matching reached the Cramér–Rao bound; empty where no declared matcher affects "
+        "it",
     ),
     "bound_alone_value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="'value' if matching reached its bound, in SI units; NaN where no matcher makes a difference",
+        long_name="'value' if matching reached the Cramér–Rao bound, in SI units; NaN where no declared matcher "
+        "affects it",
         error="see bound_alone_value_error",
     ),
     "bound_alone_value_error": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="value_error if matching reached its bound, in SI units; NaN where no matcher makes a difference",
+        long_name="value_error if matching reached the Cramér–Rao bound, in SI units; NaN where no declared matcher "
+        "affects it",
         error=ESTIMATE,
     ),
     "bound_alone_place": Variable(
         dims=_OF_REQUIREMENT,
         units="m",
-        long_name="'place' if matching reached its bound; NaN where no matcher makes a difference",
+        long_name="'place' if matching reached the Cramér–Rao bound; NaN where no declared matcher affects it",
         error="1e-4, relative",
     ),
     "bound_alone_reason": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="'reason' if matching reached its bound; empty where no matcher makes a difference",
+        long_name="'reason' if matching reached the Cramér–Rao bound; empty where no declared matcher affects it",
     ),
     "camera_met": Variable(
         dims=_OF_CAMERA,

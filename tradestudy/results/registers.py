@@ -27,7 +27,7 @@ CAMERAS: Final[Mapping[str, Variable]] = {
     "perfect_calibration": Variable(
         dims=("camera",),
         units="",
-        long_name="whether a camera that measures depth has no uncertain parameter; 0 for cameras that measure none",
+        long_name="1 if the camera measures depth and has no uncertain parameter, else 0",
     ),
     "property_camera": Variable(dims=("property",), units="", long_name="camera that has the property"),
     "property_name": Variable(
@@ -85,8 +85,8 @@ CRITERIA: Final[Mapping[str, Variable]] = {
     "basis": Variable(
         dims=("camera", "criterion"),
         units="",
-        long_name="basis of the value; 'derived' if it follows from other inputs, 'declared' if the study states no "
-        "basis, empty if it states no value",
+        long_name="basis of the value; 'derived' if the value follows from other inputs, 'declared' if the study "
+        "gives it without a basis; empty if there is no value",
     ),
     "number": Variable(
         dims=("camera", "criterion"),

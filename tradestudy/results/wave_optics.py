@@ -146,8 +146,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         (*_ELEMENT, "path_error"),
         "smallest f-number at which the optical path that Fresnel's approximation neglects is at most path_error "
         "wavelengths",
-        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼, with path_error ε, from the quartic term of this path; the next term is "
-        "r²/(2 b²) times this one, with the radius r of the pupil",
+        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼, with path_error ε, from the quartic term of this path; for distant "
+        "objects, the next term is about r²/(2 b²) times this one, with the radius r of the pupil",
     ),
     "goodman_f_number": _f_number(
         _ELEMENT,
@@ -201,15 +201,15 @@ IMAGES: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="L1 difference Σ|I − J|/Σ J of two images over their pixels: I by the method along 'propagator', "
         "J by the method along 'against'",
-        error="at most 1 + difference times the sum of κ numerical_error over both images, with κ as for power; less "
-        "where they share errors",
+        error="at most (1 + difference) times the sum of κ numerical_error over both images, with κ as for power; "
+        "less where they share errors",
     ),
     "difference_l2": Variable(
         dims=("propagator", "against"),
         units="1",
         long_name="L2 difference ‖I − J‖/‖J‖ of two images over their pixels: I by the method along 'propagator', J "
         "by the method along 'against'",
-        error="at most 1 + difference_l2 times the sum of numerical_error over both images; less where they share "
+        error="at most (1 + difference_l2) times the sum of numerical_error over both images; less where they share "
         "errors",
     ),
     "chosen": Variable(

@@ -37,7 +37,7 @@ class ReferenceScalePart(Part):
 
 
 class FocusStackPart(Part):
-    """The fewest images at different focus distances that make a range of distances sharp, at most `images`."""
+    """A range of distances that a focus stack must make sharp, with as few images as suffice, at most `images`."""
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance of the range to cover.")
@@ -54,7 +54,7 @@ class FocusStackPart(Part):
 
 
 class ConventionalFocusPart(Part):
-    """What a conventional camera is focused on."""
+    """What a conventional camera is focused on: give distance, image_scale or working_distance, also with a stack."""
 
     distance: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Distance from the object in focus to the principal plane of the lens."

@@ -41,7 +41,10 @@ class MicrolensesPart(Part):
         "(distance from main lens to array) / (pupil diameter), which makes the f-numbers of microlenses and main lens "
         "equal."
     )
-    types: Literal[1, 3] = Field(default=1, description="Number of microlens types, which differ in focal length.")
+    types: Literal[1, 3] = Field(
+        default=1,
+        description="Number of microlens types, which differ in focal length; 3 only with the layout `hexagonal`.",
+    )
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
         description="Focal length of each microlens type. By default, the depths of field of the types, for one pixel "
@@ -121,7 +124,7 @@ else:
 
 
 class FocusedPlenopticDeclaration(DepthCameraDeclaration):
-    """A focused plenoptic camera (plenoptic II) with one or three types of microlenses."""
+    """A focused plenoptic camera (plenoptic 2.0) with one or three types of microlenses."""
 
     camera: ClassVar[type[FocusedPlenoptic]] = FocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = RawPictureReader

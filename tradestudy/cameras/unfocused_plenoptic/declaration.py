@@ -58,7 +58,8 @@ class UnfocusedFocusPart(Part):
     """The distance at which an unfocused plenoptic camera is focused."""
 
     distance: ObjectDistance = Field(
-        description="Distance of the objects that the main lens images onto the microlenses."
+        description="Distance of the objects that the main lens images onto the microlenses; finite, and beyond its "
+        "focal length."
     )
 
 
@@ -69,8 +70,8 @@ class UnfocusedDepthPart(DisparityPart):
     """
 
     estimator: ViewEstimator = Field(
-        description="Views that are compared: the two outermost views of a row (`outermost-views`), or all views by "
-        "least squares (`least-squares`)."
+        description="Views that are compared: the two outermost views of the longest row (`outermost-views`), or all "
+        "views by least squares (`least-squares`)."
     )
 
 
@@ -81,7 +82,7 @@ else:
 
 
 class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
-    """An unfocused plenoptic camera (plenoptic I)."""
+    """An unfocused plenoptic camera (plenoptic 1.0)."""
 
     camera: ClassVar[type[UnfocusedPlenoptic]] = UnfocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = ViewsReader

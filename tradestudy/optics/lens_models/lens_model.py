@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import ClassVar, Final, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -180,19 +180,20 @@ class LensModel(ABC):
         """Whether directions, shape (..., azimuths, angles), are imaged outwards, unmirrored and not too compressed."""
         lens = self._spread(2)
         with np.errstate(all="ignore"):
-            out = np.array(lens._derivative(angle, azimuth, by=0))
-            around = np.array(lens._derivative(angle, azimuth, by=1))
-            place = np.array(np.broadcast_arrays(*lens.image(*_direction(angle, azimuth))))
-            on_axis = np.array(lens._derivative(np.full_like(angle, 1e-9), azimuth, by=0))
+            moved = lens._moved(angle, azimuth, by=0)
+            place, out = np.real(moved), np.imag(moved)
+            around = np.imag(lens._moved(angle, azimuth, by=1))
+            on_axis = np.imag(lens._moved(np.full_like(angle[..., :1], 1e-9), azimuth, by=0))
             scale = (out[0] * around[1] - out[1] * around[0]) / np.hypot(*around)
             turns = place[0] * around[1] - place[1] * around[0]
             outward = place[0] * np.cos(azimuth) + place[1] * np.sin(azimuth)
             return np.asarray((scale > LEAST_SCALE * np.hypot(*on_axis)) & (turns > 0.0) & (outward > 0.0))
 
-    def _derivative(self, angle: FloatArray, azimuth: FloatArray, *, by: int) -> list[FloatArray]:
+    def _moved(self, angle: FloatArray, azimuth: FloatArray, *, by: int) -> NDArray[np.complex128]:
+        """Images of directions moved by a complex step: the imaginary part is `_STEP` times the derivative."""
         step = 1j * _STEP
         moved = self.image(*_direction(np.add(angle, step * (by == 0)), np.add(azimuth, step * (by == 1))))
-        return [np.imag(one) / _STEP for one in moved]
+        return np.array(np.broadcast_arrays(*moved))
 
     def _spread(self, axes: int) -> Self:
         """The same model with this many axes appended to those of its coefficients."""

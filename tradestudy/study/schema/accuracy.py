@@ -46,12 +46,11 @@ class AccuracyPart(Part):
         "default: `tolerance`.",
     )
     psf_width: Tolerance | None = Field(
-        default=None, description="Tolerance on the width of the image of a point; default: `tolerance`."
+        default=None, description="Tolerance on the half-energy radius of the image of a point; default: `tolerance`."
     )
     time_limit: PositiveDuration | None = Field(
         default=None,
-        description="Longest time that a run may be predicted to take; a longer run is refused before it starts. "
-        "Default: none.",
+        description="Limit on the predicted time of a run; a longer run is refused before it starts. Default: none.",
     )
 
     def asked(self) -> accuracy.Accuracy:
@@ -70,24 +69,25 @@ class AccuracyPart(Part):
 
 _MODELS = {
     "defocus_blur": "none (`off`), or a disc of uniform light",
-    "main_lens_diffraction": "none (`off`); the Airy pattern of the lens in focus, combined with the disc of defocus "
-    "(`airy`); rays and the wave diffracted at the edge of the aperture (`boundary_wave`); Fresnel's approximation "
-    "(`fresnel`); or Kirchhoff's integral with exact paths (`kirchhoff`)",
+    "main_lens_diffraction": "none (`off`); the Airy pattern of the lens in focus, convolved with the disc of "
+    "defocus (`airy`); rays and the wave diffracted at the aperture's edge (`boundary_wave`, for light spots); "
+    "Fresnel's approximation (`fresnel`); or Kirchhoff's integral with exact paths (`kirchhoff`)",
     "microlens_diffraction": "as for main_lens_diffraction",
-    "crosstalk": "none (`off`), the share of light from neighbouring microlenses (`share`), or interference of the "
-    "waves from all microlenses (`coherent`)",
+    "crosstalk": "none (`off`); the light that neighbouring microlenses add (`share`); or, for light spots, "
+    "interference of the waves from all microlenses (`coherent`)",
     "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area",
     "source_extent": "a point of light (`off`), or a disc",
     "spectrum": "a single wavelength (`off`), or all wavelengths with their weights",
-    "vignetting": "none (`off`), or the cos⁴ law and the shading of two stops, scene.picture.stop_separation apart",
+    "vignetting": "none (`off`), or the cos⁴ law and obstruction by two apertures, scene.picture.stop_separation apart",
     "sensor_noise": "shot noise alone (`shot`), with read noise (`shot+read`), or with read and quantisation noise "
     "(`shot+read+quantisation`)",
-    "calibration": "none (`off`), propagated by the derivatives of depth (`linear`), or by random draws (`exact`)",
+    "calibration": "none (`off`); propagation by the derivatives of depth (`linear`); or propagation of random draws "
+    "through the whole depth computation (`exact`)",
 }
 
 
 class _EffectsPart(Part):
-    """Models of effects, to use instead of those that the program would choose."""
+    """The model of each effect; the program chooses those that are left out, and refuses models that do not apply."""
 
     def forced(self) -> dict[SlotName, str]:
         """The forced models, by effect."""

@@ -22,12 +22,12 @@ class BlurPart(Part):
     """What counts as sharp: an upper bound on geometric blur and diffraction spot together, added in quadrature."""
 
     blur: PositivePixels = Field(
-        description="Largest diameter of blur and diffraction spot together, in pixels or, for an unfocused plenoptic "
-        "camera, in microlenses."
+        description="Largest diameter that counts as sharp: blur and diffraction spot added in quadrature, in pixels "
+        "or, for an unfocused plenoptic camera, in microlenses."
     )
     diffraction: Diffraction = Field(
         default="none",
-        description="Diameter of the diffraction spot: zero (`none`), the diameter of its first dark ring "
+        description="What counts as the diameter of the diffraction spot: nothing (`none`), its first dark ring "
         "(`airy-diameter`), or its full width at half maximum (`fwhm`).",
     )
 
@@ -70,7 +70,8 @@ class ReliefPart(Part):
         "of a camera (the two lenses of a stereo rig, or opposite edges of a plenoptic camera's pupil)."
     )
     surface_tilt: NonNegativeAngle = Field(
-        description="Tilt of the surface, which the two outermost viewpoints see foreshortened by different amounts."
+        description="Angle between the surface and the plane perpendicular to the optical axis; along the baseline, "
+        "so that the two outermost viewpoints see it foreshortened by different amounts."
     )
 
     @model_validator(mode="after")

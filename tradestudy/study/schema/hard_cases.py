@@ -15,7 +15,7 @@ EVERY_FAMILY: tuple[FamilyName, ...] = get_args(FamilyName)
 
 
 class HardCasesPart(Part):
-    """Numerically hard cases, computed by the usual formula and by this program."""
+    """Hard cases: numerical ones, computed by the textbook formula and by this program, and troublesome study files."""
 
     families: Annotated[tuple[FamilyName, ...], Field(min_length=1, max_length=len(EVERY_FAMILY))] = Field(
         default=EVERY_FAMILY,

@@ -253,14 +253,15 @@ class LightSpotPart(Part):
     )
     methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
         default=(),
-        description="In addition to the models that the program chooses, methods to compare: paraxial rays "
+        description="Methods whose pictures are compared, besides the one that the program chooses: paraxial rays "
         "(`geometric`); rays without the paraxial approximation (`exact-rays`); rays and the wave diffracted at the "
         "edge of the aperture (`boundary-wave`); Fresnel's approximation (`fresnel`); Kirchhoff's integral "
         "(`kirchhoff`). A pair of names, such as `kirchhoff-fresnel`, gives the method up to the microlens array and "
         "the method behind it.",
     )
     tolerance: ImageTolerance = Field(
-        default=0.01, description="Largest relative numerical error of the compared pictures."
+        default=0.01,
+        description="Largest relative numerical error of each compared picture, in the L2 norm; only with methods.",
     )
     seed: Seed = Field(default=0, description="Seed of the random points at which the pictures are checked.")
     benchmarks: bool = Field(

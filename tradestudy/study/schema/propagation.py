@@ -17,7 +17,7 @@ _SAME_COVERAGE = 1e-4  # of a standard deviation's, 68.27 %, which studies round
 
 
 class PropagationPart(Part):
-    """How errors are propagated to depth, at which field positions, and which intervals of depth are reported."""
+    """The random draws that propagate errors to depth, the field positions, and the intervals of depth to report."""
 
     seed: Seed = Field(
         default=0,
@@ -29,7 +29,8 @@ class PropagationPart(Part):
         "of the sensor.",
     )
     max_draws: Annotated[int, Field(ge=2**12, le=2**26, strict=True)] = Field(
-        default=2**16, description="Largest number of random draws for each camera, field position and error source."
+        default=2**16,
+        description="Largest number of random draws for one camera, field position and error source.",
     )
     coverage: Annotated[tuple[Coverage, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(0.6827, 0.95),

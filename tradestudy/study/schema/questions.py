@@ -39,13 +39,15 @@ class UsableRangePart(Part):
         "the micro-images that it compares; default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
-        default=None, description="Smallest magnitude of the virtual depth, which is 2 at the total covering plane."
+        default=None,
+        description="Smallest magnitude of the virtual depth of a focused plenoptic camera; it is 2 at "
+        "the total covering plane.",
     )
     blur: PositivePixels | None = Field(
         default=None,
-        description="Largest diameter of the geometric blur, in lateral samples: pixels or, for an unfocused plenoptic "
-        "camera, microlenses. With several types of microlenses, it bounds the largest blur among the types that "
-        "the estimator needs.",
+        description="Largest diameter of the geometric blur, in pixels or, for an unfocused plenoptic camera, in "
+        "microlenses. With several types of microlenses, it applies to the least sharp type that the estimator "
+        "needs.",
     )
     disparity_step: PositivePixels | None = Field(
         default=None,
@@ -77,7 +79,8 @@ class DecisionPart(Part):
     """Two cameras to compare with each other, and the distances at which the best of all candidates is named."""
 
     between: Pair = Field(
-        description="Two cameras for which the report gives the ratio of their depth uncertainties and the crossovers."
+        description="Two cameras for which the report gives the ratio of the first one's depth uncertainty to the "
+        "second one's, and the crossovers."
     )
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] = Field(
         description="Distances at which the best candidate is named, and the two cameras are compared."
@@ -109,7 +112,7 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """The values of an input that just give a required result.
+    """The values of an input that exactly give a required result.
 
     At these values, two cameras have the same depth uncertainty, one camera has a given depth uncertainty, or a
     requirement begins or ceases to be met.
@@ -119,7 +122,7 @@ class SolvePart(Part):
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
         description="Path of the value to vary, or paths of several values, which are kept equal."
     )
-    low: QuantityText = Field(description="Smallest value to try, with its unit.")
+    low: QuantityText = Field(description="Smallest value to try, above 0, with its unit.")
     high: QuantityText = Field(description="Largest value to try, with its unit.")
     equal: Pair | None = Field(default=None, description="Two cameras that must have the same depth uncertainty.")
     camera: CameraName | None = Field(
@@ -181,7 +184,9 @@ class ExpectPart(Part):
     """The result to be expected if the claim is true: a value with a tolerance, or a bound."""
 
     about: QuantityText | None = Field(default=None, description="Expected value, with its unit.")
-    within: PositiveFraction | None = Field(default=None, description="Relative tolerance on the expected value.")
+    within: PositiveFraction | None = Field(
+        default=None, description="Relative tolerance on the expected value; needed with about."
+    )
     above: QuantityText | None = Field(
         default=None, description="Instead of `about`: value that the result is expected to exceed, with its unit."
     )
@@ -227,9 +232,9 @@ class LimitDistanceClaim(_ClaimPart):
         "relative_uncertainty", "saturation", "matching",
     ] = Field(
         description="Limit that the claim is about. Some names differ from those in usable_range: "
-        "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on "
-        "disparity_step. Two exist only for a derived disparity error: no pixel saturates (`saturation`), and a "
-        "matcher can reach that error (`matching`)."
+        "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that "
+        "on disparity_step. Two apply only to a derived disparity error: `saturation` is met where no pixel "
+        "saturates, `matching` where a matcher can reach the error."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(
         description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."
@@ -249,10 +254,10 @@ class UncertaintyRatioClaim(_ClaimPart):
 
 
 class ShareBetterClaim(_ClaimPart):
-    """A claim about the fraction of a range of distances in which one camera is better than another.
+    """A claim about the fraction of a range of distances over which one camera is better than another.
 
-    The first is better where it is usable and the other is unusable or has a larger depth uncertainty. The fraction
-    is measured on a logarithmic scale of distance.
+    The first is better where it is usable and the other is either unusable or has the larger depth uncertainty. The
+    fraction is measured on a logarithmic scale of distance.
     """
 
     quantity: Literal["share_better"]
@@ -265,7 +270,7 @@ class ShareBetterClaim(_ClaimPart):
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
-    """A claim about the farthest distance at which the relative depth uncertainty rises above a threshold."""
+    """A claim about the distance beyond which the relative depth uncertainty exceeds a threshold."""
 
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
@@ -345,7 +350,7 @@ class PsfErrorClaim(_ClaimPart):
 class FresnelFNumberClaim(_ClaimPart):
     """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
 
-    Its error is that of the point-spread function, relative to the one that Kirchhoff's integral gives.
+    The error is that of the point-spread function, relative to the function that Kirchhoff's integral gives.
     """
 
     quantity: Literal["fresnel_f_number"]
@@ -375,7 +380,9 @@ class CriterionFNumberClaim(_ClaimPart):
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     path_error: PositiveWaves | None = Field(
-        default=None, description="Largest optical path that may be neglected; only for the criterion `path-error`."
+        default=None,
+        description="Largest optical path that may be neglected; needed with the criterion "
+        "`path-error`, and only with it.",
     )
 
     @model_validator(mode="after")
@@ -388,7 +395,8 @@ class CriterionFNumberClaim(_ClaimPart):
 class ImageDifferenceClaim(_ClaimPart):
     """A claim about the difference between two pictures of the light spot.
 
-    It is the sum of the absolute differences of all pixels, relative to the sum of all pixels of the second picture.
+    The difference is the sum of the absolute differences of pixel values, relative to the sum of the values of the
+    second picture.
     """
 
     quantity: Literal["image_difference"]

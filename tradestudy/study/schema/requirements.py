@@ -85,7 +85,7 @@ class SharpPart(Part):
     )
     criterion: Text | None = Field(
         default=None,
-        description="Name of the blur criterion, out of depth_of_field.criteria; default: the first of them.",
+        description="Name of one of the blur criteria in depth_of_field.criteria; default: the first.",
     )
 
     @model_validator(mode="after")
@@ -129,7 +129,7 @@ class CriterionPart(Part):
 
 
 class GuardBandPart(Part):
-    """Margin that a value must keep from its bound, as a number of standard errors or as the remaining risk."""
+    """Margin that a value must keep from its bound, as a number of standard errors of the computation or as a risk."""
 
     standard_errors: PositiveNumber | None = Field(
         default=None, description="Width of the guard band, in standard errors of the value."
@@ -166,7 +166,7 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
-    """A requirement on one quantity of one camera, of at least one camera or of every camera."""
+    """A requirement on one quantity, of one camera, of at least one camera or of every camera."""
 
     says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(
@@ -187,8 +187,8 @@ class RequirementPart(Part):
     )
     lateral_resolution: LengthBelowPart | None = Field(
         default=None,
-        description="Bound on the size of the smallest detail that the camera resolves on the object, limited by "
-        "blur and sampling.",
+        description="Bound on the size of the smallest detail on the object that the camera resolves; blur and "
+        "sampling determine it.",
     )
     failed_fraction: ShareBelowPart | None = Field(
         default=None,

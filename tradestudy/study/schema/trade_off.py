@@ -19,8 +19,8 @@ class WeighedPart(Part):
 
     quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
         default=None,
-        description="What the program computes for the criterion: the depth uncertainty, or the near or far end of the "
-        "usable range. Default: the declared or derived criterion that has the name of this entry.",
+        description="What the program computes for the criterion: the depth uncertainty, or the near or far end of "
+        "the usable range. Default: the attribute, declared or derived, that has the name of this entry.",
     )
     at: ObjectDistance | None = Field(
         default=None, description="Distance at which the depth uncertainty counts; needed with depth_uncertainty."
@@ -52,15 +52,15 @@ class WeighedPart(Part):
 
 
 class TradeOffPart(Part):
-    """A ranking of the cameras by several criteria at once, for all weights that the study allows."""
+    """How the cameras rank by several criteria together, over all weights that the study allows."""
 
     criteria: Annotated[dict[AttributeName, WeighedPart], Field(min_length=1, max_length=20)] = Field(
         description="Criteria by name, each with its worst and best value and its weight."
     )
     order: Annotated[tuple[AttributeName, ...], Field(min_length=2), AfterValidator(distinct)] | None = Field(
         default=None,
-        description="Names of criteria in order of decreasing importance, if nothing else is known about their "
-        "weights.",
+        description="Instead of weights: names of criteria in order of decreasing importance; each weighs at least "
+        "as much as the next.",
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None, description="Cameras to rank; default: decision.candidates or, without them, all cameras."

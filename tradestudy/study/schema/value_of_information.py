@@ -24,7 +24,7 @@ class AssumptionPart(Part):
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
         default=(), description="Path of the value to vary, or paths of several values, which are kept equal."
     )
-    low: QuantityText = Field(default="", description="Smallest possible value, with its unit.")
+    low: QuantityText = Field(default="", description="Smallest possible value, above 0, with its unit.")
     high: QuantityText = Field(default="", description="Largest possible value, with its unit.")
     readings: Annotated[tuple[CameraName, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
         Field(default=None, description="Instead of `vary`: names of readings, each as likely as the declared study.")
@@ -43,9 +43,9 @@ class AssumptionPart(Part):
 
 
 class ValueOfInformationPart(Part):
-    """For each assumption, how much knowing the truth would raise the expected utility of the best candidate.
+    """For each assumption, how much knowing its true value first would raise the expected utility of the best choice.
 
-    The utility of a camera is minus its relative depth uncertainty, averaged over distances.
+    The utility of a camera is the negative of its relative depth uncertainty, averaged over distances.
     """
 
     assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
@@ -60,8 +60,8 @@ class ValueOfInformationPart(Part):
     )
     unusable: PositiveFraction = Field(
         default=1.0,
-        description="Relative depth uncertainty that counts where a camera is unusable or its own uncertainty is "
-        "larger.",
+        description="Relative depth uncertainty of a camera where it is unusable, and the largest that counts where "
+        "it is usable.",
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
         default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."

@@ -73,10 +73,14 @@ class ElementPart(Part):
 
     title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of the lens in the report.")
     focal_length: FocalLength = Field(description="Focal length of the lens.")
-    object_distance: ObjectDistance = Field(description="Distance from the lens to the object point.")
+    object_distance: ObjectDistance = Field(
+        description="Distance from the lens to the object point, beyond the focal length."
+    )
     f_number: FNumber = Field(description="F-number at which the camera uses the lens.")
     published_error: PublishedErrorPart | None = Field(
-        default=None, description="A published error, to compare with the computed one."
+        default=None,
+        description="A published error of Fresnel's approximation, to compare with the computed one in "
+        "`fresnel_validity`.",
     )
     published_minimum_f_number: PositiveNumber | None = Field(
         default=None,
@@ -131,7 +135,8 @@ class FresnelValidityPart(Part):
         description="Bounds on the optical path that Fresnel's approximation neglects; each gives a minimum f-number."
     )
     error_limit: PositiveFraction = Field(
-        description="Largest acceptable error of the point-spread function by Fresnel's approximation."
+        description="Largest acceptable error of a point-spread function computed by Fresnel's approximation, by any "
+        "of its measures."
     )
     tolerance: IntensityTolerance = Field(
         description="Largest relative numerical error of each computed point-spread function, in the L2 norm."
@@ -175,7 +180,7 @@ class PointSpreadPart(Part):
         description="Field angles to evaluate, measured from the optical axis."
     )
     reference_wavelength: PositiveWavelength = Field(
-        description="Wavelength that applies while another quantity is varied."
+        description="Wavelength that applies while another quantity is varied, and that sets the Airy radius."
     )
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
         description="Defocus, as the path difference at the rim of the pupil in waves; above 0, the object is nearer "
