@@ -13,11 +13,11 @@ PACKAGE = ROOT / "tradestudy"
 
 # Every package and module of the top level, in the order in which data flows: each may import those before it.
 ORDER = (
-    "errors", "units", "wording", "light_methods", "accuracy", "provenance", "machine",
+    "errors", "unit_registry", "units", "wording", "light_methods", "accuracy", "provenance", "machine",
     "optics", "declarations", "uncertainty", "execution",
     "cameras", "imaging", "calibration", "effects",
     "study", "analysis", "verification", "results", "plan", "run",
-    "figures", "report", "comparison", "cost", "result", "api",
+    "figures", "report", "comparison", "cost", "result", "loaded_study", "api",
     "shown_progress", "cli", "__main__",
 )  # fmt: skip
 # Figures and reports are made from results, and from nothing that computes them.
@@ -35,13 +35,13 @@ DRAWINGS = ("figures", "figures.drawing", "figures.drawn", "figures.fonts")
 # library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
     "pydantic": ("declarations", "study", *DECLARATIONS),
-    "xarray": ("results", "run", "cost", "comparison", "figures", "report", "result", "api"),
+    "xarray": ("results", "run", "cost", "comparison", "figures", "report", "result", "loaded_study", "api"),
     "matplotlib": ("figures", "optics.spread_plot"),
     "PIL": ("imaging.scenes.files", "run.pictures", "run.depth_maps"),
     "typst": ("report",),
     "jinja2": ("report",),
     "ruamel": ("study", "verification.hard_cases.study_files"),
-    "pint": ("units",),
+    "pint": ("unit_registry",),
     "typer": ("cli",),
     "rich": ("shown_progress",),
     "emcee": ("calibration",),

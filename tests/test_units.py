@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tradestudy import units
-from tradestudy.units import Dimension, UnitError, nearest, parse, pretty, rounded_down, rounded_up, significant
+from tradestudy import unit_registry, units
+from tradestudy.errors import nearest
+from tradestudy.units import Dimension, UnitError, parse, pretty, rounded_down, rounded_up, significant
 
 PINT = pint.UnitRegistry(cache_folder=None)
 
@@ -22,15 +23,17 @@ def test_an_astronomical_unit_is_that_of_2012() -> None:
     assert parse("1 AU", units.LENGTH) == parse("1 au", units.LENGTH) == 149_597_870_700.0
 
 
-@pytest.mark.parametrize("unit", units._USUAL)
+@pytest.mark.parametrize("unit", unit_registry._USUAL)
 @pytest.mark.parametrize("absolute", [True, False])
 def test_usual_units_agree_with_pint(unit: str, absolute: bool) -> None:
-    assert units._resolve(unit, absolute=absolute) == units._resolve_by_pint(unit, absolute=absolute)
+    assert unit_registry.resolve_unit(unit, absolute=absolute) == unit_registry._resolve_by_pint(
+        unit, absolute=absolute
+    )
 
 
 def test_degrees_celsius_agree_with_pint() -> None:
-    assert units._resolve("degC", absolute=True) == units._resolve_by_pint("degC", absolute=True)
-    assert units._resolve("degC", absolute=False) == units._resolve_by_pint("degC", absolute=False)
+    assert unit_registry.resolve_unit("degC", absolute=True) == unit_registry._resolve_by_pint("degC", absolute=True)
+    assert unit_registry.resolve_unit("degC", absolute=False) == unit_registry._resolve_by_pint("degC", absolute=False)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tradestudy import optics, uncertainty
-    from tradestudy.api import Study, compare, load, schema
+    from tradestudy.api import compare, schema
+    from tradestudy.loaded_study import Study, load
     from tradestudy.result import Result, open_result
     from tradestudy.study.starter import starter
 
@@ -33,6 +34,13 @@ __all__ = [
 ]
 
 _PACKAGES = ("optics", "uncertainty")
+_MODULES = {
+    "Result": "result",
+    "Study": "loaded_study",
+    "load": "loaded_study",
+    "open_result": "result",
+    "starter": "study.starter",
+}
 
 
 def __getattr__(name: str) -> Any:
@@ -44,7 +52,7 @@ def __getattr__(name: str) -> Any:
     if name in _PACKAGES:
         return importlib.import_module(f"tradestudy.{name}")
     if name in __all__:
-        module = {"starter": "study.starter", "Result": "result", "open_result": "result"}.get(name, "api")
+        module = _MODULES.get(name, "api")
         return getattr(importlib.import_module(f"tradestudy.{module}"), name)
     raise AttributeError(f"module 'tradestudy' has no attribute {name!r}")
 

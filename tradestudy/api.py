@@ -10,334 +10,41 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import sys
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.execution.steps import Progress
+from tradestudy.loaded_study import Study, load
 from tradestudy.result import Result, open_result, shown
-from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Value
-from tradestudy.study.loading import load_definition
-from tradestudy.study.options import options
-from tradestudy.wording import counted
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from tradestudy.comparison import Comparison
-    from tradestudy.execution import Checkpoints, Executor
+    from tradestudy.execution import Executor
     from tradestudy.figures.drawn import Drawer
     from tradestudy.imaging.estimation.score import DepthScore
     from tradestudy.plan.plan import Plan
-    from tradestudy.study.schema.root import StudyFile
 
 
-def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | None = None) -> Study:
-    """Read a study file and check it.
-
-    Parameters
-    ----------
-    path
-        Path of the study file.
-    overrides
-        Values that replace those in the file, each as on the command line after ``--set``, such as
-        ``"stereo-short.baseline=50 mm"``.
-    tolerance
-        One tolerance for every quantity, such as ``"1 %"``. Default: the tolerances that the study declares.
-
-    Returns
-    -------
-    Study
-        The study, ready to run.
-
-    Raises
-    ------
-    StudyError
-        If the file, an override or the tolerance contains mistakes. The error lists all of them.
-    """
-    definition = load_definition(Path(path), tuple(overrides))
-    return Study(definition if tolerance is None else definition.with_tolerance(tolerance))
-
-
-@dataclass(frozen=True)
-class Study:
-    """A study that has been read and checked; `load` returns it."""
-
-    definition: StudyDefinition
-
-    @property
-    def file(self) -> StudyFile:
-        """The checked content of the study, in SI units."""
-        return self.definition.file
-
-    @property
-    def name(self) -> str:
-        """Name of the study."""
-        return self.file.study
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings about implausible values, each as ``FILE:LINE:COLUMN: path: message``.
-
-        A value for which the study states a basis causes no warning.
-        """
-        from tradestudy.study.plausibility import implausible
-
-        return tuple(map(str, implausible(self.definition)))
-
-    @property
-    def imported(self) -> tuple[str, ...]:
-        """What was read from calibration files, one line for each imported camera."""
-        return self.definition.document.imported
-
-    @property
-    def folder_name(self) -> str:
-        """Name of the run's folder, made of the study's name, overrides and tolerance."""
-        document, tolerance = self.definition.document, self.definition.tolerance
-        said = sorted(f"{'.'.join(map(str, one.path))}={one.text or 'none'}" for one in document.overrides)
-        said += [] if tolerance is None else [f"tolerance={tolerance}"]
-        found = "--".join([self.name, *(_folder_text(one) for one in said)])
-        if len(found.encode()) <= _LONGEST_FOLDER:
-            return found
-        return f"{self.name}--{provenance.study_hash({'set': said})[:12]}"
-
-    def __repr__(self) -> str:
-        return f"<Study {self.check_summary()}>"
-
-    @property
-    def hash(self) -> str:
-        """Hash of the study's content, of its overrides and tolerance, and of the data files that it names."""
-        document, tolerance = self.definition.document, self.definition.tolerance
-        notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
-        notes |= {
-            ".".join(map(str, one.path)): ["set for this run", one.text, one.before] for one in document.overrides
-        }
-        files = {name: provenance.file_hash(path) for name, path in self.definition.data_files.items()}
-        says = {"says": document.tree, "notes": notes, "files": files}
-        return provenance.study_hash(says if tolerance is None else {**says, "tolerance": tolerance})
-
-    def check_summary(self) -> str:
-        """What the study will compute, in one line."""
-        file, case = self.file, self.definition.case
-        ends = f" from {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
-        sizes = [
-            (len(file.cameras), "camera"),
-            (len(case.distance), "distance"),
-            (len(file.readings), "reading"),
-            (len(file.claims), "claim"),
-            (len(file.requirements), "requirement"),
-            (0 if file.light_spot is None else 1, "light spot"),
-        ]
-        words = ", ".join(counted(count, word) + ends * (word == "distance") for count, word in sizes if count)
-        return f"{self.name}: {words or 'no mistakes'}"
-
-    def check(self) -> str:
-        """Check that the declared tolerances can be met, with any models that the study forces.
-
-        The time of the run is not predicted.
-
-        Returns
-        -------
-        str
-            What the study will compute, in one line.
-
-        Raises
-        ------
-        UnaffordableError
-            If even the most complete models exceed a tolerance.
-        StudyError
-            If the study forces a model of an effect that occurs in none of its cameras, lenses and light paths.
-        """
-        forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
-        if forced or self.definition.under_tolerance.entry("accuracy") is not None:
-            from tradestudy.plan.choice import choose_models
-
-            choose_models(self.definition)
-        return self.check_summary()
-
-    def with_values(self, values: Mapping[str, Value]) -> Study:
-        """Return the study with other values.
-
-        Parameters
-        ----------
-        values : Mapping
-            New value, as in a study file, for each dotted path, such as ``{"stereo-short.baseline": "50 mm"}``.
-
-        Returns
-        -------
-        Study
-            The changed study; this one keeps its values.
-
-        Raises
-        ------
-        StudyError
-            If the changed study contains mistakes.
-        """
-        return Study(self.definition.with_values(values))
-
-    def plan(self) -> Plan:
-        """Decide which effects a run simulates and which it leaves out, and predict the time of the run.
-
-        Returns
-        -------
-        Plan
-            The decisions and the time; ``print`` shows them.
-
-        Raises
-        ------
-        UnaffordableError
-            If even the most complete models exceed a tolerance, or the predicted time exceeds the study's time limit.
-        """
-        from tradestudy.plan.plan import plan_of
-
-        return plan_of(self.definition)
-
-    def cost(
-        self,
-        progress: Progress = lambda _step, _share: None,
-        *,
-        budget: float = DEFAULT_BUDGET,
-        executor: Executor | None = None,
-        checkpoints: Checkpoints | None = None,
-    ) -> xr.Dataset:
-        """Measure the error and the computing time of each set of models for each camera and light path.
-
-        Parameters
-        ----------
-        progress
-            Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
-        budget
-            Wall time for all measurements [s]; by default 120. Measurements that would exceed it are left out and
-            listed in the result. Calibrations from targets or corners are fitted first, which takes extra time.
-        executor
-            Executor from `tradestudy.execution`, for the calibrations that are fitted first. Default: this
-            process.
-        checkpoints
-            Where finished parts of these calibrations are stored, so that an interrupted computation can resume.
-            Default: nowhere.
-
-        Returns
-        -------
-        xarray.Dataset
-            Group ``cost`` of the results, for `Result.with_cost`.
-
-        Raises
-        ------
-        OutOfRangeError
-            If the budget is not positive and finite, or the study leaves no choice of models.
-        UnaffordableError
-            If `plan` raises it.
-        """
-        from tradestudy.cost.study_cost import study_cost
-        from tradestudy.execution import Serial, Steps
-
-        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
-        return study_cost(self.plan(), steps, budget=budget)
-
-    def run(
-        self,
-        progress: Progress = lambda _step, _share: None,
-        *,
-        executor: Executor | None = None,
-        checkpoints: Checkpoints | None = None,
-        planned: Callable[[Plan], None] = lambda _plan: None,
-        pictures: Path | None = None,
-    ) -> Result:
-        """Compute the study.
-
-        Parameters
-        ----------
-        progress
-            Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
-        executor
-            Executor from `tradestudy.execution`, which computes independent parts of the study on threads, processes or
-            a cluster. Default: this process. Every executor gives the same results, to the last bit.
-        checkpoints
-            Where finished parts are stored, so that an interrupted run can resume. Default: nowhere.
-        planned
-            Function called with the plan before the computation starts.
-        pictures
-            Folder in which the pictures of the study's scene are saved. Default: they are not saved.
-
-        Returns
-        -------
-        Result
-            Results and record of the run; `Result.write` writes them to a folder.
-
-        Raises
-        ------
-        UnaffordableError
-            If `plan` raises it.
-        """
-        from tradestudy.execution import Serial, Steps
-        from tradestudy.run.runner import compute
-
-        started = datetime.now(UTC)
-        begin = time.perf_counter()
-        seconds: dict[str, float] = {}
-        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
-        plan = self.plan()
-        planned(plan)
-        tree = compute(plan, steps, seconds, pictures)
-        seconds["compute"] = time.perf_counter() - begin
-        tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
-        record = {
-            **self._record(started, seconds),
-            "predicted_seconds": round(plan.seconds, 1),
-            "points": steps.counts,
-        }
-        return Result(data=tree, run_record=record)
-
-    def _record(self, started: datetime, seconds: Mapping[str, float]) -> dict[str, Any]:
-        return {
-            "study": self.name,
-            "study_hash": self.hash,
-            "code_hash": provenance.code_hash(),
-            "seed": self.file.propagation.seed,
-            "inputs": provenance.values_by_path(self.definition.under_tolerance.tree),
-            "file": self.definition.document.locate(()).file,
-            "options": list(options(self.definition)),
-            "started": started.isoformat(timespec="seconds"),
-            "versions": provenance.versions(),
-            "machine": provenance.machine(),
-            "seconds": {step: round(value, 3) for step, value in seconds.items()},
-        }
-
-    def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{escape(name)}</td><td>{escape(part.title)}</td><td>{escape(part.kind)}</td></tr>"
-            for name, part in self.file.cameras.items()
-        )
-        return (
-            f"<h3>{escape(self.file.title)}</h3><p>{escape(self.file.question)}</p>"
-            f"<table><tr><th>camera</th><th>title</th><th>kind</th></tr>{rows}</table>"
-        )
-
-
-_LONGEST_SETTING, _LONGEST_FOLDER = 60, 150
-
-
-_QUANTITY = re.compile(r"([^=]*=[+-]?[\d.]+(?:e[+-]?\d+)?) (\w+|%)")
-
-
-def _folder_text(text: str) -> str:
-    """A setting as a unique part of a folder's name; one that does not fit completely is identified by its hash."""
-    whole = _QUANTITY.sub(r"\1\2", text) if _QUANTITY.fullmatch(text) else text  # "50 mm" and "50mm" are one setting
-    plain = re.sub(r"[^\w.+=%-]+|-{2,}", "-", whole).strip("-.")
-    if len(plain.encode()) <= _LONGEST_SETTING and plain == whole:
-        return plain
-    cut = plain.encode()[:_LONGEST_SETTING].decode(errors="ignore")
-    return f"{cut}-{provenance.study_hash({'set': text})[:8]}"
+__all__ = [
+    "RenderedScene",
+    "Result",
+    "Study",
+    "compare",
+    "cost",
+    "export",
+    "load",
+    "open_result",
+    "render",
+    "report",
+    "run",
+    "schema",
+]
 
 
 def _refuse_file(directory: Path) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Final
+
+_SHORTEST_BEGINNING: Final = 3
 
 
 class TradestudyError(Exception):
@@ -136,3 +140,13 @@ def place_error(error: OSError) -> PlaceError | DiskError | None:
     if error.errno in _DISKS:
         return DiskError(what, value=error.strerror or "", remedy=_DISKS[error.errno])
     return None
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Find the known word most similar to the given one, or None if none is similar."""
+    by_folded = {candidate.casefold(): candidate for candidate in known}
+    folded = word.casefold()
+    close = difflib.get_close_matches(folded, by_folded, n=1, cutoff=0.6)
+    if not close and len(folded) >= _SHORTEST_BEGINNING:
+        close = [candidate for candidate in by_folded if candidate.startswith(folded)]
+    return by_folded[close[0]] if close else None

@@ -22,12 +22,13 @@ from tradestudy.declarations.quantities import (
     quantity,
 )
 from tradestudy.declarations.words import Span
+from tradestudy.unit_registry import DEGREE
 from tradestudy.units import ANGLE, pretty
 
-HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0 * units.DEGREE)]
+HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0 * DEGREE)]
 MostSteps = Annotated[int, Field(ge=100, le=1_000_000, strict=True)]
 MOST_VIEWS: Final = 1000
-LEAST_TILT: Final = 1.0 * units.DEGREE
+LEAST_TILT: Final = 1.0 * DEGREE
 """Smallest allowed angle between boards of unknown position. Parallel boards cannot distinguish a shorter focal length
 from a nearer board, and at smaller tilts, the foreshortening of a board is below the noise of its corners."""
 _DRAWN: Final = ("views", "distances", "half_field_angle", "tilt")

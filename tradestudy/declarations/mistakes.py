@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from tradestudy.units import nearest
+from tradestudy.errors import nearest
 
 
 class MistakeAt(ValueError):  # noqa: N818  a mistake in a file, not an error of the program

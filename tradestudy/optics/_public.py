@@ -39,7 +39,8 @@ from tradestudy.optics.propagation import (
     aperture_field,
     propagate_samples,
 )
-from tradestudy.optics.propagation.pupil import Pupil, noll_order
+from tradestudy.optics.propagation.pupil import Pupil
+from tradestudy.optics.propagation.zernike import noll_order
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, rectangle_nodes
 from tradestudy.optics.refined_image import microlens_image
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tradestudy.cameras.kinds import KINDS
 from tradestudy.declarations.mistakes import nearest_name
-from tradestudy.errors import Problem
+from tradestudy.errors import Problem, nearest
 from tradestudy.study import document as tree
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
@@ -29,7 +29,6 @@ from tradestudy.study.document import (
 )
 from tradestudy.study.schema.alignment import key_names
 from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
-from tradestudy.units import nearest
 
 MOST_BYTES = 1_000_000
 _MOST_BYTES_OF_LITERALS, _HEAD = 32_000_000, 4000

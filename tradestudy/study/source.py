@@ -14,7 +14,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.reader import ReaderError
 
 from tradestudy.declarations.mistakes import nearest_name
-from tradestudy.errors import Problem
+from tradestudy.errors import Problem, nearest
 from tradestudy.study.document import (
     BASES,
     Annotation,
@@ -29,7 +29,6 @@ from tradestudy.study.document import (
     Value,
     scalar_text,
 )
-from tradestudy.units import nearest
 
 # Enough for 100 cameras and a list of 100 000 distances, but not for a file made to exhaust the machine.
 MOST_VALUES = 120_000

@@ -29,6 +29,7 @@ from tradestudy.declarations.quantities import (
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.light import Light, SensorNoise
 from tradestudy.imaging.models import PictureSettings, Texture
+from tradestudy.unit_registry import DEGREE
 from tradestudy.units import UnitError, parse, pretty
 
 
@@ -72,7 +73,7 @@ PictureWindow = Annotated[
         }
     ),
 ]
-FieldAngle = Annotated[float, *quantity(units.ANGLE, at_least=0.0, at_most=89.0 * units.DEGREE)]
+FieldAngle = Annotated[float, *quantity(units.ANGLE, at_least=0.0, at_most=89.0 * DEGREE)]
 LinearFillFactor = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most=1.0)]
 
 

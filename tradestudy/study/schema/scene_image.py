@@ -21,8 +21,9 @@ from tradestudy.declarations.quantities import (
     quantity,
 )
 from tradestudy.imaging.light import SensorNoiseModel
+from tradestudy.unit_registry import DEGREE
 
-Tilt = Annotated[float, *quantity(units.ANGLE, at_least=-80.0 * units.DEGREE, at_most=80.0 * units.DEGREE)]
+Tilt = Annotated[float, *quantity(units.ANGLE, at_least=-80.0 * DEGREE, at_most=80.0 * DEGREE)]
 Place = tuple[Length, Length]
 FileName = Annotated[str, Field(min_length=1, max_length=1000)]
 MOST_STEPS = 50
@@ -144,7 +145,7 @@ class DepthMapPart(Part):
     def _one_way(self) -> Self:
         if (self.width is None) == (self.field_of_view is None):
             raise MistakeAt((), "give exactly one of width and field_of_view")
-        if self.field_of_view is not None and self.field_of_view >= 179.0 * units.DEGREE:
+        if self.field_of_view is not None and self.field_of_view >= 179.0 * DEGREE:
             raise MistakeAt(("field_of_view",), "an angle below 179 deg is expected")
         return self
 

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
-from tradestudy.errors import Problem, StudyError
+from tradestudy.errors import Problem, StudyError, nearest
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child
 from tradestudy.study.schema.alignment import (
     Alignment,
@@ -25,7 +25,7 @@ from tradestudy.study.schema.alignment import (
     value_schema,
 )
 from tradestudy.study.source import MOST_MISTAKES
-from tradestudy.units import UnitError, nearest
+from tradestudy.units import UnitError
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
