@@ -429,3 +429,30 @@ def test_a_value_that_two_assumptions_vary_is_refused_at_the_second() -> None:
         tradestudy.load(STUDIES / "robot.yaml").with_values(
             {"value_of_information": {"assumptions": {"who": {"vary": "scene.wavelength"}}}}
         )
+
+
+def test_the_readings_that_change_a_verdict_are_named() -> None:
+    """As runs with the values of each reading say, which choose models of their own; a reading that changes nothing goes without mention."""
+    bound = {"below": "2.6 mm", "over": ["0.4 m", "1 m"]}
+    needed = {"says": "2.6 mm", "camera": "stereo-75mm", "depth_uncertainty": bound}
+    small = {"requirements": {"near-and-mid": needed}, "scene.distances.points": 8, "trade_off": None}
+    sets: dict[str, dict[str, Any]] = {
+        "dim": {"scene.picture.light.electrons": "400 electrons"},
+        "dull": {"scene.picture.texture.contrast": "12 %"},
+        "careless": {"stereo-75mm.calibration.errors.yaw.standard_deviation": "0.1 deg"},
+    }
+    readings = {name: {"says": f"the {name} one", "set": values} for name, values in sets.items()}
+    data = ran(small, {"readings": readings}).data
+    alone = {name: ran(small, values).data["requirements"].to_dataset() for name, values in sets.items()}
+    found = data["requirements"].to_dataset().squeeze("requirement")
+    assert found["met"] == 1
+    for name, one in alone.items():
+        under = found.sel(reading=name)
+        assert under["reading_met"] == one["met"].item()
+        assert under["reading_camera"] == one["camera_deciding"].item()
+    assert found["reading_met"].values.tolist() == [0, 1, 0]
+    (conclusion,) = requirement_conclusions(data)
+    assert [other.says for other in conclusion.other_verdicts] == ["the dim one", "the careless one"]
+    assert "not met under 2 of the 3 other readings" in requirement_sentence(conclusion)
+    (as_json,) = conclusions_as_json(data)["requirements"]
+    assert [other["met"] for other in as_json["other_verdicts"]] == [False, False]

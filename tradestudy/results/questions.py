@@ -387,6 +387,16 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     ),
     "design_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="'reason' in each design of a sweep"),
     "design_limited_by": Variable(dims=_OF_REQUIREMENT, units="", long_name="limited_by in each design of a sweep"),
+    "reading_says": Variable(dims=("reading",), units="", long_name="other reading of the study, in words"),
+    "reading_met": Variable(
+        dims=("requirement", "reading"), units="1", long_name="'met' under each of the other readings of the study"
+    ),
+    "reading_camera": Variable(
+        dims=("requirement", "reading"), units="", long_name="camera_deciding under each of the other readings"
+    ),
+    "reading_reason": Variable(
+        dims=("requirement", "reading"), units="", long_name="'reason' under each of the other readings"
+    ),
     "met_from": Variable(
         dims=("requirement", "stretch"),
         units="mixed",

@@ -28,6 +28,7 @@ from tradestudy.results.storage import CHECKSUM
 from tradestudy.results.variable import PAPER
 from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
+from tradestudy.results.views.requirement_conclusions import VERDICTS, requirement_conclusions
 from tradestudy.units import significant
 from tradestudy.wording import in_words, listed
 
@@ -285,6 +286,27 @@ def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
     if rows := records(tree, "requirements", "requirement"):
         yield Heading(text="Requirements", anchor="requirements")
         yield requirement_table(rows, camera_titles(tree))
+        yield from _under_other_readings(tree)
+
+
+def _under_other_readings(tree: xr.DataTree) -> Iterator[Table]:
+    """List the readings under which the verdict on a requirement is another."""
+    changed = [(one, other) for one in requirement_conclusions(tree) for other in one.other_verdicts]
+    if changed:
+        yield Table(
+            name="requirement-readings-table",
+            caption="Readings under which the verdict on a requirement is another than for the study as declared.",
+            columns=(
+                Column(title="Requirement", weight=2),
+                Column(title="Reading", weight=3),
+                Column(title="Verdict"),
+                Column(title="Camera", weight=2),
+                Column(title="Why", weight=3),
+            ),
+            rows=tuple(
+                (one.says, other.says, VERDICTS[other.met], other.camera, other.reason) for one, other in changed
+            ),
+        )
 
 
 def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, str]) -> Table:

@@ -55,6 +55,14 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
     found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity", "probability")}
     if (best := one.bound_alone) is not None:
         found["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
+    if one.readings:
+        found |= {
+            "readings": one.readings,
+            "other_verdicts": [
+                {"reading": other.says, "met": other.met, "camera": other.camera, "reason": other.reason}
+                for other in one.other_verdicts
+            ],
+        }
     if one.designs is not None:
         found |= {"designs_met": one.designs[0], "designs": one.designs[1]}
     if one.met_ranges is not None:

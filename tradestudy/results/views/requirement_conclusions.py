@@ -20,6 +20,8 @@ from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.units import FRACTION, pretty
 
 _NO_MARGIN: Final = 1e-6  # rounding
+VERDICTS: Final[Mapping[bool | None, str]] = {True: "met", False: "not met", None: "cannot be decided"}
+"""Verdicts in words."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +66,26 @@ class BoundAlone:
 
 
 @dataclass(frozen=True, kw_only=True)
+class OtherVerdict:
+    """A reading under which the verdict on a requirement is another.
+
+    Parameters
+    ----------
+    says
+        The reading in words.
+    met
+        None where it cannot be decided.
+    camera, reason
+        As in `RequirementConclusion`.
+    """
+
+    says: str
+    met: bool | None
+    camera: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class RequirementConclusion:
     """The verdict on a requirement.
 
@@ -100,6 +122,8 @@ class RequirementConclusion:
     bound_alone
         The verdict if matching reached its lower bound instead of the declared matcher's error; None where no matcher
         makes a difference.
+    readings, other_verdicts
+        Number of the other readings of the study, and those under which the verdict is another.
     """
 
     name: str
@@ -119,11 +143,13 @@ class RequirementConclusion:
     designs: tuple[int, int] | None = None
     probability: float = math.nan
     bound_alone: BoundAlone | None = None
+    readings: int = 0
+    other_verdicts: tuple[OtherVerdict, ...] = ()
 
     @property
     def verdict(self) -> str:
         """The verdict on the study as declared, in words."""
-        return {True: "met", False: "not met", None: "cannot be decided"}[self.met]
+        return VERDICTS[self.met]
 
 
 def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, ...]:
@@ -141,6 +167,7 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
             designs=_designs(tree, number),
             probability=np.nan if chances is None else float(chances.sel(requirement=row["requirement"])),
             bound_alone=_bound_alone(row, titles),
+            **_under_readings(tree, number, titles),
         )
         for number, row in enumerate(records(tree, "requirements", "requirement"))
     )
@@ -158,12 +185,11 @@ def _in_order(found: Iterable[RequirementConclusion]) -> tuple[RequirementConclu
 
 
 def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: Any) -> RequirementConclusion:
-    met = int(row["met"])
     return RequirementConclusion(
         name=str(row["requirement"]),
         says=str(row["says"]),
         priority=str(row["priority"]),
-        met=None if met < 0 else bool(met),
+        met=_met(int(row["met"])),
         of=str(row["of"]),
         camera=titles[str(row["camera_deciding"])],
         margin=float(row["margin_percent"]) / 100.0,
@@ -190,6 +216,8 @@ def requirement_details(one: RequirementConclusion) -> str:
     words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
     if one.bound_alone is not None:
         words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
+    if one.other_verdicts:
+        words = f"{words}; {_reading_words(one)}"
     if not np.isnan(one.probability):
         share = pretty(one.probability, FRACTION, digits=2)
         words = f"{words}; met in {share} of the draws of the uncertain assumptions"
@@ -202,8 +230,46 @@ def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> BoundAlon
     camera = str(row.get("bound_alone_camera", ""))
     if not camera:
         return None
-    met = int(row["bound_alone_met"])
-    return BoundAlone(met=None if met < 0 else bool(met), camera=titles[camera], reason=str(row["bound_alone_reason"]))
+    return BoundAlone(
+        met=_met(int(row["bound_alone_met"])), camera=titles[camera], reason=str(row["bound_alone_reason"])
+    )
+
+
+def _under_readings(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> dict[str, Any]:
+    """The number of other readings, and those with another verdict; nothing without readings."""
+    data = group(tree, "requirements")
+    if "reading_met" not in data:
+        return {}
+    row = data.isel(requirement=number)
+    found = [
+        OtherVerdict(
+            says=str(one["reading_says"].item()),
+            met=_met(int(one["reading_met"])),
+            camera=titles[str(one["reading_camera"].item())],
+            reason=str(one["reading_reason"].item()),
+        )
+        for one in (row.isel(reading=k) for k in range(row.sizes["reading"]))
+    ]
+    declared = _met(int(row["met"]))
+    return {"readings": len(found), "other_verdicts": tuple(one for one in found if one.met is not declared)}
+
+
+def _reading_words(one: RequirementConclusion) -> str:
+    """Under how many readings the verdict is another; a single one is named."""
+    parts = []
+    for met in (True, False, None):
+        same = [other for other in one.other_verdicts if other.met is met]
+        if len(same) == one.readings > 1:
+            parts.append(f"{VERDICTS[met]} under every other reading")
+        elif len(same) == 1:
+            parts.append(f"{VERDICTS[met]} under the reading “{same[0].says}”")
+        elif same:
+            parts.append(f"{VERDICTS[met]} under {len(same)} of the {one.readings} other readings")
+    return " and ".join(parts)
+
+
+def _met(verdict: int) -> bool | None:
+    return None if verdict < 0 else bool(verdict)
 
 
 def _bound_alone_words(one: RequirementConclusion, best: BoundAlone) -> str:

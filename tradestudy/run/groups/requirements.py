@@ -1,4 +1,4 @@
-"""/requirements: which are met, by which camera, with what margin; for every design of a sweep, and over its ranges."""
+"""/requirements: which are met, by which camera, with what margin; under every reading, and in every design."""
 
 from __future__ import annotations
 
@@ -63,11 +63,14 @@ def requirements_group(
         "limited_by": [one.limit for one in deciding],
         **_rests_on(definition, deciding),
         **_with_matching_at_its_bound(definition, judge),
+        **_under_other_readings(definition, judge),
         "camera_met": [[-1 if one is None else _verdict(one) for one in row] for row in by_camera],
         "camera_margin_percent": margins,
         "camera_reason": [["" if one is None else one.reason for one in row] for row in by_camera],
     }
     coordinates: dict[str, Any] = {"requirement": list(requirements), "camera": cameras}
+    if definition.readings:
+        coordinates["reading"] = list(definition.readings)
     if axes:
         judge.check(requirements.values(), (design.case for design in designs), steps)
         answers = [[judge.answer(one, design.case) for one in requirements.values()] for design in designs]
@@ -130,6 +133,22 @@ def _with_matching_at_its_bound(definition: StudyDefinition, judge: Judge) -> di
         "bound_alone_value_error": [math.nan if one is None else one.error for one in found],
         "bound_alone_place": [math.nan if one is None else one.place for one in found],
         "bound_alone_reason": ["" if one is None else one.reason for one in found],
+    }
+
+
+def _under_other_readings(definition: StudyDefinition, judge: Judge) -> dict[str, Any]:
+    """The answers under each reading other than the study as declared."""
+    if not definition.readings:
+        return {}
+    found = [
+        [judge.answer(reading.file.requirements[name], reading.case)[0] for reading in definition.readings.values()]
+        for name in definition.file.requirements
+    ]
+    return {
+        "reading_says": [definition.file.readings[name].says for name in definition.readings],
+        "reading_met": [[_verdict(one) for one in row] for row in found],
+        "reading_camera": [[one.camera for one in row] for row in found],
+        "reading_reason": [[one.reason for one in row] for row in found],
     }
 
 
