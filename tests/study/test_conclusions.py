@@ -432,7 +432,7 @@ def test_a_value_that_two_assumptions_vary_is_refused_at_the_second() -> None:
 
 
 def test_the_readings_that_change_a_verdict_are_named() -> None:
-    """As runs with the values of each reading say, which choose models of their own; a reading that changes nothing goes without mention."""
+    """As runs with the values of each reading say; a reading that changes nothing goes without mention."""
     bound = {"below": "2.6 mm", "over": ["0.4 m", "1 m"]}
     needed = {"says": "2.6 mm", "camera": "stereo-75mm", "depth_uncertainty": bound}
     small = {"requirements": {"near-and-mid": needed}, "scene.distances.points": 8, "trade_off": None}
