@@ -331,7 +331,7 @@ def test_stopping_down_at_fixed_light_raises_the_error_and_more_than_its_light_a
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"texture": Texture(contrast=0.001, correlation_length=100e-6)}, "too large"),
+        ({"texture": Texture(contrast=0.001, correlation_length=100e-6)}, "exceeds"),
         ({"window_px": 3.0}, "too few samples"),
         ({"texture": Texture(contrast=0.2, correlation_length=5e-3)}, "correlation length"),
     ],

@@ -245,7 +245,9 @@ def violated_conditions(
 ) -> Mapping[str, BoolArray]:
     """For each condition, where it is violated and a matcher cannot reach the bound."""
     return {
-        "the error is too large for a bound of small errors": ~(bound <= LARGEST_ERROR_PX),
+        f"the matching error exceeds {LARGEST_ERROR_PX:g} px, beyond which the bound does not hold": ~(
+            bound <= LARGEST_ERROR_PX
+        ),
         "there is no noise": bound == 0.0,
         **{name: ~(margin >= 0.0) for name, margin in _margins_of_the_window(geometry, settings, models).items()},
     }

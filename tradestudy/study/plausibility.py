@@ -53,6 +53,7 @@ _OF_IMPORTS: Final = {
     FOLDING_LENS: "depth cannot be measured in {}; check the distortion coefficients",
     UNUSUAL_MATRIX: "{}; check the camera matrix",
 }
+_OF_QUESTION: Final = ("solve", "relative")
 _LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit was probably meant in per cent
 
 
@@ -152,11 +153,11 @@ def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
-    """Tolerances without a unit that are large as fractions but usual in per cent."""
-    asked = definition.document.entry("accuracy")
-    found = [(path, one) for path, one in ([] if asked is None else walk(asked, ("accuracy",)))]
-    for path, entry in found:
-        if path[-1] != "time_limit" and isinstance(entry, ScalarEntry) and not _has_basis(entry):
+    """Tolerances and relative bounds without a unit that are large as fractions but usual in per cent."""
+    for path, entry in walk(definition.document.root, ()):
+        relative = path[:1] == ("accuracy",) and path[-1] != "time_limit"
+        relative |= path[-1:] in (("below_relative",), ("relative_uncertainty",)) or path[:1] + path[2:] == _OF_QUESTION
+        if relative and isinstance(entry, ScalarEntry) and not _has_basis(entry):
             yield from (_warning(definition, path, what) for what in _large(entry.text))
     if definition.tolerance is not None:
         for what in _large(definition.tolerance):

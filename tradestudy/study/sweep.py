@@ -44,7 +44,10 @@ def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
     """The axes that a study declares; none if it has no sweep."""
     for path, part in definition.file.sweep.items():
         if path.startswith("scene.") and not path.startswith(_NO_PART_OF_THE_SCENE):
-            raise UnitError(f"{path} cannot be swept: all designs of a sweep share one scene")
+            raise UnitError(
+                f"{path} cannot be swept, because all designs of a sweep share one scene; "
+                "declare its values as readings, or change it with --set"
+            )
         if not isinstance(part, SweepRangePart) and None in part:
             raise UnitError(f"{path}: null removes a value, but a sweep sets values; leave null out")
     return tuple(

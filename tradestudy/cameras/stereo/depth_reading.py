@@ -239,6 +239,6 @@ def _opencv() -> Any:
     except ImportError:
         raise OutOfRangeError(
             "depth from stereo pictures needs OpenCV, which is not installed",
-            remedy="install it with: pip install 'tradestudy[images]'",
+            remedy="install it with: pip install opencv-python-headless",
         ) from None
     return cv2

@@ -193,7 +193,10 @@ def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
 
 
 def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
-    """The conclusions of a run in at most `most` lines; one of them counts the conclusions left out."""
+    """The conclusions of a run in at most `most` lines; one of them counts the conclusions left out.
+
+    Every question of the study gets its answer, even if that takes more lines.
+    """
     return map(with_unit_symbols, _terminal_lines(tree, most))
 
 
@@ -210,7 +213,9 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         lines.append(feasible_words(tree))
     judged = [requirement_sentence(one) for one in requirements]
     lines += judged[:1]
-    lines += [f"{question_words(says)} {answer}" for says, answer in solved_questions(tree)]
+    solved = [f"{question_words(says)} {answer}" for says, answer in solved_questions(tree)]
+    lines += solved
+    needed = len(lines) if solved else 0
     lines += judged[1:]  # fewer lines may leave out a lesser requirement, but no answer to a question
     if weighed := trade_off_conclusion(tree):
         lines.append(f"Weighing all criteria: {weighed}")
@@ -222,7 +227,7 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
     if perfect := perfectly_calibrated(tree):
         last.append(f"Assumed perfect: the calibration of {listed(perfect)}")
-    room = max(most - len(last), 1)
+    room = max(most - len(last), needed + 1)
     if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
         hidden = lines[room - 1 :]
         missed = sum(one.startswith("Not met") for one in hidden)

@@ -214,7 +214,7 @@ def requirement_details(one: RequirementConclusion) -> str:
     by = decided_by(one)
     why = "; ".join(filter(None, (one.reason, _margin_words(one))))
     words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
-    if one.bound_alone is not None:
+    if one.bound_alone is not None and not (one.met and one.bound_alone.met):
         words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
     if one.other_verdicts:
         words = f"{words}; {_reading_words(one)}"
@@ -278,7 +278,7 @@ def _bound_alone_words(one: RequirementConclusion, best: BoundAlone) -> str:
     if best.met is None:
         verdict = "undecided"
     elif best.met == one.met:
-        verdict = "also met" if best.met else "not met even"
+        verdict = "not met even"
     else:
         verdict = "met" if best.met else "not met"
     return f"{verdict} if matching reached its bound ({by}{best.reason})"
@@ -316,7 +316,7 @@ def _range_words(ranges: tuple[MetRange, ...]) -> str:
 
 def _met_ranges(tree: xr.DataTree, number: int) -> tuple[MetRange, ...] | None:
     data = group(tree, "requirements")
-    if "met_from" not in data:
+    if "met_from" not in data or not _concerns_the_sweep(tree, number):
         return None
     (path,) = [str(name) for name in data["design_met"].dims if name != "requirement"]
     axis, row = data[path], data.isel(requirement=number)
@@ -341,9 +341,18 @@ def _met_ranges(tree: xr.DataTree, number: int) -> tuple[MetRange, ...] | None:
     return tuple(found)
 
 
+def _concerns_the_sweep(tree: xr.DataTree, number: int) -> bool:
+    """Whether the sweep varies a camera that the requirement is about, or something that all cameras share."""
+    data, cameras = group(tree, "requirements"), camera_titles(tree)
+    of = str(data["of"].isel(requirement=number).item())
+    paths = [str(name).removeprefix("cameras.") for name in data["design_met"].dims if name != "requirement"]
+    varied = {path.partition(".")[0] for path in paths}
+    return of not in cameras or of in varied or not varied <= set(cameras)
+
+
 def _designs(tree: xr.DataTree, number: int) -> tuple[int, int] | None:
     data = group(tree, "requirements")
-    if "design_met" not in data:
+    if "design_met" not in data or not _concerns_the_sweep(tree, number):
         return None
     met = data["design_met"].isel(requirement=number).values
     return int(np.sum(met == 1)), int(met.size)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, nearest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,5 +66,7 @@ def table_named(tree: xr.DataTree, name: str) -> Table:
     """
     found = tables_of(tree)
     if name not in found:
-        raise OutOfRangeError("these results have no such table", value=name, limit=", ".join(found))
+        close = nearest(name, found)
+        remedy = "" if close is None else f"nearest: '{close}'"
+        raise OutOfRangeError("these results have no such table", value=name, limit=", ".join(found), remedy=remedy)
     return found[name]

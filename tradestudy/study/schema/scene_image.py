@@ -75,6 +75,8 @@ class StairsPart(Part):
             raise MistakeAt((), "a step has two treads without a width; use shape: staircase")
         if self.shape == "staircase" and self.tread_width is None:
             raise MistakeAt((), "a staircase needs a tread_width")
+        if self.shape == "staircase" and self.treads == 2:
+            raise MistakeAt((), "a staircase of two treads, both infinitely wide, is a step; give treads: 3 or more")
         return self
 
 
