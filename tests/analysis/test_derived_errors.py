@@ -63,7 +63,7 @@ def test_a_smaller_aperture_buys_range_with_uncertainty(study: StudyDefinition) 
     depth = {}
     for name in ("pair-f5.6", "pair-f9.8", "pair-f22"):
         (interval,) = usable_intervals(study.case.cameras[name], study.case.criteria, study.case.distance)
-        why = "the window is too small for the blur" if name != "pair-f22" else "the error is too large"
+        why = "the window is too small for the blur" if name != "pair-f22" else "the matching error exceeds"
         assert interval.near_limit.startswith(f"matching: {why}"), interval
         assert interval.far_limit.startswith(f"matching: {why}")
         depth[name] = interval.far - interval.near

@@ -51,6 +51,7 @@ HEAD = "parameter,mean,a,b\n"
         (HEAD + "a,0,1,1.5\nb,0,1.5,1\n", "not positive semidefinite: eigenvalue -5.00e-01"),
         (HEAD + "a,0,-1,0\nb,0,0,1\n", r"variance of a .*: -1 .allowed: >= 0"),
         (HEAD + "a,inf,1,0\nb,0,0,1\n", "1 cells.*finite"),
+        (HEAD + "a,0,0,0\nb,0,0,0\n", "is zero.*leave the posterior out"),
     ],
 )
 def test_mistakes_are_named(tmp_path, text, word):
@@ -59,6 +60,12 @@ def test_mistakes_are_named(tmp_path, text, word):
     with pytest.raises(CalibrationFileError, match=word) as caught:
         read_calibration(path)
     assert caught.value.remedy
+
+
+def test_the_mark_with_which_spreadsheets_begin_a_file_is_no_part_of_a_name(tmp_path):
+    path = tmp_path / "calibration.csv"
+    path.write_text("\ufeffa,b\n" + "1,2\n3,5\n" * 60, encoding="utf-8")
+    assert read_calibration(path).names == ("a", "b")
 
 
 def test_a_perfectly_known_parameter_is_allowed(tmp_path):

@@ -11,11 +11,11 @@ import pytest
 
 from tests.calibration.cameras import stereo
 from tests.calibration.noisy_corners import COLUMNS, ROWS, SQUARE
-from tradestudy.calibration.corners import rig_posterior
+from tradestudy.calibration.corners import lens_comparison, rig_posterior
 from tradestudy.calibration.corners.bundle_adjustment import fit_camera, fit_pair
 from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.corners.lens_comparison import compare_lenses
-from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
 from tradestudy.calibration.corners.view_blocks import board_points, shared_names
 from tradestudy.calibration.posterior_file import posterior_of_file, write_posterior
 from tradestudy.calibration.posteriors import infer, to_infer
@@ -24,6 +24,7 @@ from tradestudy.calibration.target.synthetic_target import flat_grid
 from tradestudy.cameras.calibration_declaration import calibration_part
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import NotConvergedError
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.double_sphere import DoubleSphere
 from tradestudy.optics.lens_models.extended_unified import ExtendedUnified
 from tradestudy.optics.lens_models.families import STARTS
@@ -203,6 +204,27 @@ def test_the_corners_reveal_their_lens_model() -> None:
     found = compare_lenses(fit_rig(replace(corners, lens=right)), z, [FreeLens()])
     (not_called_for,) = found.values()
     assert not_called_for.support < -2.0 * not_called_for.support_deviation
+
+
+def test_a_lens_model_that_cannot_be_fitted_is_named_and_the_others_are_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lens, free = TRUE["fisheye"]
+    corners, z = seen_by_both(lens), np.array([0.3, 1.0])
+    unified, fisheye = start_of(ExtendedUnified(alpha=0.5, beta=1.0), ("alpha", "beta")), start_of(lens, free)
+    fitted = lens_comparison._fitted
+
+    def refusing(fit: RigFit, lens: FreeLens, seen: FloatArray) -> object:
+        if lens is unified:
+            raise NotConvergedError("the views do not determine alpha")
+        return fitted(fit, lens, seen)
+
+    monkeypatch.setattr(lens_comparison, "_fitted", refusing)
+    *_, failed, compared = compare_lenses(fit_rig(corners), z, [unified, fisheye]).values()
+    assert failed.failure == "the views do not determine alpha"
+    assert np.isnan([failed.support, *failed.depth_change]).all()
+    assert not compared.failure
+    assert np.isfinite(compared.depth_change).all()
 
 
 def test_a_calibration_with_a_declared_lens_model_is_saved_and_read_again(

@@ -12,6 +12,7 @@ from tradestudy.calibration.projection import move
 from tradestudy.calibration.target.synthetic_target import (
     Priors,
     SyntheticTarget,
+    faces,
     flat_grid,
     observe_target,
 )
@@ -262,3 +263,10 @@ def test_targets_without_noise_are_refused():
         SyntheticTarget(
             points=np.zeros((4, 3)), poses=np.zeros((1, 6)), noise=np.array([0.1]), translation_deviation=0.0
         )
+
+
+def test_a_board_is_seen_from_its_front_alone():
+    """Turned by an angle about x, a board on the axis shows its front up to a quarter turn."""
+    turned = np.zeros((4, 6))
+    turned[:, 0], turned[:, 5] = np.radians([0.0, 80.0, 100.0, 180.0]), 1.0
+    np.testing.assert_array_equal(faces(turned), [True, True, False, False])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -125,3 +126,26 @@ def test_a_camera_matrix_that_does_not_fit_its_picture_is_warned_about(tmp_path:
     (tmp_path / "importing.yaml").write_text(IMPORTING, encoding="utf-8")
     reported = tradestudy.load(tmp_path / "importing.yaml", ["rig.sensor.pixel_pitch=3 um"]).warnings
     assert any("cameras.rig.from: " in one and said in one for one in reported), reported
+
+
+def test_a_relative_bound_without_a_percent_sign_is_warned_about() -> None:
+    """0.5 is half of the distance; a reader of data sheets means half a per cent."""
+    bound = {
+        "says": "half a per cent",
+        "camera": "any",
+        "depth_uncertainty": {"below_relative": 0.5, "over": ["1 m", "2 m"]},
+    }
+    (said,) = tradestudy.load(ROBOT).with_values({"requirements.needed": bound}).warnings
+    assert "requirements.needed.depth_uncertainty.below_relative: 0.5 means 50 %; write '0.5 %'" in said
+
+
+def test_a_posterior_of_few_draws_is_warned_about(tmp_path: Path) -> None:
+    """From n draws, a standard deviation is known to 1/√(2 n): 5 % from 200, and 1 % from 5000."""
+    for count, warned in ((200, True), (5000, False)):
+        rows = np.random.default_rng(0).normal(0.0, 2e-4, count)
+        (tmp_path / "draws.csv").write_text("yaw\n" + "\n".join(f"{one!r}" for one in rows.tolist()))
+        values = {"errors": None, "posterior": {"file": str(tmp_path / "draws.csv")}}
+        study = tradestudy.load(ROBOT).with_values(
+            {f"stereo-75mm.calibration.{key}": one for key, one in values.items()}
+        )
+        assert any("determine a standard deviation to about 5 %" in one for one in study.warnings) is warned

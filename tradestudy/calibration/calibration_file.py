@@ -123,7 +123,7 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
 
 def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
     """Draws or a covariance, depending on the first line."""
-    with path.open(newline="", encoding="utf-8") as stream:
+    with path.open(newline="", encoding="utf-8-sig") as stream:
         lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if line]
     if len(lines) < 2:
         raise CalibrationFileError(
@@ -275,6 +275,13 @@ def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArr
             value=f"{variance[index]:g}",
             limit=">= 0",
             remedy="check the order of rows and columns",
+        )
+    if not np.any(variance):
+        raise CalibrationFileError(
+            f"the covariance in {path.name} is zero",
+            value="every variance is 0",
+            limit="at least one above 0",
+            remedy="leave the posterior out if the calibration is exact",
         )
     scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
     correlation = covariance / np.outer(scale, scale)

@@ -64,6 +64,15 @@ class Calibration:
     vocabulary: ErrorVocabulary | None = field(default=None, compare=False)
     inferred: bool = True
 
+    @property
+    def means(self) -> dict[str, float]:
+        """Mean of every parameter, by name."""
+        return {
+            name: float(mean)
+            for group in self.groups
+            for name, mean in zip(group.parameters, group.nominal, strict=True)
+        }
+
     def errors(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Errors by the parameter names of the camera's model, from draws in which ageing is separate."""
         found = {name: value for name, value in values.items() if not name.startswith(AGEING)}

@@ -31,6 +31,8 @@ MOST_VIEWS: Final = 1000
 LEAST_TILT: Final = 1.0 * DEGREE
 """Smallest allowed angle between boards of unknown position. Parallel boards cannot distinguish a shorter focal length
 from a nearer board, and at smaller tilts, the foreshortening of a board is below the noise of its corners."""
+LEAST_CORNERS: Final = 6
+"""Fewest corners in a view that determine its pose with certainty to spare."""
 _DRAWN: Final = ("views", "distances", "half_field_angle", "tilt")
 _REMEDY: Final = "tilt it by some 20 deg, differently in each view, or declare position_known_to"
 
@@ -108,6 +110,12 @@ class TargetPart(Part):
     def half_field(self) -> float:
         """Largest slope of the direction to the board's centre, for views that are spread evenly."""
         return math.tan(self.half_field_angle or 0.0)
+
+    @model_validator(mode="after")
+    def _enough_corners(self) -> Self:
+        if self.columns * self.rows < LEAST_CORNERS:
+            raise MistakeAt(("columns",), f"a board needs at least {LEAST_CORNERS} corners, columns times rows")
+        return self
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

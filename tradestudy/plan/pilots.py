@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from tradestudy import study
 from tradestudy.analysis.depth_draws import draws_to_expect
 from tradestudy.analysis.depth_points import DepthPoint, depth_table
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.errors import TradestudyError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.document import Place
@@ -109,8 +111,12 @@ def inference_seconds(asked: TargetToInfer | CornersToInfer) -> float:
     if isinstance(asked, CornersToInfer):
         corners = read_corners(asked.folder / asked.part.file)
         board, image, present = corners.board, corners.left, corners.present
-        fit = seconds_of(lambda: first_poses(first_intrinsics(board, image, present), board, image, present))
-        return _FITS_OF_A_RIG * fit
+
+        def fit() -> None:
+            with suppress(TradestudyError):  # a wide lens is no pinhole; what was tried takes as long
+                first_poses(first_intrinsics(board, image, present), board, image, present)
+
+        return _FITS_OF_A_RIG * seconds_of(fit)
     problem, _ = target_problem(asked)
     return _FITS_PER_PARAMETER * len(problem.priors.names) * seconds_of(lambda: fit_target(problem))
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
+from tradestudy.calibration.possible_errors import impossible_errors
 from tradestudy.calibration.sources import calibration_of, given_twice, mistakes_of_files
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
@@ -178,6 +179,7 @@ class StudyDefinition:
             for name, camera in self.designs.items()
             if isinstance(camera, DepthCamera)
         }
+        self._refuse_impossible_errors(cameras, distance)
         return Case(
             cameras={name: apply_models(camera, self.models.get(name, {})) for name, camera in cameras.items()},
             all_cameras={**self.designs, **cameras},
@@ -191,6 +193,19 @@ class StudyDefinition:
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
         )
+
+    def _refuse_impossible_errors(self, cameras: Mapping[str, DepthCamera], distance: FloatArray) -> None:
+        """Refuse calibrations of which one standard deviation leaves no camera, as with a wrong unit in a file."""
+        some = distance[np.unique(np.linspace(0, distance.size - 1, 3).astype(int))] if distance.size else distance
+        before = {} if self.before is None else self.before.case.all_cameras
+        problems = []
+        for name, camera in cameras.items():
+            if before.get(name) is camera:
+                continue
+            path = ("cameras", name, "calibration")
+            problems += [self.document.locate(path).problem(path, one) for one in impossible_errors(camera, some)]
+        if problems:
+            raise StudyError(problems)
 
     def _sharp(self) -> dict[str, BlurCriterion]:
         """Criteria of sharpness, by name; without a diffraction spot if the models leave diffraction out."""

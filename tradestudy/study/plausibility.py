@@ -13,6 +13,7 @@ from tradestudy.errors import Problem
 from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE, UNUSUAL_MATRIX
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
+from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse, pretty
 
 _SILENCED: Final = "; stating a basis silences this warning"
@@ -66,6 +67,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_assumed_pitches(definition),
         *_idle_matcher(definition),
         *_tolerances(definition),
+        *_few_draws(definition),
         *_requirements(definition),
         *_decision(definition),
     ]
@@ -163,6 +165,20 @@ def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
         for what in _large(definition.tolerance):
             place = OUTSIDE._replace(file="--tolerance")
             yield place.problem(("accuracy", "tolerance"), what)
+
+
+def _few_draws(definition: StudyDefinition) -> Iterator[Problem]:
+    """Posteriors in files with so few draws that their spread is clearly less certain than the tolerance."""
+    tolerance = definition.file.accuracy.asked().tolerances["depth_uncertainty"]
+    for name, camera in definition.case.cameras.items():
+        for group in camera.calibration.groups if camera.calibration.source == "posterior" else ():
+            if isinstance(group, JointDraws) and (error := (2.0 * len(group.draws)) ** -0.5) > 2.0 * tolerance:
+                path = ("cameras", name, "calibration", "posterior", "file")
+                what = (
+                    f"{len(group.draws)} draws determine a standard deviation to about {pretty(error, FRACTION, 2)}; "
+                    "the errors stated in results do not include this, so give more draws or a covariance"
+                )
+                yield definition.document.locate(path).problem(path, what)
 
 
 def _large(text: str) -> Iterator[str]:

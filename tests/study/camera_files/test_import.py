@@ -384,3 +384,43 @@ def test_rigs_that_differ_from_distance_to_distance_are_read_one_by_one(tmp_path
         for k in range(3)
     ]
     np.testing.assert_allclose(together.ravel(), apart, rtol=1e-14)
+
+
+def test_pictures_of_a_part_of_the_sensor_are_refused(tmp_path: Path) -> None:
+    """K and P of camera_info describe the whole sensor, but depth would be measured in fewer or larger pixels."""
+    matrices = (K1, D1, np.eye(3), np.hstack([K1, np.zeros((3, 1))]))
+    whole = {"x_offset": 0, "y_offset": 0, "width": SIZE[0], "height": SIZE[1], "do_rectify": False}
+    said = "kind: conventional, from: left.yaml, sensor: {pixel_pitch: 3 um}, focus: {distance: 1 m}"
+    camera = study(tmp_path, camera=said)
+    for changed, words in (
+        ({"binning_x": 2, "binning_y": 2}, "binned"),
+        ({"roi": {**whole, "width": 100}}, "region of interest"),
+        ({"roi": {**whole, "x_offset": 8}}, "region of interest"),
+    ):
+        written.camera_info(tmp_path / "left.yaml", *matrices, **changed)
+        assert words in refusal(camera)
+    written.camera_info(tmp_path / "left.yaml", *matrices, binning_x=1, binning_y=0, roi=whole)
+    tradestudy.load(camera)
+
+
+def test_a_rig_is_unusable_where_one_camera_does_not_see_the_point_whose_depth_it_measures(tmp_path: Path) -> None:
+    """Principal points far to the right: near points before the middle of the rig leave one of the pictures."""
+    k = np.array([[882.0, 0.0, 600.0], [0.0, 882.0, 240.0], [0.0, 0.0, 1.0]])
+    written.opencv(tmp_path / "off.yml", M1=k, M2=k, D1=np.zeros((1, 5)), D2=np.zeros((1, 5)), R=np.eye(3))
+    loaded = tradestudy.load(study(tmp_path, rig="from: off.yml, length_unit: mm"))
+    depth = loaded.with_values({"scene.distances": {"from": "0.3 m", "to": "5 m", "points": 12}}).run().data["depth"]
+    seen = np.isfinite(depth["depth_uncertainty"].values)
+    assert seen.any()
+    assert not seen.all()
+    np.testing.assert_array_equal(depth["usable"].values.astype(bool), seen)
+
+
+def test_an_error_that_leaves_no_camera_is_refused(tmp_path: Path) -> None:
+    """A variance of 16 px², as calibration programs state it, read as 16 m²."""
+    (tmp_path / "posterior.csv").write_text("parameter,mean,focal_length\nfocal_length,0,16\n")
+    rig = (
+        "kind: stereo, lenses: {focal_length: 882 px}, sensor: {pixels: [640, 480], pixel_pitch: 3 um}, baseline: 60 mm"
+    )
+    said = f"{rig}, depth: {{disparity_error: 0.2 px}}, calibration: {{posterior: {{file: posterior.csv}}}}"
+    with pytest.raises(StudyError, match=r"deviation of focal_length .* 4 m, leaves no camera .* check its unit"):
+        tradestudy.load(study(tmp_path, rig=said)).definition.case  # noqa: B018 - building it is what refuses

@@ -19,6 +19,7 @@ from tradestudy.calibration.corners.pair_residual import fit_pair_residual, inve
 from tradestudy.calibration.corners.real_rig import RigFit, inverse_depth, observe_pair, points_midway
 from tradestudy.calibration.corners.view_blocks import RELATIVE, cameras_of
 from tradestudy.calibration.projection import FreeLens
+from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import Rational
@@ -40,12 +41,15 @@ class ComparedLens:
     depth_change, depth_change_deviation : array (D,)
         Depth from the other model minus depth from the one in use, for the same pictures [m], and its jackknife
         standard error over views.
+    failure
+        Why the corners do not fit the other model; all numbers are then NaN.
     """
 
     support: float
     support_deviation: float
     depth_change: FloatArray
     depth_change_deviation: FloatArray
+    failure: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,12 +71,8 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
     z
         Distances at which depth is compared, midway between the cameras and their axes [m].
     others
-        Models to fit; a rational model is also compared with `EXTENSIONS`.
-
-    Raises
-    ------
-    NotConvergedError
-        The views do not determine one of these models.
+        Models to fit; a rational model is also compared with `EXTENSIONS`. A model that cannot be fitted is compared
+        by NaN, with the reason.
     """
     explained, lens = fit.explained, fit.corners.lens
     seen = _seen(fit, z)
@@ -85,13 +85,28 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
             other = _leave_one_out(fit, wider, start, explained.states, explained.lever, seen)
             found[f"{lens.model.name} with {' '.join(wider.free)}"] = _compared(own, other, z)
     for other_lens in others:
-        corners = replace(fit.corners, lens=other_lens)
-        white = replace(corners, noise=None)
-        cameras = [fit_camera(white.board, side, white.present, lens=other_lens) for side in (white.left, white.right)]
-        anew = fit_pair_residual(fit_pair(white, *cameras), corners)
-        other = _leave_one_out(fit, other_lens, anew.shared, anew.states, anew.lever, seen)
-        found[f"{other_lens.model.name} with {' '.join(other_lens.free)}"] = _compared(own, other, z)
+        name = f"{other_lens.model.name} with {' '.join(other_lens.free)}"
+        try:
+            found[name] = _compared(own, _fitted(fit, other_lens, seen), z)
+        except TradestudyError as error:
+            nothing = np.full_like(z, np.nan)
+            found[name] = ComparedLens(
+                support=np.nan,
+                support_deviation=np.nan,
+                depth_change=nothing,
+                depth_change_deviation=nothing,
+                failure=str(error),
+            )
     return found
+
+
+def _fitted(fit: RigFit, lens: FreeLens, seen: FloatArray) -> _LeaveOneOut:
+    """Another lens model, fitted anew to the same corners."""
+    corners = replace(fit.corners, lens=lens)
+    white = replace(corners, noise=None)
+    cameras = [fit_camera(white.board, side, white.present, lens=lens) for side in (white.left, white.right)]
+    anew = fit_pair_residual(fit_pair(white, *cameras), corners)
+    return _leave_one_out(fit, lens, anew.shared, anew.states, anew.lever, seen)
 
 
 def depth_slopes(fit: RigFit, z: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from tradestudy.calibration.target.synthetic_target import (
     CameraModel,
     Priors,
     SyntheticTarget,
+    faces,
     flat_grid,
     observe_target,
     spread_poses,
@@ -172,15 +173,18 @@ def _as_normal(priors: Priors) -> Priors:
 def _on_sensor(
     name: str, camera: DepthCamera, observed: FloatArray, target: SyntheticTarget
 ) -> tuple[FloatArray, SyntheticTarget]:
-    """Observations and target, without corners outside the sensor and without views of fewer than six corners."""
-    seen = camera.seen_on_sensor(observed)
+    """Observations and target, without corners outside the sensor and without views of fewer than six corners.
+
+    A board that is seen from behind shows no corners.
+    """
+    seen = camera.seen_on_sensor(observed) & faces(target.poses)[:, None, None]
     taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)
     if taken.sum() < _FEWEST_VIEWS:
         raise OutOfRangeError(
             f"{name}: the target is visible in too few views",
             value=str(int(taken.sum())),
             limit=f"at least {_FEWEST_VIEWS} with {_FEWEST_CORNERS} corners",
-            remedy="use a smaller board, or place it farther away or closer to the axis",
+            remedy="turn the board towards the camera, use a smaller one, or place it farther away or nearer the axis",
         )
     return np.where(seen, observed, np.nan)[taken], replace(target, poses=target.poses[taken])
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from tradestudy.calibration.projection import move
+from tradestudy.calibration.projection import move, rotation_matrix
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.sobol import scrambled_sobol
 
 CameraModel = Callable[[FloatArray, FloatArray], FloatArray]
@@ -185,6 +185,15 @@ def spread_poses(
     depth = 1.0 / (1.0 / distances[0] + shares[0] * (1.0 / distances[1] - 1.0 / distances[0]))
     slopes = half_field * (2.0 * shares[1:3] - 1.0)
     return np.column_stack([*(tilt * ndtri(shares[3:])), *(slopes * depth), depth])
+
+
+def faces(poses: FloatArray) -> BoolArray:
+    """Whether boards in poses (V, 6) turn their printed side to the camera; (V,).
+
+    The camera sees that side where the board's normal, along z at zero rotation, points away from it.
+    """
+    normal, towards = rotation_matrix(poses[:, :3])[..., 2], poses[:, 3:]
+    return np.asarray(np.sum(normal * towards, axis=-1) > 0.0)
 
 
 def flat_grid(columns: int, rows: int, spacing: float) -> FloatArray:

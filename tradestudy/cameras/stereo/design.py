@@ -295,9 +295,13 @@ class StereoRig(DepthCamera):
         return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Overlap of the two views, without which there is no depth."""
+        """Overlap of the two views, without which there is no depth; it must contain the middle axis of the rig."""
         value, bound = self.overlap(distance), criteria.overlap or 0.0
-        return {"overlap": Limit(value=value, bound=bound, met=(value >= bound) & (value > 0.0))}
+        met = (value >= bound) & (value > 0.0)
+        if self.calibration.measurement is not None:  # of equal parallel cameras, both see the axis if views overlap
+            means = {name: np.full((1, 1), mean) for name, mean in self.calibration.means.items()}
+            met &= ~self.measured_depth(distance.ravel(), 0.0, means).no_overlap.reshape(distance.shape)
+        return {"overlap": Limit(value=value, bound=bound, met=met)}
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """The picture through one lens, equal for both; the window may be as large as the sensor."""

@@ -105,6 +105,9 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     for z, good, claimed in zip(trust.distances, trust.good_to, trust.claimed, strict=True):
         where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
         yield f"accuracy of this calibration at {where}", f"{to} (claimed: {says})"
+    for name, other in trust.lenses.items():
+        if other.failure:
+            yield f"lens model {name}", f"cannot be fitted: {other.failure}"
     yield (
         f"difference between random halves of the views, divided by the claimed difference ({trust.halves} splits)",
         ", ".join(

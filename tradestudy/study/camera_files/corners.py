@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Final
 from tradestudy.cameras.imported import Convention, Imported, ImportedCorners
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files.located import CameraFile
-from tradestudy.study.camera_files.pairs import baseline_problem
+from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE, baseline_problem, is_usual
 from tradestudy.study.camera_files.request import Format, Request
+from tradestudy.units import LENGTH, pretty
 
 if TYPE_CHECKING:
     from tradestudy.calibration.corners.real_rig import RigFit
@@ -45,6 +46,8 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
     if problem := baseline_problem(baseline):
         other = "mm" if baseline > 1.0 else "m"
         raise top.fail(f"{problem}; name the columns board_x_{other} and board_y_{other} if that is their unit")
+    checked = f"{pretty(baseline, LENGTH)}; check that positions on the board are in {unit}"
+    unusual = () if is_usual(baseline) else (Convention(name=UNUSUAL_BASELINE, says=checked, key=top.key),)
     return ImportedCorners(
         file=files[0].name,
         focal_length=float(fit.shared[[0, 1, 6, 7]].mean()),
@@ -55,6 +58,7 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
             Convention(name="length unit", says=f"{unit}, by the name of the column board_x_{unit}", key=top.key),
             Convention(name="pictures", says="raw: as taken, before rectification", key=top.key),
             Convention(name="order of cameras", says="left and right as the columns are named", key=top.key),
+            *unusual,
         ),
         key=top.key,
     )

@@ -91,7 +91,7 @@ def paired(
         *conventions,
         Convention(name="order of cameras", says=f"{first.name} is {sides[0]}, {second.name} {sides[1]}", key=key),
     )
-    if not _USUAL_FROM <= baseline <= _USUAL_TO and (says := _by_units(baseline, metre)):
+    if not is_usual(baseline) and (says := _by_units(baseline, metre)):
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says, key=key))
     for name, words in ((FOLDING_LENS, _folding), (UNUSUAL_MATRIX, _unusual_matrix)):
         if says := "; ".join(filter(None, map(words, (first, second)))):
@@ -107,6 +107,11 @@ def paired(
         conventions=conventions,
         keys={"rotation": where[0].key, "translation": key},
     )
+
+
+def is_usual(baseline: float) -> bool:
+    """Whether a baseline [m] is as long as those of most rigs."""
+    return _USUAL_FROM <= baseline <= _USUAL_TO
 
 
 def baseline_problem(baseline: float, by_other_units: str = "") -> str:

@@ -38,6 +38,20 @@ def recognises(file: CameraFile) -> bool:
     return top.has("distortion_model") and top.find(*_PROJECTION) is not None
 
 
+def _refuse_part_of_the_sensor(top: Located) -> None:
+    """Refuse binning and regions of interest, because K and P describe the whole sensor at full resolution."""
+    for name in ("binning_x", "binning_y"):
+        if (binning := top.find(name)) is not None and binning.number() > 1.0:
+            raise binning.fail("the pictures are binned; give the camera_info of the binned pictures, without binning")
+    if (roi := top.find("roi")) is None:
+        return
+    whole = {"width": top.need("image_width", "width"), "height": top.need("image_height", "height")}
+    for name in ("x_offset", "y_offset", "width", "height"):
+        part = roi.find(name)
+        if part is not None and part.number() not in (0.0, whole[name].number() if name in whole else 0.0):
+            raise part.fail("the pictures show only a region of interest; give the camera_info of this region alone")
+
+
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """One camera, or the left and the right one of a pair.
 
@@ -49,6 +63,10 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         A value is missing or invalid, or the pair has no baseline.
     """
     tops = [file.top for file in files]
+    for top in tops:
+        _refuse_part_of_the_sensor(top)
+    for top in tops:
+        _refuse_part_of_the_sensor(top)
     if len(tops) == 1:
         return _camera(tops[0], request)
     if len(tops) != 2:
