@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +27,9 @@ from tradestudy.optics.window_matching import (
 )
 
 _LEAST_SHARE: Final = 0.5  # of a window that both pictures must show
-_VALUES_AT_ONCE: Final = 4_000_000  # in memory: pixels times disparity steps of a band of rows
+_TILE: Final = 128  # rows and columns matched at once; the smaller, the fewer disparities they have
+_BESIDE: Final = 3  # steps beyond the known disparities: two for the cubic, one for rounding
+_FEWEST_STEPS: Final = 6
 _GREYS: Final = (5.0, 245.0)  # to which the 1st and 99th percentiles are mapped in the 8-bit pictures for the matcher
 _LARGEST_BLOCK: Final = 11  # px; the largest that OpenCV recommends
 _SAME_SURFACE_PX: Final = 0.5  # difference of disparity allowed between the two pixels that image a point
@@ -51,7 +54,7 @@ class PairReader(DepthReader):
         If OpenCV is not installed.
     """
 
-    relative_effort: ClassVar[float] = 1.7
+    relative_effort: ClassVar[float] = 1.0
 
     camera: StereoRig
     search: DepthSearch
@@ -88,16 +91,15 @@ class PairReader(DepthReader):
         aligned = row_alignment(left, right, self._steps, _opencv())
         right, noise[1] = aligned(right), aligned(noise[1])
         start = self._whole_pixels(left, right)
-        steps = self._steps
-        rows = max(1, _VALUES_AT_ONCE // (len(steps) * left.shape[1]))
-        window = odd_window(self.search.window_px)
-        bands = []
-        for top in range(0, left.shape[0], rows):
-            low, high = max(0, top - window), min(left.shape[0], top + rows + window)
-            found = self._band(*(one[low:high] for one in (left, right, *noise, start)))
-            keep = slice(top - low, min(top + rows, left.shape[0]) - low)
-            bands.append((found.disparity[keep], found.deviation[keep], found.reason[keep]))
-        disparity, deviation, reason = (np.concatenate(one) for one in zip(*bands, strict=True))
+        disparity, deviation = np.full_like(left, np.nan), np.full_like(left, np.nan)
+        reason = np.zeros(left.shape, np.uint8)
+        for top, begin in itertools.product(range(0, left.shape[0], _TILE), range(0, left.shape[1], _TILE)):
+            own = (slice(top, top + _TILE), slice(begin, begin + _TILE))
+            found = self._tile((left, noise[0]), (right, noise[1]), start, own)
+            disparity[own], deviation[own], reason[own] = found.disparity, found.deviation, found.reason
+        unknown = ~np.isfinite(start)
+        unseen = ~np.isfinite(_moved(right, self._steps[0], (0, left.shape[1])))
+        reason[unknown] = np.where(unseen[unknown], Reason.NO_PARTNER, Reason.NO_MATCH)
         reason[np.isnan(left)] = Reason.NO_LIGHT
         depth = self._depth(np.where(reason == Reason.MEASURED, disparity, np.nan))
         reason[(reason == Reason.MEASURED) & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
@@ -111,23 +113,48 @@ class PairReader(DepthReader):
             reason=reason,
         )
 
-    def _band(
-        self, left: Samples, right: Samples, left_noise: Samples, right_noise: Samples, start: Samples
+    def _tile(
+        self,
+        left: tuple[Samples, Samples],
+        right: tuple[Samples, Samples],
+        start: Samples,
+        own: tuple[slice, slice],
     ) -> Matches:
-        """Disparity in a band of rows, to fractions of a pixel, from both pictures and their variances."""
+        """Disparity in a part of the left picture, to fractions of a pixel, from both pictures and their variances.
+
+        Only steps near those of semi-global matching are computed, which are few in so small a part.
+        """
+        window = odd_window(self.search.window_px)
+        low, high = (max(0, one.start - window) for one in own), (one.stop + window for one in own)
+        rows, columns = (slice(*ends) for ends in zip(low, high, strict=True))
+        picture, variance, start = (one[rows, columns] for one in (*left, start))
+        across = (columns.start, columns.start + picture.shape[1])
+        other, other_variance = (one[rows] for one in right)
 
         def difference(step: int) -> tuple[Samples, Samples, BoolArray]:
-            found = _moved(right, step) - left
-            return found, left_noise + _moved(right_noise, step), np.isfinite(found)
+            found = _moved(other, step, across) - picture
+            return found, variance + _moved(other_variance, step, across), np.isfinite(found)
 
-        return match_windows(
-            [PairOfPictures(gradient=gradient_along(left, (-1.0, 0.0)), difference=difference)],
-            self._steps,
-            window=odd_window(self.search.window_px),
+        found = match_windows(
+            [PairOfPictures(gradient=gradient_along(picture, (-1.0, 0.0)), difference=difference)],
+            self._near(start),
+            window=window,
             least_share=_LEAST_SHARE,
             largest_deviation=self.search.largest_deviation_px,
             start=start,
         )
+        first = [one.start - part.start for one, part in zip(own, (rows, columns), strict=True)]
+        inner = tuple(slice(k, k + _TILE) for k in first)
+        return Matches(disparity=found.disparity[inner], deviation=found.deviation[inner], reason=found.reason[inner])
+
+    def _near(self, start: Samples) -> range:
+        """The disparities to search [px] around those known in advance: at least six."""
+        steps, known = self._steps, start[np.isfinite(start)]
+        if not known.size:
+            return steps[:_FEWEST_STEPS]
+        low = max(steps.start, math.floor(float(known.min())) - _BESIDE)
+        high = min(steps.stop, max(math.ceil(float(known.max())) + _BESIDE + 1, low + _FEWEST_STEPS))
+        return range(max(steps.start, min(low, high - _FEWEST_STEPS)), high)
 
     def _whole_pixels(self, left: Samples, right: Samples) -> Samples:
         """Disparity of the left picture [px] by semi-global matching; NaN where left and right disagree.
@@ -222,13 +249,13 @@ class PairReader(DepthReader):
         return np.asarray(self._parallel(depth, side, order=1) / self._rays(side)[2])
 
 
-def _moved(picture: Samples, step: int) -> Samples:
-    """A picture moved to the right by whole pixels; NaN where it shows nothing."""
-    moved = np.full_like(picture, np.nan)
-    if 0 <= step < picture.shape[1]:
-        moved[:, step:] = picture[:, : picture.shape[1] - step]
-    elif -picture.shape[1] < step < 0:
-        moved[:, :step] = picture[:, -step:]
+def _moved(picture: Samples, step: int, columns: tuple[int, int]) -> Samples:
+    """Columns, from a first one up to another, of a picture moved right by whole pixels; NaN where it shows nothing."""
+    first, end = columns[0] - step, columns[1] - step
+    moved = np.full((picture.shape[0], end - first), np.nan, picture.dtype)
+    low, high = max(0, first), min(picture.shape[1], end)
+    if low < high:
+        moved[:, low - first : high - first] = picture[:, low:high]
     return moved
 
 
