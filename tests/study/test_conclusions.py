@@ -444,7 +444,7 @@ def test_the_readings_that_change_a_verdict_are_named() -> None:
     }
     readings = {name: {"says": f"the {name} one", "set": values} for name, values in sets.items()}
     data = ran(small, {"readings": readings}).data
-    alone = {name: ran(small, values).data["requirements"].to_dataset() for name, values in sets.items()}
+    alone = {name: ran(small, sets[name]).data["requirements"].to_dataset() for name in ("dim", "dull")}
     found = data["requirements"].to_dataset().squeeze("requirement")
     assert found["met"] == 1
     for name, one in alone.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -23,18 +23,30 @@ def impossible_errors(camera: DepthCamera, distance: FloatArray) -> Iterator[str
     distance
         Distances [m] at which it is tried.
     """
-    means = camera.calibration.means
-    if not _measures(camera, distance, means):
+    calibration = camera.calibration
+    sizes = {
+        name: size
+        for group in calibration.groups
+        for name, size in zip(group.parameters, _deviations(group), strict=True)
+    }
+    if not sizes:
         return
-    for group in camera.calibration.groups:
-        for name, size in zip(group.parameters, _deviations(group), strict=True):
-            if not all(_measures(camera, distance, {**means, name: means[name] + by}) for by in (-size, size)):
-                unit = camera.parameter(name).unit
-                words = pretty(size, LENGTH) if unit == "m" else f"{size:g} {unit}"
-                yield (
-                    f"a deviation of {name} by one standard deviation, {words}, leaves no camera that measures depth; "
-                    "check its unit"
-                )
+    # The first row has no deviation; each other row has that of one parameter, down or up.
+    moved = np.concatenate([np.zeros((1, len(sizes))), *(sign * np.diag([*sizes.values()]) for sign in (-1.0, 1.0))])
+    drawn = {name: calibration.means[name] + moved[:, k : k + 1] for k, name in enumerate(sizes)}
+    found = camera.measured_depth(distance, 0.0, drawn)
+    measures = np.isfinite(found.inverse_depth) & ~found.no_overlap & ~found.out_of_range
+    known = np.any(np.broadcast_to(measures, (len(moved), distance.size)), axis=1)
+    if not known[0]:
+        return
+    for number, (name, size) in enumerate(sizes.items(), start=1):
+        if not (known[number] and known[number + len(sizes)]):
+            unit = camera.parameter(name).unit
+            words = pretty(size, LENGTH) if unit == "m" else f"{size:g} {unit}"
+            yield (
+                f"a deviation of {name} by one standard deviation, {words}, leaves no camera that measures depth; "
+                "check its unit"
+            )
 
 
 def _deviations(group: Group) -> FloatArray:
@@ -44,10 +56,3 @@ def _deviations(group: Group) -> FloatArray:
     except OutOfRangeError:
         covariance = None
     return np.zeros(len(group.parameters)) if covariance is None else np.sqrt(np.diag(covariance))
-
-
-def _measures(camera: DepthCamera, distance: FloatArray, values: Mapping[str, float]) -> bool:
-    """Whether the camera measures a depth at any of the distances [m]."""
-    drawn = {name: np.full((1, 1), value) for name, value in values.items()}
-    found = camera.measured_depth(distance, 0.0, drawn)
-    return bool(np.any(np.isfinite(found.inverse_depth) & ~found.no_overlap & ~found.out_of_range))
