@@ -103,10 +103,10 @@ def test_an_unusable_camera_misses_by_at_least_its_unusable_share() -> None:
     study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "1 km", "over": ["0.4 m", "3 m"]}})
     found = check_requirement(part(study, "far"), study.definition.case, "raytrix-r5")
     assert not found.met
-    # The R5 is usable up to 1.09 m of these.
-    assert found.unusable == pytest.approx(np.log(3.0 / 1.09) / np.log(3.0 / 0.4), abs=0.003)
+    # The R5 is usable up to 1.832 m of these.
+    assert found.unusable == pytest.approx(np.log(3.0 / 1.832) / np.log(3.0 / 0.4), abs=0.003)
     assert found.margin == -found.unusable
-    assert "1.09 to 3 m" in found.reason
+    assert "1.83 to 3 m" in found.reason
     assert found.limit == "relative_uncertainty"
 
 
@@ -438,11 +438,11 @@ def test_a_camera_that_misses_the_value_alone_is_nearer_than_one_that_also_has_a
 
 
 def test_where_the_value_falls_shorter_than_the_usable_range_no_limit_decides() -> None:
-    study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "0.1 mm", "over": ["0.4 m", "1.1 m"]}})
+    study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "0.1 mm", "over": ["0.4 m", "1.84 m"]}})
     found = check_requirement(part(study, "far"), study.definition.case, "raytrix-r5")
     assert 0.0 < found.unusable < -found.margin
     assert found.limit == ""
-    assert "1.09 to 1.1 m: " in found.reason
+    assert "1.83 to 1.84 m: " in found.reason
 
 
 def test_whole_numbers_are_searched_in_whole_numbers() -> None:

@@ -152,7 +152,7 @@ def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
 
 
 def test_without_diffraction_at_microlenses_their_crosstalk_still_counts() -> None:
-    """Without crosstalk, the depth uncertainty of the R5 changes by 2.1 %, though no diffraction spreads the light."""
+    """Without crosstalk, the depth uncertainty of the R5 changes by 3.1 %, though no diffraction spreads the light."""
     changes = ("effects.microlens_diffraction=off", "accuracy.tolerance=0.3 %")
     definition = load_definition(STUDIES / "robot.yaml", changes)
     found = next(one for one in choose_models(definition) if one.name == "raytrix-r5")
@@ -164,7 +164,7 @@ def test_without_diffraction_at_microlenses_their_crosstalk_still_counts() -> No
     complete: Models = {**found.choice.problem.complete, "calibration": "linear"}
     without: Models = {**complete, "crosstalk": "off"}
     change = np.max(np.abs(uncertainty(without) / uncertainty(complete) - 1.0))
-    assert change == pytest.approx(0.0213, rel=0.02)
+    assert change == pytest.approx(0.0312, rel=0.02)
     told = found.choice.problem.changes({**found.choice.problem.complete, "crosstalk": "off"})["depth_uncertainty"]
     assert told.relative >= change
     assert found.models["crosstalk"] == "share"

@@ -149,3 +149,11 @@ def test_a_posterior_of_few_draws_is_warned_about(tmp_path: Path) -> None:
             {f"stereo-75mm.calibration.{key}": one for key, one in values.items()}
         )
         assert any("determine a standard deviation to about 5 %" in one for one in study.warnings) is warned
+
+
+def test_equal_light_on_unequal_pixels_is_warned_about() -> None:
+    """Pixels of 5.5 µm have 3.4 times the area of those of 3 µm."""
+    (said,) = tradestudy.load(ROBOT).with_values({"scene.picture.light.at_pixel_pitch": None}).warnings
+    assert "pixels of 3 µm and 5.5 µm are taken to collect equal light" in said
+    alike = {"scene.picture.light.at_pixel_pitch": None, "raytrix-r5.sensor.pixel_pitch": "3 um"}
+    assert tradestudy.load(ROBOT).with_values(alike).warnings == ()

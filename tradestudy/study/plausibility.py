@@ -63,6 +63,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
     found = [
         *_outside_the_usual(definition),
         *_light(definition),
+        *_unequal_pixels(definition),
         *_imported(definition),
         *_assumed_pitches(definition),
         *_idle_matcher(definition),
@@ -116,6 +117,23 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
         path = (*above, "light", "electrons")
         what = f"{pretty(electrons, ELECTRONS)} exceed the full well of {pretty(full, ELECTRONS)}"
         yield _warning(definition, path, what)
+
+
+def _unequal_pixels(definition: StudyDefinition) -> Iterator[Problem]:
+    """Light that gives pixels of different sizes equally many electrons."""
+    scene = definition.file.scene
+    if scene is None or scene.picture is None or scene.picture.light.at_pixel_pitch is not None:
+        return
+    pitches = {
+        camera.sensor.pixel_pitch
+        for camera in definition.file.cameras.values()
+        if isinstance(camera, DepthCameraDeclaration) and camera.depth.declared_error_px is None
+    }
+    if len(pitches) > 1:
+        path = ("scene", "picture", "light")
+        sizes = " and ".join(pretty(one, LENGTH) for one in sorted(pitches))
+        what = f"pixels of {sizes} are taken to collect equal light; with at_pixel_pitch, larger ones collect more"
+        yield definition.document.locate(path).problem(path, what)
 
 
 def _imported(definition: StudyDefinition) -> Iterator[Problem]:
