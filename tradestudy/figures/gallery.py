@@ -282,9 +282,10 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         " Dash: the camera does not see the point, or the uncertainty has no bound." if sweeps.has_gaps(tree) else ""
     )
     if moved := sweeps.moved_cameras(tree):
+        numbers = "; the numbers are in mm" if sweeps.is_map(tree) else ""
         yield Drawing(
             name="sweep_map",
-            caption=f"Depth uncertainty at {place} over the swept {names}; the numbers are in mm.{unseen}{why}",
+            caption=f"Depth uncertainty at {place} over the swept {names}{numbers}.{unseen if numbers else ''}{why}",
             alt=f"Depth uncertainty at {place} over the swept {names}. "
             + "".join(f"{camera.title}: {_swept_words(tree, camera.key)}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),

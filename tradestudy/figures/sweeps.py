@@ -121,6 +121,11 @@ def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     return _maps(tree, uncertainty, moved, (dims[0], dims[1]))
 
 
+def is_map(tree: xr.DataTree) -> bool:
+    """Whether two or more parameters are swept, so that a map with numbers shows the uncertainty."""
+    return len(_mapped(tree)[1]) > 1
+
+
 def _mapped(tree: xr.DataTree) -> tuple[xr.DataArray, list[str]]:
     """The uncertainty at the reference distance over the two swept parameters with the most values, and their names."""
     depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
@@ -166,7 +171,9 @@ def _curves(tree: xr.DataTree, uncertainty: xr.DataArray, moved: tuple[CameraTra
         name = printable(camera.title)
         axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4, label=name)
         drawn.append(NamedCurve(name=name, color=style.color, x=x, y=y))
-    log_axis(axes, "y", dense=True, tick=length_tick)
+    shown = np.concatenate([curve.y[curve.y > 0.0] for curve in drawn])
+    ends = (float(shown.min()), float(shown.max())) if shown.size else None
+    log_axis(axes, "y", dense=True, tick=length_tick, ends=ends)
     if uncertainty[dim].dtype.kind not in "fiu":
         axes.set_xticks(x, names)
     axes.set(xlabel=axis_label(tree, uncertainty[dim]), ylabel=_uncertainty_label(tree))

@@ -33,7 +33,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
                 json.dumps(asdict(camera.method), ensure_ascii=False) if isinstance(camera, DepthCamera) else ""
                 for camera in cameras.values()
             ],
-            "note": [part.note or "" for part in parts.values()],
+            "note": [_note(definition, name) for name in parts],
             "perfect_calibration": [
                 float(isinstance(camera, DepthCamera) and camera.calibration.inferred and not camera.calibration.groups)
                 for camera in cameras.values()
@@ -104,6 +104,20 @@ def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
             "basis": "assumed",
             "note": "default; the study declares none",
         }
+
+
+def _note(definition: StudyDefinition, name: str) -> str:
+    """The note declared under a camera; it may no longer be true of values that this run sets."""
+    note = definition.file.cameras[name].note or ""
+    own = {
+        tail for camera, tail in (_camera_and_tail(one.path) for one in definition.document.overrides) if camera == name
+    }
+    changed = own - {("note",), ("title",)}
+    return (
+        f"{note} (Values of this camera were set for this run after the note was written.)"
+        if note and changed
+        else note
+    )
 
 
 def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int, ...]]:
