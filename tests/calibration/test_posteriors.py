@@ -161,7 +161,7 @@ def test_a_target_that_determines_nothing_names_the_parameters():
 
 @pytest.mark.slow
 def test_chains_that_are_too_short_are_not_called_converged():
-    assert any("too short" in one for one in infer(shown(stereo(), PRIORS, board(max_steps=100), seed=1)).failures)
+    assert any("too short" in one for one in infer(shown(stereo(), PRIORS, board(max_steps=100), seed=5)).failures)
     assert any("too short" in one for one in infer(corners(webcams(), MEASURED, steps=100)).failures)
 
 
