@@ -225,7 +225,7 @@ def export(
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera's calibration as files for other programs or, in the format ``posterior``, for other studies."""
+    """Write a camera's calibration as files for other programs or, in the format 'posterior', for other studies."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 

@@ -21,7 +21,7 @@ from tradestudy.calibration.target.synthetic_target import (
 from tradestudy.calibration.target.target_inference import TargetProblem, expected_fit
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.target_declaration import TargetPart
+from tradestudy.cameras.target_declaration import LEAST_CORNERS, TargetPart
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal, Uniform
@@ -30,7 +30,7 @@ from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.sources import Group, Source
 from tradestudy.uncertainty.streams import point_generator
 
-_FEWEST_CORNERS, _FEWEST_VIEWS = 6, 3
+_FEWEST_VIEWS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,12 +178,12 @@ def _on_sensor(
     A board that is seen from behind shows no corners.
     """
     seen = camera.seen_on_sensor(observed) & faces(target.poses)[:, None, None]
-    taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)
+    taken = np.all(np.sum(seen, axis=1) >= LEAST_CORNERS, axis=-1)
     if taken.sum() < _FEWEST_VIEWS:
         raise OutOfRangeError(
             f"{name}: the target is visible in too few views",
             value=str(int(taken.sum())),
-            limit=f"at least {_FEWEST_VIEWS} with {_FEWEST_CORNERS} corners",
+            limit=f"at least {_FEWEST_VIEWS} with {LEAST_CORNERS} corners",
             remedy="turn the board towards the camera, use a smaller one, or place it farther away or nearer the axis",
         )
     return np.where(seen, observed, np.nan)[taken], replace(target, poses=target.poses[taken])

@@ -65,8 +65,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     tops = [file.top for file in files]
     for top in tops:
         _refuse_part_of_the_sensor(top)
-    for top in tops:
-        _refuse_part_of_the_sensor(top)
     if len(tops) == 1:
         return _camera(tops[0], request)
     if len(tops) != 2:
