@@ -290,12 +290,12 @@ def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _under_other_readings(tree: xr.DataTree) -> Iterator[Table]:
-    """List the readings under which the verdict on a requirement is another."""
+    """List the readings that change the verdict on a requirement."""
     changed = [(one, other) for one in requirement_conclusions(tree) for other in one.other_verdicts]
     if changed:
         yield Table(
             name="requirement-readings-table",
-            caption="Readings under which the verdict on a requirement is another than for the study as declared.",
+            caption="Readings that change the verdict on a requirement from that on the study as declared.",
             columns=(
                 Column(title="Requirement", weight=2),
                 Column(title="Reading", weight=3),

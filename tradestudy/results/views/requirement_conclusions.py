@@ -67,7 +67,7 @@ class BoundAlone:
 
 @dataclass(frozen=True, kw_only=True)
 class OtherVerdict:
-    """A reading under which the verdict on a requirement is another.
+    """A reading that changes the verdict on a requirement.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class RequirementConclusion:
         The verdict if matching reached its lower bound instead of the declared matcher's error; None where no matcher
         makes a difference.
     readings, other_verdicts
-        Number of the other readings of the study, and those under which the verdict is another.
+        Number of the other readings of the study, and those that change the verdict.
     """
 
     name: str
@@ -255,7 +255,7 @@ def _under_readings(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -
 
 
 def _reading_words(one: RequirementConclusion) -> str:
-    """Under how many readings the verdict is another; a single one is named."""
+    """How many readings change the verdict, and to what; a single one is named."""
     parts = []
     for met in (True, False, None):
         same = [other for other in one.other_verdicts if other.met is met]
