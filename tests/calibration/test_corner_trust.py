@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.linalg import block_diag
+from scipy.optimize import minimize
 
 from tests.calibration import noisy_corners
 from tests.calibration.known_scales import errors_and_covariance
@@ -100,6 +102,49 @@ def test_whitening_makes_the_declared_covariance_white():
         covariance = matrix[np.ix_(known, known)] * noise.deviation[view] ** 2
         np.testing.assert_allclose(whitening @ covariance @ whitening.T, typical**2 * np.eye(known.sum()), atol=1e-10)
     np.testing.assert_allclose(equal_noise(weights, board).whiten(values)[0], values[0], atol=1e-14)
+
+
+def test_share_and_length_maximise_a_dense_restricted_likelihood():
+    """Harville's likelihood from one covariance matrix per view, whose deviation is fitted, searched without slopes."""
+    rng = np.random.default_rng(7)
+    views, corners, free = 12, 12, 4
+    board = np.tile(np.stack(np.meshgrid(np.arange(4), np.arange(3)), -1).reshape(-1, 2) * 0.03, (views, 1, 1))
+    weights = np.ones((views, 2, corners))
+    weights[1, 0, 3], weights[4, 1, 5] = 0.25, 0.0
+    square = np.sum((board[0][:, None] - board[0]) ** 2, axis=-1)
+
+    def covariance(share, length, weight):
+        own = np.diag((1.0 - share) / np.where(weight > 0.0, weight, 1.0))
+        there = np.outer(weight > 0.0, weight > 0.0)
+        return np.where(there, share / (1.0 + square / length**2) + own, np.eye(corners))
+
+    def of_view(share, length, view):
+        return block_diag(*[np.kron(covariance(share, length, one), np.eye(2)) for one in weights[view]])
+
+    seen = np.repeat(weights.reshape(views, -1) > 0.0, 2, axis=-1)
+    roots = [np.linalg.cholesky(of_view(0.7, 0.05, view)) for view in range(views)]
+    residuals = seen * np.stack([root @ rng.standard_normal(4 * corners) for root in roots])
+    by_view = seen[..., None] * rng.standard_normal((views, 4 * corners, free))
+
+    def dense(place):
+        share, length = 1.0 / (1.0 + np.exp(-place[0])), np.exp(place[1])
+        total = 0.0
+        for view in range(views):
+            kept = seen[view]
+            matrix, x, y = of_view(share, length, view)[np.ix_(kept, kept)], by_view[view, kept], residuals[view, kept]
+            information = x.T @ np.linalg.solve(matrix, x)
+            left = y - x @ np.linalg.solve(information, x.T @ np.linalg.solve(matrix, y))
+            freedom = kept.sum() - free
+            total += np.linalg.slogdet(matrix)[1] + np.linalg.slogdet(information)[1]
+            total += freedom * np.log(left @ np.linalg.solve(matrix, left) / freedom)
+        return 0.5 * total
+
+    found = estimate_noise(residuals, by_view, board, weights)
+    best = minimize(dense, [1.0, np.log(0.05)], method="Nelder-Mead")
+    at = [np.log(found.share / (1.0 - found.share)), np.log(found.length)]
+    # a fifth of a standard deviation
+    assert dense(at) - best.fun < 0.02
+    assert dense([0.0, np.log(0.05)]) - best.fun > 1.0
 
 
 def test_a_bent_board_is_found():

@@ -146,8 +146,13 @@ def test_restricted_likelihood_of_scales_equals_a_dense_one():
         return -0.5 * (volume + left @ np.linalg.solve(covariance, left))
 
     places = [(0.15, 8e-4, 1.0), (0.2, 3e-4, 1.0), (0.1, 2e-3, 0.5), (0.15, 8e-4, 2.0), (0.15, 0.0, 1.0)]
-    found = np.array([compressed.restricted_log_likelihood(*place) for place in places])
-    np.testing.assert_allclose(found - found[0], [dense(*one) - dense(*places[0]) for one in places], atol=1e-5)
+    found = [compressed.restricted_likelihood(*place) for place in places]
+    gains = [one.value - found[0].value for one in found]
+    np.testing.assert_allclose(gains, [dense(*one) - dense(*places[0]) for one in places], atol=1e-5)
+    for place, one in zip(places[:-1], found, strict=False):
+        steps = np.exp(1e-4 * np.eye(3))
+        slopes = [(dense(*(place * step)) - dense(*(place / step))) / 2e-4 for step in steps]
+        np.testing.assert_allclose(one.gradient, slopes, rtol=1e-5, atol=1e-4)
 
 
 def test_exact_and_compressed_likelihood_agree_near_the_fit(rig):

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.calibration.corners.scale_scoring import LocalLikelihood, average_information, maximise
 from tradestudy.calibration.corners.triangular_factor import triangular_factor
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 
@@ -24,7 +25,11 @@ _RAYLEIGH_MEDIAN: Final = float(
     np.sqrt(2.0 * np.log(2.0))
 )  # median length of a vector whose components have unit standard deviation
 _MOST_VIEWS: Final = 60
-_LEAST_INDEPENDENT: Final = 1e-3  # share of independent noise that keeps the covariance regular
+_SETTLED: Final = 0.02  # gain of the log likelihood: a fifth of a standard deviation of share and length
+# Share of the correlated noise, and logarithm of its length in corner spacings; some independent noise keeps the
+# covariance regular.
+_LOW: Final = np.array([0.0, np.log(0.3)])
+_HIGH: Final = np.array([1.0 - 1e-3, np.log(10.0)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +64,7 @@ class CornerNoise:
 
     def whiten(self, values: FloatArray) -> FloatArray:
         """Whitened residuals (V, 4 N) or derivatives of residuals (V, 4 N, P), left corners then right corners."""
-        views, _, corners, _ = self.whitening.shape
-        shaped = values.reshape(views, 2, corners, -1)
-        whitened: FloatArray = (self.whitening @ shaped).reshape(values.shape)
-        return whitened
+        return _whitened(values, self.whitening)
 
 
 def equal_noise(weights: FloatArray, board: FloatArray) -> CornerNoise:
@@ -94,7 +96,9 @@ def outlier_weights(residuals: FloatArray, present: BoolArray) -> FloatArray:
     return np.where(present, FULL_WEIGHT / safe * fall, 0.0)
 
 
-def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray, weights: FloatArray) -> CornerNoise:
+def estimate_noise(
+    residuals: FloatArray, by_view: FloatArray, board: FloatArray, weights: FloatArray, start: CornerNoise | None = None
+) -> CornerNoise:
     """Estimate share, length and deviations by restricted maximum likelihood, with free pose and motion of every view.
 
     Parameters
@@ -107,39 +111,62 @@ def estimate_noise(residuals: FloatArray, by_view: FloatArray, board: FloatArray
         Corners on the board [m].
     weights : array (V, 2, N)
         Zero where absent.
+    start
+        An earlier estimate from which to start.
 
     Notes
     -----
     D. Harville, J. Am. Stat. Assoc. 72 (1977) 320, with the shared parameters fixed at their fitted values. Share
     and length are estimated from at most sixty evenly spaced views.
     """
-    from scipy.optimize import minimize  # slow to import; only corners need it
-
     some = np.unique(np.linspace(0, len(board) - 1, min(len(board), _MOST_VIEWS)).astype(int))
     spacing = _spacing(board, weights)
     layouts = _Layouts.of(board[some], weights[some])
     table = np.concatenate([by_view, residuals[..., None]], axis=-1)
 
-    def cost(place: FloatArray) -> float:
-        share, length = _share_and_length(place, spacing)
-        return -_restricted(table[some], weights[some], layouts.whitening(share, length))[0]
+    def likelihood(place: FloatArray) -> LocalLikelihood:
+        return _local_likelihood(table[some], weights[some], layouts, _Correlation.at(place, spacing))
 
-    simplex = np.array([[0.0, np.log(1.5)], [1.5, np.log(1.5)], [0.0, np.log(3.0)]])
-    found = minimize(
-        cost,
-        np.zeros(2),
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.03, "fatol": 0.1, "maxiter": 100},
-    )
-    share, length = _share_and_length(found.x, spacing)
-    _, deviation = _restricted(table, weights, _Layouts.of(board, weights).whitening(share, length))
-    return _noise(board, weights, share=share, length=length, deviation=deviation)
+    first = np.zeros(2) if start is None or not start.share else _place(start, spacing)
+    found = _Correlation.at(maximise(likelihood, first, _SETTLED), spacing)
+    every = _Layouts.of(board, weights)
+    whitened = _whitened(table, every.whitening(found.share, found.length)[every.number])
+    deviation = _deviations(np.abs(triangular_factor(whitened)[:, -1, -1]), weights, by_view.shape[-1])
+    return _noise(board, weights, share=found.share, length=found.length, deviation=deviation)
 
 
-def _share_and_length(place: FloatArray, spacing: float) -> tuple[float, float]:
-    """Share between 0 and nearly 1, and length between 0.3 and 10 corner spacings, from unbounded parameters."""
-    share = (1.0 - _LEAST_INDEPENDENT) / (1.0 + np.exp(-place[0]))
-    return float(share), float(spacing * np.exp(np.clip(place[1], np.log(0.3), np.log(10.0))))
+@dataclass(frozen=True, kw_only=True)
+class _Correlation:
+    """Share and length of the correlation, and their derivatives by unbounded parameters.
+
+    Parameters
+    ----------
+    share, length
+        As in `CornerNoise`.
+    by_place
+        Derivatives of the share and of the logarithm of the length, each by its own parameter.
+    """
+
+    share: float
+    length: float
+    by_place: FloatArray
+
+    @classmethod
+    def at(cls, place: FloatArray, spacing: float) -> _Correlation:
+        """Share between 0 and nearly 1, and length between 0.3 and 10 corner spacings [m], from parameters (2,)."""
+        inside = 1.0 / (1.0 + np.exp(-place))
+        share, log_length = _LOW + (_HIGH - _LOW) * inside
+        return cls(
+            share=float(share),
+            length=spacing * float(np.exp(log_length)),
+            by_place=(_HIGH - _LOW) * inside * (1.0 - inside),
+        )
+
+
+def _place(noise: CornerNoise, spacing: float) -> FloatArray:
+    """The unbounded parameters of an estimate."""
+    inside = (np.array([noise.share, np.log(noise.length / spacing)]) - _LOW) / (_HIGH - _LOW)
+    return np.asarray(np.log(inside / (1.0 - inside)))
 
 
 def _spacing(board: FloatArray, weights: FloatArray) -> float:
@@ -150,17 +177,49 @@ def _spacing(board: FloatArray, weights: FloatArray) -> float:
     return float(np.median(apart.min(axis=1)))
 
 
-def _restricted(table: FloatArray, weights: FloatArray, whitening: FloatArray) -> tuple[float, FloatArray]:
-    """Restricted log likelihood, maximised over the deviations of the views, and these deviations (V,) [px]."""
+def _local_likelihood(
+    table: FloatArray, weights: FloatArray, layouts: _Layouts, correlation: _Correlation
+) -> LocalLikelihood:
+    """Restricted log likelihood, maximised over the deviations of the views, with derivatives by the correlation."""
+    of_layouts = layouts.whitening(correlation.share, correlation.length)
+    whitened = _whitened(table, of_layouts[layouts.number])
+    basis, triangle = np.linalg.qr(whitened[..., :-1])
+    left = whitened[..., -1] - np.einsum("vrp,vp->vr", basis, np.einsum("vrp,vr->vp", basis, whitened[..., -1]))
+    deviation = _deviations(np.linalg.norm(left, axis=-1), weights, basis.shape[-1])
+    left = left / deviation[:, None]
+    changes = layouts.changes(correlation)
+    changes = of_layouts @ changes @ np.swapaxes(of_layouts, -1, -2)
+    # twice, because both coordinates of a corner are alike
+    traces = 2.0 * np.trace(changes, axis1=-2, axis2=-1)[:, layouts.number].sum(axis=(-2, -1))
+    both = np.concatenate([basis, left[..., None]], axis=-1)
+    changed = np.stack([_whitened(both, one[layouts.number]) for one in changes])
+    free = traces - np.einsum("vrp,ivrp->i", basis, changed[..., :-1])
+    count = _freedom(weights, basis.shape[-1])
+    # Beside a fitted deviation, a change along the residuals themselves tells nothing.
+    known = np.concatenate([basis, (left / np.sqrt(count)[:, None])[..., None]], axis=-1)
+    volume = np.log(np.abs(np.diagonal(triangle, axis1=-2, axis2=-1))).sum()
+    determinants = 2.0 * np.log(np.diagonal(of_layouts[layouts.number], axis1=-2, axis2=-1)).sum()
+    return LocalLikelihood(
+        value=float(determinants - volume - np.sum(count * np.log(deviation))),
+        gradient=-0.5 * (free - np.einsum("vr,ivr->i", left, changed[..., -1])),
+        information=average_information(known, changed[..., -1]),
+    )
+
+
+def _whitened(table: FloatArray, whitening: FloatArray) -> FloatArray:
+    """Whitened rows (V, 4 N, P), for matrices (V, 2, N, N)."""
     views, _, corners, _ = whitening.shape
-    whitened = (whitening @ table.reshape(views, 2, corners, -1)).reshape(table.shape)
-    triangle = triangular_factor(whitened)
-    free = table.shape[-1] - 1
-    count = 2 * np.count_nonzero(weights, axis=(1, 2)) - free
-    deviation = np.maximum(np.abs(triangle[:, free, free]) / np.sqrt(count), _LEAST_DEVIATION)
-    determinants = np.log(np.diagonal(whitening, axis1=-2, axis2=-1)).sum() * 2.0
-    volumes = np.log(np.abs(np.diagonal(triangle[:, :free, :free], axis1=-2, axis2=-1))).sum()
-    return float(determinants - volumes - np.sum(count * np.log(deviation))), deviation
+    return np.asarray((whitening @ table.reshape(views, 2, corners, -1)).reshape(table.shape))
+
+
+def _freedom(weights: FloatArray, free: int) -> IndexArray:
+    """Degrees of freedom of every view."""
+    return np.asarray(2 * np.count_nonzero(weights, axis=(1, 2)) - free)
+
+
+def _deviations(lengths: FloatArray, weights: FloatArray, free: int) -> FloatArray:
+    """Standard deviations of the views [px], from the lengths of their whitened residuals after a fit."""
+    return np.asarray(np.maximum(lengths / np.sqrt(_freedom(weights, free)), _LEAST_DEVIATION))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,28 +254,46 @@ class _Layouts:
         )
 
     def whitening(self, share: float, length: float) -> FloatArray:
-        """Inverse Cholesky factors for unit deviation, shape (V, 2, N, N); identity where a corner is absent."""
-        from scipy.linalg.lapack import dtrtri  # slow to import; only corners need it
+        """Inverse Cholesky factors for unit deviation, shape (L, N, N); identity where a corner is absent."""
+        own = np.where(self._there, (1.0 - share) / self._safe, 1.0)
+        return np.tril(np.linalg.inv(np.linalg.cholesky(share * self._fall(length) + _diagonal(own))))
 
-        there = self.weights > 0.0
-        both = there[:, :, None] & there[:, None]
-        matrix = np.where(both, share / (1.0 + self.square / length**2), 0.0)
-        own = np.where(there, (1.0 - share) / np.where(there, self.weights, 1.0), 1.0)
-        corners = np.arange(there.shape[1])
-        matrix[:, corners, corners] += own
-        # LAPACK inverts a triangular matrix in a third of the time of numpy's general inverse.
-        inverse = [dtrtri(factor.T)[0].T for factor in np.linalg.cholesky(matrix)]
-        return np.stack(inverse)[self.number]
+    def changes(self, correlation: _Correlation) -> FloatArray:
+        """Derivatives of the covariances by the parameters of the correlation, shape (2, L, N, N)."""
+        fall = self._fall(correlation.length)
+        by_share = fall - _diagonal(np.where(self._there, 1.0 / self._safe, 0.0))
+        by_length = correlation.share * 2.0 * fall * (1.0 - fall)  # by the logarithm; zero where a corner is absent
+        return np.stack([by_share, by_length]) * correlation.by_place[:, None, None, None]
+
+    @property
+    def _there(self) -> BoolArray:
+        return self.weights > 0.0
+
+    @property
+    def _safe(self) -> FloatArray:
+        """The weights, with 1 where a corner is absent."""
+        return np.where(self._there, self.weights, 1.0)
+
+    def _fall(self, length: float) -> FloatArray:
+        """Correlation between corners, 1/(1 + d²/ℓ²); zero where one is absent."""
+        both = self._there[:, :, None] & self._there[:, None]
+        return np.where(both, 1.0 / (1.0 + self.square / length**2), 0.0)
+
+
+def _diagonal(values: FloatArray) -> FloatArray:
+    """Diagonal matrices of values (L, N)."""
+    return values[..., None] * np.eye(values.shape[-1])
 
 
 def _noise(
     board: FloatArray, weights: FloatArray, *, share: float, length: float, deviation: FloatArray
 ) -> CornerNoise:
     typical = np.sqrt(np.mean(deviation**2)) / deviation
+    layouts = _Layouts.of(board, weights)
     return CornerNoise(
         share=share,
         length=length,
         deviation=deviation,
         weights=weights,
-        whitening=_Layouts.of(board, weights).whitening(share, length) * typical[:, None, None, None],
+        whitening=layouts.whitening(share, length)[layouts.number] * typical[:, None, None, None],
     )

@@ -8,10 +8,12 @@ If the lever is the board's radius of gyration, both displace the corners equall
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import StereoCorners
+from tradestudy.calibration.corners.scale_scoring import LocalLikelihood, average_information
 from tradestudy.calibration.corners.triangular_factor import triangular_factor
 from tradestudy.calibration.corners.view_blocks import (
     motion_columns,
@@ -20,7 +22,9 @@ from tradestudy.calibration.corners.view_blocks import (
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray, IndexArray
 
-_MOST_STEPS = 20
+_MOST_STEPS: Final = 20
+LAST_STEP: Final = 1e-5
+"""Square of the last Gauss–Newton step, in standard deviations; another would be far shorter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,24 +123,55 @@ class CompressedViews:
         total: FloatArray = -0.5 * (seen + rest) - self.rest_count * np.log(noise_px)
         return total
 
-    def restricted_log_likelihood(self, noise_px: float, motion_scale: float, stretch: float = 1.0) -> float:
+    def restricted_log_likelihood(self, noise_px: float, motion_scale: float) -> float:
         """Log likelihood of the scales, up to a constant, with the shared parameters integrated out under a flat prior.
 
         Parameters
         ----------
         noise_px, motion_scale : float
             Standard deviations of a coordinate [px] and of the motion [m]; a motion of zero switches the term off.
+        """
+        return self.restricted_likelihood(noise_px, motion_scale).value
+
+    def restricted_likelihood(self, noise_px: float, motion_scale: float, stretch: float = 1.0) -> LocalLikelihood:
+        """That log likelihood, with derivatives by the logarithms of noise, motion scale and stretch.
+
+        Parameters
+        ----------
+        noise_px, motion_scale : float
+            As for `restricted_log_likelihood`.
         stretch : float
             Factor by which the lever is multiplied, as for `with_lever`.
         """
         columns = self.motion_columns * (motion_scale / np.array([*[stretch] * 3, *[1.0] * 3]))
-        covariance = columns @ np.swapaxes(columns, -1, -2) + noise_px**2 * np.eye(6)
-        factor = np.linalg.cholesky(covariance)
-        rows = np.linalg.solve(factor, self.motion_rows).reshape(-1, self.rest.shape[-1])
-        # Triangular factor of all rows for unit noise, whose last diagonal element is the residual after a fit.
-        *pivots, left = np.abs(np.diagonal(triangular_factor(np.concatenate([rows, self.rest / noise_px]))))
-        volume = np.log(pivots).sum() + np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()
-        return float(-volume - 0.5 * left**2 - self.rest_count * np.log(noise_px))
+        moved, turned = (part @ np.swapaxes(part, -1, -2) for part in (columns, columns[..., :3]))
+        own = noise_px**2 * np.eye(6)
+        factor = np.linalg.cholesky(moved + own)
+        whitening = np.linalg.inv(factor)
+        rows = (whitening @ self.motion_rows).reshape(-1, self.rest.shape[-1])
+        table = np.concatenate([rows, self.rest / noise_px])
+        basis, triangle = np.linalg.qr(table[:, :-1])
+        left = table[:, -1] - basis @ (basis.T @ table[:, -1])
+        volume = np.log(np.abs(np.diagonal(triangle))).sum() + np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()
+        # The whitened covariance of the remaining rows, of which only the noise changes the scale, is the identity.
+        changes = 2.0 * (
+            whitening @ np.stack(np.broadcast_arrays(own, moved, -turned)) @ np.swapaxes(whitening, -1, -2)
+        )
+        of_rest = np.array([2.0, 0.0, 0.0])
+        traces = np.trace(changes, axis1=-2, axis2=-1).sum(axis=-1) + of_rest * self.rest_count
+
+        def changed(values: FloatArray) -> FloatArray:
+            seen = changes @ values[: len(rows)].reshape(-1, 6, values.shape[-1])
+            rest = of_rest[:, None, None] * values[len(rows) :]
+            return np.concatenate([seen.reshape(3, len(rows), -1), rest], axis=1)
+
+        both = changed(np.concatenate([basis, left[:, None]], axis=1))
+        free = traces - np.einsum("rp,irp->i", basis, both[..., :-1])
+        return LocalLikelihood(
+            value=float(-volume - 0.5 * left @ left - self.rest_count * np.log(noise_px)),
+            gradient=-0.5 * (free - both[..., -1] @ left),
+            information=average_information(basis[None], both[:, None, :, -1]),
+        )
 
     def information(self, noise_px: float, motion_scale: float) -> tuple[FloatArray, FloatArray]:
         """Information matrix of the shared parameters, and its product with the step to their optimum.
@@ -249,7 +284,7 @@ def settle_views(
     Returns
     -------
     ViewStates
-        Poses and motions, converged to 1e-4 standard deviations in every view.
+        Poses and motions, converged to less than 1e-3 standard deviations in every view.
 
     Raises
     ------
@@ -261,12 +296,12 @@ def settle_views(
         hessian, gradient = _state_equations(residuals, by_states, states, noise_px, motion_scale)
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         states = ViewStates(poses=states.poses + step[:, :6], motions=states.motions + step[:, 6:])
-        if np.max(np.einsum("vi,vij,vj->v", step, hessian, step)) < 1e-8:
+        if np.max(np.einsum("vi,vij,vj->v", step, hessian, step)) < LAST_STEP:
             return states
     raise NotConvergedError(
         "the board pose of a view does not converge",
         value=f"{_MOST_STEPS} steps",
-        limit="steps below 1e-4 standard deviations",
+        limit="a last step below 0.003 standard deviations",
         remedy="start closer to the fit",
     )
 

@@ -10,12 +10,14 @@ import numpy as np
 from tradestudy.calibration.corners.bundle_adjustment import PairFit
 from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.corners.marginal_views import (
+    LAST_STEP,
     CompressedViews,
     ViewStates,
     compress_views,
     gyration_radius,
     settle_views,
 )
+from tradestudy.calibration.corners.scale_scoring import LocalLikelihood, maximise
 from tradestudy.calibration.corners.view_blocks import (
     motion_columns,
     pair_blocks,
@@ -27,7 +29,7 @@ from tradestudy.optics.arrays import FloatArray
 
 _MOST_LINEARISATIONS = 20
 _LEVER_DEVIATION = 1.0  # prior standard deviation of ln(lever / radius of gyration)
-_FIRST_STEPS = (0.05, 0.3, 0.3)  # in the logarithms of noise, motion scale and lever
+_SCALES_SETTLED = 1e-7  # gain of the log likelihood: half a thousandth of a standard deviation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +106,7 @@ def view_means(fit: PairFit, corners: StereoCorners) -> ViewMeans:
     return ViewMeans(left=left, right=right, correlation=float(np.corrcoef(left.ravel(), right.ravel())[0, 1]))
 
 
-def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
+def fit_pair_residual(fit: PairFit, corners: StereoCorners, start: PairResidualFit | None = None) -> PairResidualFit:
     """Fit the pair again with a small board motion between the exposures of each view.
 
     Parameters
@@ -113,6 +115,8 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
         Bundle adjustment without the term.
     corners : StereoCorners
         The observed corners.
+    start
+        An earlier fit, to corners with another noise or another warp, from which to start.
 
     Returns
     -------
@@ -127,16 +131,16 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
         The fit does not converge.
     """
     begin = time.perf_counter()
-    radius = lever = gyration_radius(corners)
-    shared = fit.shared
-    states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
+    radius = gyration_radius(corners)
+    if start is None:
+        shared, noise, lever = fit.shared, fit.noise_px, radius
+        states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
+    else:
+        shared, noise, lever, states = start.shared, start.noise_px, start.lever, start.states
     compressed = compress_views(shared, states, corners, lever)
     without = compressed.restricted_log_likelihood(fit.noise_px, 0.0)
-    # Start with the motion scale that explains the rows that depend on motion.
-    scale = float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))
-    noise = fit.noise_px
     for _ in range(_MOST_LINEARISATIONS):
-        noise, scale, factor = _best_scales(compressed, noise, scale, lever / radius)
+        noise, scale, factor = _best_scales(compressed, noise, lever / radius)
         compressed, lever = compressed.with_lever(factor), factor * lever
         information, gradient = compressed.information(noise, scale)
         step = np.linalg.solve(information, gradient)
@@ -144,12 +148,12 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
         states = replace(states, motions=states.motions * np.array([*[factor] * 3, *[1.0] * 3]))
         states = settle_views(shared, states, corners, lever, noise_px=noise, motion_scale=scale)
         compressed = compress_views(shared, states, corners, lever)
-        if step @ information @ step < 1e-8:
+        if step @ information @ step < LAST_STEP:
             return _result(fit, corners, compressed, states, lever, noise, scale, without, begin)
     raise NotConvergedError(
         "the fit with a left–right term does not converge",
         value=f"{_MOST_LINEARISATIONS} linearisations",
-        limit="steps below 1e-4 standard deviations",
+        limit="a last step below 0.003 standard deviations",
         remedy="add views, because the shared parameters are too uncertain to linearise",
     )
 
@@ -193,31 +197,24 @@ def _result(
     )
 
 
-def _best_scales(
-    compressed: CompressedViews, noise_px: float, motion_scale: float, stretch: float
-) -> tuple[float, float, float]:
+def _best_scales(compressed: CompressedViews, noise_px: float, stretch: float) -> tuple[float, float, float]:
     """Noise and motion scale with the highest restricted likelihood, and the factor by which the lever changes.
 
-    The stretch is the current ratio of the lever to the radius of gyration.
+    Starts from a noise [px], and from the motion scale that explains the rows that depend on motion: close to zero, no
+    slope would lead away. The stretch is the current ratio of the lever to the radius of gyration.
     """
-    from scipy.optimize import minimize  # slow to import; only corners need it
+    explains = np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains))
 
-    def cost(logs: FloatArray) -> float:
+    def likelihood(logs: FloatArray) -> LocalLikelihood:
         noise, scale, factor = np.exp(logs)
+        found = compressed.restricted_likelihood(noise, scale, factor)
         unusual = (np.log(stretch) + logs[2]) / _LEVER_DEVIATION
-        return 0.5 * float(unusual**2) - compressed.restricted_log_likelihood(noise, scale, factor)
+        return LocalLikelihood(
+            value=found.value - 0.5 * float(unusual**2),
+            gradient=found.gradient - np.array([0.0, 0.0, unusual / _LEVER_DEVIATION]),
+            information=found.information + np.diag([0.0, 0.0, _LEVER_DEVIATION**-2]),
+        )
 
-    start = np.array([np.log(noise_px), np.log(motion_scale), 0.0])
-    found = minimize(
-        cost,
-        start,
-        method="Nelder-Mead",
-        options={
-            "initial_simplex": np.concatenate([start[None], start + np.diag(_FIRST_STEPS)]),
-            "xatol": 1e-4,
-            "fatol": 1e-6,
-            "maxiter": 1000,
-        },
-    )
-    noise, scale, factor = np.exp(found.x)
+    found = maximise(likelihood, np.array([np.log(noise_px), np.log(explains), 0.0]), _SCALES_SETTLED)
+    noise, scale, factor = np.exp(found)
     return float(noise), float(scale), float(factor)

@@ -223,7 +223,7 @@ def _with_noise_and_warp(
     for done in range(_MOST_ROUNDS):
         last = explained.noise_px
         corners = replace(corners, noise=_noise_of(corners, explained, weights))
-        explained = _refitted(pair, explained, corners)
+        explained = fit_pair_residual(pair, corners, explained)
         if done >= _LEAST_ROUNDS and abs(explained.noise_px / last - 1.0) < _NOISE_SETTLED:
             return corners, explained, warp
         information, gradient = _with_warp(explained, corners, warp)
@@ -237,11 +237,6 @@ def _with_noise_and_warp(
     )
 
 
-def _refitted(pair: PairFit, last: PairResidualFit, corners: StereoCorners) -> PairResidualFit:
-    """The fit, repeated after a change of the noise or the board."""
-    return fit_pair_residual(replace(pair, shared=last.shared, poses=last.states.poses), corners)
-
-
 def _with_warp(fit: PairResidualFit, corners: StereoCorners, warp: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Information and gradient for the shared parameters and the warp."""
     return views_with_warp(fit, corners, warp).information(fit.noise_px, fit.motion_scale)
@@ -253,7 +248,7 @@ def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray)
     blocks = pair_blocks(fit.shared, fit.states.poses, as_seen)
     motions = motion_columns(fit.shared, fit.states.poses, as_seen, fit.lever)
     free = np.concatenate([blocks.by_pose, motions], axis=-1)
-    return estimate_noise(blocks.residuals, free, corners.board, weights * corners.present[:, None])
+    return estimate_noise(blocks.residuals, free, corners.board, weights * corners.present[:, None], corners.noise)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -183,8 +183,8 @@ class DepthProblem(SimulationProblem):
         for one in self._variants:
             if one.camera.calibration.groups:
                 found[one] = one.linear_error()
-                if math.isinf(found[one][0]) and not one.only_in:
-                    break  # no other form could make it worse
+                if found[one][0] > self._drawn_above and not one.only_in and self._is_free("calibration"):
+                    break  # the study as declared needs draws, whatever its other forms need
         beyond = frozenset(one for one, (error, _) in found.items() if error > self._drawn_above)
         if all(one.only_in for one in beyond) and self._is_free("calibration"):
             self._drawn = beyond
