@@ -131,7 +131,7 @@ def window_share(field: SpreadField) -> Measured:
     psf = as_point_spread(field)
     return measured(
         psf,
-        lambda g: g.spline.integral(g.y[0], g.y[-1], g.x[0], g.x[-1]) / g.pupil_power,
+        lambda g: g.power_in((g.x[0], g.x[-1]), (g.y[0], g.y[-1])) / g.pupil_power,
         carried=_over_window(psf),
     )
 
@@ -247,10 +247,8 @@ def pixel_shares(field: SpreadField, *, pitch: float, corner: tuple[float, float
         )
 
     def shares(grid: PointSpread) -> FloatArray:
-        integrals = [
-            [grid.spline.integral(y0, y1, x0, x1) for x0, x1 in pairwise(x_edges)] for y0, y1 in pairwise(y_edges)
-        ]
-        return np.asarray(integrals) / grid.pupil_power
+        powers = [[grid.power_in(columns, rows) for columns in pairwise(x_edges)] for rows in pairwise(y_edges)]
+        return np.asarray(powers) / grid.pupil_power
 
     return measured(psf, shares, carried=pitch * psf.intensity_error / psf.pupil_power)
 
