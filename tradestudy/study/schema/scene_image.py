@@ -213,11 +213,22 @@ class SceneImagePart(Part):
     depth_maps: bool = Field(
         default=False,
         strict=True,
-        description="Whether a run also measures depth in the pictures and compares it with the true depth.",
+        description="Whether a run also measures depth in the pictures and compares it with the true depth; not for "
+        "pictures taken through a mosaic.",
     )
     depth_format: Literal["tiff", "npy"] = Field(
         default="tiff", description="Format of the files with the true depth in metres."
     )
+
+    @model_validator(mode="after")
+    def _depth_without_mosaic(self) -> Self:
+        if self.depth_maps and self.mosaic is not None:
+            raise MistakeAt(
+                ("depth_maps",),
+                "depth cannot be measured in pictures taken through a mosaic of colour filters; remove mosaic, or set "
+                "depth_maps: false",
+            )
+        return self
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """The files named in this part, each with the path of its name."""
