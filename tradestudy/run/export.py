@@ -107,12 +107,15 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
         posterior = posterior or _declared(definition, camera, name)
         if posterior is None:
             left_out.append("posterior: no parameter of the camera is declared uncertain")
+    found = Export(texts=texts, posterior=posterior if POSTERIOR in asked else None, left_out=(*left_out, *refused))
+    if not texts and found.posterior is None:
+        raise ExportError("\n".join(found.left_out), remedy="choose another format with --format; nothing was written")
     if refused and not lossy:
         raise ExportError(
             "\n".join(refused),
             remedy="pass --lossy to leave this out, or choose other formats with --format; nothing was written",
         )
-    return Export(texts=texts, posterior=posterior if POSTERIOR in asked else None, left_out=(*left_out, *refused))
+    return found
 
 
 def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping[str, str], list[str]]]:

@@ -172,3 +172,14 @@ def test_cameras_that_cannot_be_exported_are_refused_with_a_reason(tmp_path: Pat
     assert not (tmp_path / "out").exists()
     _, left_out = api.export(loaded, "rig", tmp_path / "out", lossy=True)
     assert [one for one in left_out if re.match("a posterior .* ageing_yaw", one)]
+
+
+def test_an_export_that_would_write_nothing_is_refused_even_if_losses_are_accepted(tmp_path: Path) -> None:
+    sensor = "lenses: {focal_length: 2 mm}, sensor: {pixels: [640, 480], pixel_pitch: 3 um}"
+    lens = "distortion: {model: fov, w: 50 deg}"
+    loaded = api.load(study(tmp_path, rig=f"kind: stereo, baseline: 60 mm, {sensor}, {lens}"))
+    with pytest.raises(TradestudyError, match=r"mrcal.* fov; choose another format.*nothing was written"):
+        api.export(loaded, "rig", tmp_path / "out", formats=("mrcal",), lossy=True)
+    assert not (tmp_path / "out").exists()
+    paths, _ = api.export(loaded, "rig", tmp_path / "out", lossy=True)
+    assert [path.name for path in paths] == ["rig-camchain.yaml"]
