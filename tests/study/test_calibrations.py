@@ -300,3 +300,14 @@ def test_several_values_are_varied_together(written: Written) -> None:
     changed = study.with_values(dict.fromkeys(study.file.solve["array"].paths, "3 um"))
     tied = changed.case.cameras["r5"].calibration.groups[0]
     np.testing.assert_allclose([tied.marginal(i).standard_deviation or 0.0 for i in range(2)], 3e-6)
+
+
+def test_corners_that_cannot_be_used_are_mistakes_of_the_study(written: Written, tmp_path: Path) -> None:
+    corners = rig("      errors: null\n      corners: {file: corners.csv}")
+    (tmp_path / "corners.csv").write_text("view,corner\n1,2\n")
+    with pytest.raises(StudyError, match=r"study.yaml:11:23: cameras.rig.calibration.corners.file: .*board_x_mm"):
+        written(corners)
+    (tmp_path / "corners.csv").write_text((STUDIES / "data/stereo_chessboard_corners.csv").read_text())
+    small = corners.replace("    calibration:", "    sensor: {pixels: [320, 240]}\n    calibration:")
+    with pytest.raises(StudyError, match=r"corners.file: declared sensor 320 × 240 px, but corners lie"):
+        written(small)

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from tradestudy.calibration.calibration_file import CalibrationDraws
-from tradestudy.calibration.corners.corner_file import read_corners
+from tradestudy.calibration.corners.corner_file import StereoCorners, read_corners
 from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
 from tradestudy.calibration.corners.rig_geometry import check_geometry, check_inside
 from tradestudy.calibration.corners.rig_posterior import sample_rig
@@ -169,6 +169,22 @@ def infer_from_target(request: TargetToInfer) -> InferredCalibration:
     )
 
 
+def corners_of(request: CornersToInfer) -> StereoCorners:
+    """The corners of a camera's file, all of them on its declared sensor.
+
+    Raises
+    ------
+    CornerFileError
+        The file cannot be read, or is inconsistent.
+    GeometryContradictionError
+        A corner lies outside the declared sensor.
+    """
+    rig = cast(PairGeometry, request.camera)  # the schema admits no other kind
+    corners = read_corners(request.folder / request.part.file)
+    check_inside(request.name, rig, np.concatenate([corners.left[corners.present], corners.right[corners.present]]))
+    return corners
+
+
 def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
     """Calibrate a real rig from a corner file, by bundle adjustment with a left–right term, and sampling with emcee.
 
@@ -182,8 +198,7 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
         The views do not determine the parameters.
     """
     rig = cast(PairGeometry, request.camera)  # the schema admits no other kind
-    corners = read_corners(request.folder / request.part.file)
-    check_inside(request.name, rig, np.concatenate([corners.left[corners.present], corners.right[corners.present]]))
+    corners = corners_of(request)
     lens = lens_of(request.part.lens_model)
     fit, names = fit_rig(replace(corners, lens=lens)), shared_names(lens.free)
     normal = LaplaceFit(names=names, mean=fit.explained.shared, covariance=fit.covariance)

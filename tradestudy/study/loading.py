@@ -44,7 +44,7 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
     except StudyError as error:
         problems += error.problems
-    for search in (_problems_of_changes, _problems_of_questions):
+    for search in (_problems_of_changes, _problems_of_questions, _problems_of_corners):
         try:
             problems += search(definition)
         except StudyError as error:
@@ -139,6 +139,22 @@ def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
             check()
         except TradestudyError as error:
             yield definition.document.locate(where).problem(where, str(error))
+
+
+def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:
+    """Corner files that cannot be read, or that contradict the declared sensor."""
+    cameras = definition.file.cameras.values()
+    if not any(isinstance(one, DepthCameraDeclaration) and one.calibration.source == "corners" for one in cameras):
+        return
+    from tradestudy.calibration.posteriors import CornersToInfer, corners_of  # loads all of calibration
+
+    for request in definition.calibrations_to_infer().values():
+        if isinstance(request, CornersToInfer):
+            try:
+                corners_of(request)
+            except TradestudyError as error:
+                where = ("cameras", request.name, "calibration", "corners", "file")
+                yield definition.document.locate(where).problem(where, str(error))
 
 
 def _changes(definition: StudyDefinition) -> Iterator[Change]:
