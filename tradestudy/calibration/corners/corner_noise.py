@@ -25,7 +25,7 @@ _RAYLEIGH_MEDIAN: Final = float(
     np.sqrt(2.0 * np.log(2.0))
 )  # median length of a vector whose components have unit standard deviation
 _MOST_VIEWS: Final = 60
-_SETTLED: Final = 0.02  # gain of the log likelihood: a fifth of a standard deviation of share and length
+_SETTLED: Final = 1e-3  # gain of the log likelihood: a twentieth of a standard deviation of share and length
 # Share of the correlated noise, and logarithm of its length in corner spacings; some independent noise keeps the
 # covariance regular.
 _LOW: Final = np.array([0.0, np.log(0.3)])
