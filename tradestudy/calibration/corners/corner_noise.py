@@ -30,6 +30,7 @@ _SETTLED: Final = 1e-3  # gain of the log likelihood: a twentieth of a standard 
 # covariance regular.
 _LOW: Final = np.array([0.0, np.log(0.3)])
 _HIGH: Final = np.array([1.0 - 1e-3, np.log(10.0)])
+_NEAR_THE_ENDS: Final = 0.08
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,8 +165,9 @@ class _Correlation:
 
 
 def _place(noise: CornerNoise, spacing: float) -> FloatArray:
-    """The unbounded parameters of an estimate."""
+    """The unbounded parameters of an estimate, kept away from the ends, where no slope would lead back."""
     inside = (np.array([noise.share, np.log(noise.length / spacing)]) - _LOW) / (_HIGH - _LOW)
+    inside = np.clip(inside, _NEAR_THE_ENDS, 1.0 - _NEAR_THE_ENDS)
     return np.asarray(np.log(inside / (1.0 - inside)))
 
 
