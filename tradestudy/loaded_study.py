@@ -129,7 +129,7 @@ class Study:
         return f"{self.name}: {words or 'no mistakes'}"
 
     def check(self) -> str:
-        """Check that the declared tolerances can be met, with any models that the study forces.
+        """Check that the declared tolerances can be met; where the study forces a model, with that model.
 
         The time of the run is not predicted.
 

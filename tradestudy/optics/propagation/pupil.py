@@ -35,8 +35,8 @@ class Pupil:
     around the aperture: row i lies at y/R = −1 + 2 i/(n − 1), column j at x/R = −1 + 2 j/(n − 1). A quintic spline
     interpolates the values, so they must continue smoothly beyond the edge of the aperture. Functions must be smooth,
     too: with a step inside the aperture, quadrature converges slowly and may miss the tolerance. A dark centre costs no
-    accuracy if `obscuration` declares it. The methods ``geometric`` and ``boundary_wave`` accept only Zernike
-    coefficients.
+    accuracy if `obscuration` declares it. With the methods ``geometric`` and ``boundary_wave``, `aperture_field` and
+    `point_spread` accept only Zernike coefficients, and `chain_image` accepts no pupil.
 
     Parameters
     ----------
