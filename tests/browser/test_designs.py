@@ -65,7 +65,7 @@ def _says_what_the_results_say(page: Any, tree: Any, place: dict[str, int]) -> N
         shown = page.locator(f"#{callout.name} li").all_inner_texts()
         assert [one.replace("\u00a0", " ") for one in shown] == items
     met = {1: "yes", 0: "no", -1: "cannot be decided"}
-    cells = [row.locator("td").nth(1).inner_text() for row in page.locator("#requirement-table tbody tr").all()]
+    cells = [row.locator("td").nth(2).inner_text() for row in page.locator("#requirement-table tbody tr").all()]
     expected = [met[int(one)] for one in tree["requirements"].to_dataset()["design_met"].isel(place).values]
     assert [one.split("\n")[0].split(",")[0] for one in cells] == expected
 

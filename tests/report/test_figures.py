@@ -133,6 +133,17 @@ def test_bold_curves_hold_the_uncertainty_where_usable_in_millimetres(tree: xr.D
     np.testing.assert_allclose(y[drawn], 1e3 * np.hypot(6.9e-4, 0.0349) * x[drawn] ** 2, rtol=1e-12)
 
 
+def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree) -> None:
+    """2 % of the distance from 0.1 to 0.4 m, and 40 mm at 1 m, in millimetres."""
+    drawing = figures.build(tree)["whole_range"]
+    assert "Dashed: required." in drawing.caption
+    lines = [line.get_xydata() for line in drawing.draw().axes[0].lines if line.get_marker() == "|"]
+    np.testing.assert_allclose(lines, [[[0.1, 2.0], [0.4, 8.0]], [[1.0, 40.0], [1.0, 40.0]]])
+    without = tree.copy()
+    del without["requirements"]
+    assert "required" not in figures.build(without)["whole_range"].caption
+
+
 @pytest.mark.parametrize("name", ["whole_range", "mid_range"])
 def test_no_curve_is_drawn_where_no_point_is_seen_twice(make_tree: Callable[..., xr.DataTree], name: str) -> None:
     tree = make_tree()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -38,7 +38,7 @@ from tradestudy.figures.style import (
 )
 from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_measured, where_usable
-from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.groups import FloatArray, records
 from tradestudy.wording import distance as distance_words
 
 MM = 1e3
@@ -173,8 +173,14 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     limits = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
     curves.set(ylim=limits, ylabel="depth uncertainty (68 %)")
     draw_curves(curves, depth, shown, drawn)
+    bounds = list(required_uncertainties(tree))
     edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
-    draw_relative_guides(curves, distance, drawn, edges)
+    required = [np.interp(distance, over, bound, left=np.nan, right=np.nan) for over, bound in bounds]
+    draw_relative_guides(curves, distance, [*drawn, *required], edges)
+    for (over, bound), line in zip(bounds, required, strict=True):
+        dashes = {"linestyle": (0, (4, 1.5)), "linewidth": 1.1, "marker": "|", "markersize": 4.0}
+        curves.plot(over, bound * MM, color=INK, zorder=2.1, **dashes)
+        _name_along(curves, distance, line, "required", drawn, edges)
     _bars(bars, depth, shown)
     if has_winners(tree):
         if len(shown) > 1:
@@ -182,6 +188,14 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
         _crossovers((curves, bars), edges)
     bars.set_xlabel(distance_label(float(distance[-1])))
     return figure
+
+
+def required_uncertainties(tree: xr.DataTree) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Requirements on the depth uncertainty: the ends of their distances, and their bounds there [m]."""
+    for row in records(tree, "requirements", "requirement"):
+        if row["quantity"] == "depth_uncertainty":
+            over = np.array([row["over_near"], row["over_far"]], dtype=float)
+            yield over, float(row["bound"]) * (over if row["bound_is_relative"] else np.ones(2))
 
 
 def draw_relative_guides(
@@ -200,23 +214,32 @@ def draw_relative_guides(
     edges
         Distances [m] of vertical lines.
     """
+    for share, name in _GUIDES:
+        axes.plot(distance, share * distance * MM, color=FAINT, linewidth=0.9, zorder=0.5)
+        _name_along(axes, distance, share * distance, name, drawn, edges)
+
+
+def _name_along(
+    axes: Axes, distance: FloatArray, line: FloatArray, name: str, others: Sequence[FloatArray], edges: Sequence[float]
+) -> None:
+    """Write the name of a line [m] on it, where there is room between curves [m] and vertical lines at `edges` [m]."""
     (left, right), (bottom, top) = np.log(axes.get_xlim()), np.log(axes.get_ylim())
     wide, tall = panel_size(axes)
     x = (np.log(distance) - left) / (right - left)
-    known = [np.log(np.where(np.isfinite(curve) & (curve > 0.0), curve, np.nan) * MM) for curve in drawn]
-    levels = [(curve - bottom) / (top - bottom) for curve in known]
-    slope = float(np.degrees(np.arctan2(tall / (top - bottom), wide / (right - left))))  # of the guides
-    uprights = [(np.log(edge) - left) / (right - left) for edge in edges]
-    for share, name in _GUIDES:
-        guide = (np.log(share * distance * MM) - bottom) / (top - bottom)
-        axes.plot(distance, share * distance * MM, color=FAINT, linewidth=0.9, zorder=0.5)
-        width, height = _LETTER * SMALL * len(name) / wide, 1.6 * SMALL / tall
-        place = _free_place(x, guide, levels, uprights, (width, height))
-        if place is not None:
-            axes.text(
-                place, float(np.interp(place, x, guide)), name, transform=axes.transAxes, color=SOFT, fontsize=SMALL,
-                ha="center", va="bottom", rotation_mode="anchor", rotation=slope,
-            )  # fmt: skip
+    uprights = [float((np.log(edge) - left) / (right - left)) for edge in edges]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        levels = [(np.log(one * MM) - bottom) / (top - bottom) for one in (line, *others)]
+    known = [np.where(np.isfinite(level), level, np.nan) for level in levels]
+    width, height = _LETTER * SMALL * len(name) / wide, 1.6 * SMALL / tall
+    place = _free_place(x, known[0], known[1:], uprights, (width, height))
+    if place is None:
+        return
+    foot, beside = (float(np.interp(place + aside, x, known[0])) for aside in (0.0, 0.5 * width))
+    slope = float(np.degrees(np.arctan2(tall * (beside - foot), wide * 0.5 * width)))
+    axes.text(
+        place, foot, name, transform=axes.transAxes, color=SOFT, fontsize=SMALL, ha="center", va="bottom",
+        rotation_mode="anchor", rotation=slope,
+    )  # fmt: skip
 
 
 def _free_place(
@@ -232,7 +255,7 @@ def _free_place(
     for middle in np.arange(1.0 - 0.6 * width, 0.6 * width, -0.02):
         here = np.abs(x - middle) <= 0.6 * width
         foot = float(np.interp(middle, x, guide))
-        if not here.any() or foot < 0.01 or foot + height > 0.99:
+        if not (here.any() and 0.01 <= foot <= 0.99 - height) or np.isnan(guide[here]).any():
             continue
         if any(abs(upright - middle) <= 0.6 * width for upright in uprights):
             continue

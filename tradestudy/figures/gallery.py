@@ -87,8 +87,10 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
     caption = (
         "Depth uncertainty (half the width of the central 68.27 % interval), bold where the camera is usable. "
-        "Grey lines: fractions of the distance. Bars: usable distances."
+        "Bars: usable distances."
     )
+    if any(depth_curves.required_uncertainties(tree)):
+        caption += " Dashed: required."
     caption += _design_words(tree)
     if has_winners(tree) and len(shown) > 1:
         among = [camera.title for camera in shown if camera.key in candidates(tree)]

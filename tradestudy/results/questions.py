@@ -253,6 +253,22 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         error=ESTIMATE,
     ),
     "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI units", error=EXACT),
+    "bound_is_relative": Variable(
+        dims=_OF_REQUIREMENT, units="1", long_name="whether 'bound' is a fraction of the distance", error=EXACT
+    ),
+    "bound_text": Variable(dims=_OF_REQUIREMENT, units="", long_name="the bound in words"),
+    "over_near": Variable(
+        dims=_OF_REQUIREMENT,
+        units="m",
+        long_name="nearest of the required distances; NaN where the requirement has none",
+        error=EXACT,
+    ),
+    "over_far": Variable(
+        dims=_OF_REQUIREMENT,
+        units="m",
+        long_name="farthest of the required distances; NaN where the requirement has none",
+        error=EXACT,
+    ),
     "place": Variable(
         dims=_OF_REQUIREMENT,
         units="m",

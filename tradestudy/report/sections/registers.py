@@ -30,7 +30,7 @@ from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.results.views.requirement_conclusions import VERDICTS, requirement_conclusions
 from tradestudy.units import significant
-from tradestudy.wording import in_words, listed
+from tradestudy.wording import in_words, listed, span
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES: Final[Mapping[str, str]] = {
@@ -319,6 +319,7 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
         "of −30 % or less.",
         columns=(
             Column(title="Requirement", weight=3),
+            Column(title="Bound", weight=2),
             Column(title="Met", weight=2),
             Column(title="Camera", weight=2),
             Column(title="Margin", unit="%", align="right"),
@@ -328,6 +329,7 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
         rows=tuple(
             (
                 str(r["says"]),
+                _bound_over(r),
                 say(
                     "**{met}**{near}",
                     met={1: "yes", 0: "no", -1: "cannot be decided"}[int(r["met"])],
@@ -341,6 +343,12 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
             for r in rows
         ),
     )
+
+
+def _bound_over(row: Mapping[str, Any]) -> str:
+    """The bound of a requirement, and the distances over which it must hold."""
+    text, near, far = str(row["bound_text"]), float(row["over_near"]), float(row["over_far"])
+    return text if math.isnan(near) else f"{text} from {span(near, far)}"
 
 
 def _times_the_error(margin: float) -> str:

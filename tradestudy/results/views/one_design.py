@@ -29,7 +29,7 @@ _OF_DESIGNS: Final = {
     "reason": "design_reason",
     "limited_by": "design_limited_by",  # earlier runs lack it
 }
-_OF_ALL: Final = ("says", "priority", "quantity", "of")
+_OF_ALL: Final = ("says", "priority", "quantity", "of", "bound_text", "over_near", "over_far")
 _UNKNOWN: Final = {"place": np.nan, "conformity": np.nan, "rests_on": "", "rests_on_share": np.nan}
 
 

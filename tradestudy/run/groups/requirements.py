@@ -22,9 +22,20 @@ from tradestudy.imaging.derived_error import at_bound
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.schema.requirements import RequirementPart
+from tradestudy.study.schema.requirements import (
+    BoundOverPart,
+    CriterionPart,
+    LengthBelowPart,
+    Required,
+    RequirementPart,
+    ShareAbovePart,
+    ShareBelowPart,
+    SharpPart,
+    UsablePart,
+)
 from tradestudy.study.sweep import SweepAxis, sweep_axes
 from tradestudy.study.varying import Varying
+from tradestudy.units import FRACTION, LENGTH, pretty
 from tradestudy.wording import limit_words
 
 _BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # quantities that depend on the matcher
@@ -54,6 +65,10 @@ def requirements_group(
         "value": [one.value for one in deciding],
         "value_error": [one.error for one in deciding],
         "bound": [one.bound for one in deciding],
+        "bound_is_relative": [_is_relative(one.required) for one in requirements.values()],
+        "bound_text": [_bound_words(one.required) for one in requirements.values()],
+        "over_near": [one.over[0] if one.over else math.nan for one in requirements.values()],
+        "over_far": [one.over[-1] if one.over else math.nan for one in requirements.values()],
         "place": [one.place for one in deciding],
         "margin_percent": [100.0 * one.margin for one in deciding],
         "margin_sigma": [one.margin_in_errors for one in deciding],
@@ -98,6 +113,34 @@ def requirements_group(
             values |= _stretch_arrays(found_stretches)
         steps.progress("requirements", 1.0)
     return over_designs("requirements", values, coordinates, axes)
+
+
+def _is_relative(required: Required) -> bool:
+    """Whether a bound is a fraction of the distance."""
+    return isinstance(required, BoundOverPart) and required.is_relative
+
+
+def _bound_words(required: Required) -> str:
+    """A bound in words."""
+    match required:
+        case BoundOverPart(is_relative=True):
+            return f"at most {pretty(required.limit, FRACTION)} of the distance"
+        case BoundOverPart():
+            return f"at most {pretty(required.limit, LENGTH)}"
+        case LengthBelowPart():
+            return f"at most {pretty(required.below, LENGTH)}"
+        case ShareBelowPart():
+            return f"at most {pretty(required.below, FRACTION)}"
+        case ShareAbovePart():
+            return f"at least {pretty(required.above, FRACTION)}"
+        case UsablePart():
+            return "usable"
+        case SharpPart(above=None):
+            return "sharp"
+        case SharpPart():
+            return f"at least {pretty(required.above or 0.0, LENGTH)}"
+        case CriterionPart():
+            return f"{'at most' if required.side == 'below' else 'at least'} {required.bound}"
 
 
 def _rests_on(definition: StudyDefinition, deciding: Sequence[RequirementAnswer]) -> dict[str, Any]:
