@@ -52,7 +52,7 @@ class DepthScore:
     relative_bias, relative_spread
         Bias and spread of the errors relative to the prediction at their distances.
     within
-        Fraction of errors within three predicted standard deviations.
+        Fraction of errors within three times the predicted depth uncertainty.
     filled, available
         Measured points as a fraction of the seen ones, and seen points as a fraction of all.
     bias_px, spread_px
@@ -102,15 +102,16 @@ class DepthScore:
         text = f"{name}: {share} of {self.seen} unoccluded points measured"
         if not self.measured:
             return f"{text}; none has a depth: {_most(self.reasons)}"
-        text += f"; error {pretty(self.bias, LENGTH)} ± {pretty(self.spread, LENGTH)} (median, standard deviation)"
+        bias, spread = (pretty(one, LENGTH) for one in (self.bias, self.spread))
+        text += f"; error {bias} ± {spread} (median, half the central 68 % interval)"
         if math.isfinite(self.spread_px):
             text += f", {pretty(self.spread_px, PIXELS, 2)} of disparity"
         if math.isnan(self.predicted):
             return f"{text}; this kind of camera has no predicted error"
         return (
-            f"{text}, predicted {pretty(self.predicted, LENGTH)}; relative to the predicted standard deviation "
+            f"{text}, predicted {pretty(self.predicted, LENGTH)}; relative to the predicted uncertainty "
             f"{significant(self.relative_bias, 2)} ± {significant(self.relative_spread, 2)}, "
-            f"{pretty(self.within, FRACTION)} of the errors within 3"
+            f"{pretty(self.within, FRACTION)} of the errors within 3 times it"
         )
 
 
