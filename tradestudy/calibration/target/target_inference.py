@@ -134,7 +134,7 @@ def fit_target(problem: TargetProblem) -> TargetFit:
         "the calibration does not converge",
         value=f"{_MOST_STEPS} steps",
         limit="steps below 1e-4 standard deviations",
-        remedy="give nominal poses and prior means closer to the truth, or narrower priors",
+        remedy="use a larger board, bring it nearer, tilt it more, or declare smaller errors before the calibration",
     )
 
 
@@ -246,7 +246,7 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
         "the pose of a target does not converge",
         value=f"{_MOST_POSE_STEPS} steps",
         limit="steps below 1e-4 standard deviations",
-        remedy="start closer to the fit",
+        remedy="use a larger board, bring it nearer, or tilt it more, so that its corners determine its pose",
     )
 
 
