@@ -207,3 +207,15 @@ def test_errors_of_radial_terms_that_a_lens_lacks_are_refused(tmp_path: Path) ->
     errors = "calibration: {errors: {right_distortion_k1: {standard_deviation: 0.001}}}"
     said = refusal(study(tmp_path, rig=f"from: chain.yaml, {errors}"))
     assert re.search(r"cameras\.rig\.calibration\.errors\.right_distortion_k1: .*fov .*k1 and k2", said)
+
+
+def test_a_coefficient_outside_its_range_is_refused_at_its_place(tmp_path: Path) -> None:
+    chain = written.camchain(
+        tmp_path / "chain.yaml",
+        camera_model="eucm",
+        intrinsics=[2.0, 1.1, 880.0, 880.0, 320.0, 240.0],
+        distortion_model="none",
+        distortion_coeffs=[],
+    )
+    message = refusal(study(tmp_path, rig=f"from: {chain.name}"))
+    assert re.search(r"chain\.yaml:1:\d+: cameras\.rig\.cam0\.intrinsics: .*alpha .*eucm: 2 .*at most 1", message)

@@ -302,7 +302,7 @@ def settle_views(
         "the board pose of a view does not converge",
         value=f"{_MOST_STEPS} steps",
         limit="a last step below 0.003 standard deviations",
-        remedy="start closer to the fit",
+        remedy="remove views that contradict the others, or that show few corners",
     )
 
 

@@ -136,7 +136,7 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
             "coefficients": (distortion or intrinsics).key,
         },
     )
-    return check_lens(camera, distortion or intrinsics)
+    return check_lens(camera, intrinsics if own or distortion is None else distortion)
 
 
 def _distortion(value: Located, camera: str, request: Request) -> tuple[LensModelName | None, tuple[str, ...]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from tradestudy.calibration.projection import LARGEST_ROLL, roll
 from tradestudy.cameras.imported import Convention, ImportedCamera, ImportedRig
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files.conversions import rotation_tuple, vector_tuple
@@ -154,8 +155,13 @@ def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
     Raises
     ------
     CameraFileError
-        A fisheye lens is labelled as a pinhole.
+        A coefficient lies outside its range, or a fisheye lens is labelled as a pinhole.
     """
+    if camera.lens_model in FAMILIES:
+        try:
+            FAMILIES[camera.lens_model](**camera.coefficients)
+        except OutOfRangeError as error:
+            raise value.fail(str(error)) from None
     if camera.lens_model != "rational":
         return camera
     for name in ("p1", "p2"):
