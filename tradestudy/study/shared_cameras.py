@@ -8,7 +8,10 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from pydantic import TypeAdapter, ValidationError
+
 from tradestudy.cameras.kinds import KINDS
+from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.declarations.mistakes import nearest_name
 from tradestudy.errors import Problem, nearest
 from tradestudy.study import document as tree
@@ -240,7 +243,7 @@ class SharedCameras:
             if problem:
                 raise CameraFileError(entry.place.problem((key,), problem))
             given[key] = tuple(value) if key == "pair" else value
-        return Request(**given)  # type: ignore[arg-type]
+        return Request(**given, fitted_lens=_fitted_lens(own))  # type: ignore[arg-type]
 
     def from_file(self, name: str, file: str, place: Place, _chain: tuple[str, ...]) -> Entry | None:
         """Read a camera's own file."""
@@ -339,3 +342,17 @@ def kind_of(entry: Entry) -> str:
     if isinstance(entry, ScalarEntry):
         return "a single value" if entry.text else "nothing"
     return "a list" if isinstance(entry, ListEntry) else "a mapping"
+
+
+def _fitted_lens(own: MappingEntry) -> FittedLensModel | None:
+    """The lens model that a camera declares for the fit to its corners; None without one, or with a wrong one."""
+    entry: Entry | None = own
+    for key in ("calibration", "corners", "lens_model"):
+        entry = child(entry, key) if isinstance(entry, MappingEntry) else None
+    if entry is None:
+        return None
+    try:
+        found: FittedLensModel = TypeAdapter(FittedLensModel).validate_python(plain(entry))
+    except ValidationError:  # reported with the other mistakes of the study
+        return None
+    return found

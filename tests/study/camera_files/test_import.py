@@ -13,12 +13,15 @@ import tradestudy
 from tests.data import simulate_corners
 from tests.study.camera_files import written
 from tests.study.camera_files.written import D1, D2, K1, K2, SIZE, R, T, study
+from tradestudy.calibration.projection import move, project
+from tradestudy.calibration.target.synthetic_target import faces, flat_grid
 from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.stereo.declaration import StereoDeclaration
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.declarations.quantities import InPixels
 from tradestudy.errors import StudyError
+from tradestudy.optics.lens_models.double_sphere import DoubleSphere
 from tradestudy.study.camera_files import kalibr
 from tradestudy.study.camera_files.importing import recognised
 from tradestudy.study.camera_files.request import Request
@@ -308,6 +311,35 @@ def test_a_corner_file_gives_the_design_that_its_fit_finds(tmp_path: Path) -> No
     assert part.depth.disparity_error == pytest.approx(2**0.5 * simulate_corners.NOISE_PX, rel=0.03)
     assert loaded.definition.data_files == {"cameras.rig.calibration.corners.file": tmp_path / "corners.csv"}
     assert loaded.definition.calibrations_to_infer()
+
+
+def test_corners_of_a_wide_lens_are_fitted_with_the_declared_lens_model(tmp_path: Path) -> None:
+    """Directions up to 68° off the axis, which k1 and k2 cannot describe; the focal length is that on the axis."""
+    lens, camera = DoubleSphere(xi=-0.15, alpha=0.58), np.array([205.0, 206.0, 322.0, 236.0])
+    relative, grid = np.array([0.004, -0.006, 0.003, -0.08, 1e-3, -2e-3]), flat_grid(9, 6, 0.024)
+    rng, rows = np.random.default_rng(1), []
+    while len(rows) < 16 * len(grid):
+        z = rng.uniform(0.07, 0.3)
+        pose = np.array([*(0.35 * rng.standard_normal(3)), *(rng.uniform(-2.5, 2.5, 2) * z), z])
+        points = move(pose, grid)
+        seen = np.hstack([project(camera, points, lens, ()), project(camera, move(relative, points), lens, ())])
+        if faces(pose[None])[0] and np.all((seen > 2.0) & (seen < [637.0, 477.0] * 2)):
+            view = np.full((len(grid), 1), len(rows) // len(grid))
+            seen = seen + 0.1 * rng.standard_normal(seen.shape)
+            rows += np.hstack([view, np.arange(len(grid))[:, None], 1e3 * grid[:, :2], seen]).tolist()
+    head = "view,corner,board_x_mm,board_y_mm,left_x_px,left_y_px,right_x_px,right_y_px"
+    np.savetxt(tmp_path / "corners.csv", rows, fmt=["%d", "%d", *["%.5f"] * 6], delimiter=",", header=head, comments="")
+    fitted = "calibration: {corners: {lens_model: {model: double-sphere}}}"
+    part = tradestudy.load(
+        study(tmp_path, rig=f"from: corners.csv, sensor: {{pixels: [640, 480]}}, {fitted}")
+    ).file.cameras["rig"]
+    assert isinstance(part, StereoDeclaration)
+    assert isinstance(part.lenses.focal_length, InPixels)
+    assert part.baseline == pytest.approx(np.linalg.norm(relative[3:]), rel=3e-3)
+    slope = 1e-6
+    on_axis = project(camera, np.array([[slope, 0.0, 1.0]]), lens, ())[0, 0] - camera[2]
+    assert part.lenses.focal_length.pixels == pytest.approx(on_axis / slope, rel=5e-3)
+    assert part.depth.disparity_error == pytest.approx(2**0.5 * 0.1, rel=0.05)
 
 
 def test_a_vertical_pair_of_ros_is_that_of_opencv(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from tradestudy.calibration.projection import RADIAL_LENS, FreeLens, rotation_ma
 from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.units import significant
 
 LENGTH_LIMIT = 0.05  # of a declared focal length or baseline
@@ -85,9 +84,9 @@ def _contradictions(
     deviation = np.std(np.stack(_geometry(draws)), axis=-1)
     instead = "another corner file" if says == "corners say" else "another posterior"
     # The scale of the image on the axis makes focal lengths of different lens models comparable.
-    fitted = np.mean([_scale_on_axis(lens.at(camera[4:])) for camera in cameras_of(best)])
+    fitted = np.mean([lens.at(camera[4:]).scale_on_axis for camera in cameras_of(best)])
     focal, deviation[0] = focal * fitted, deviation[0] * fitted
-    declared = rig.principal_distance / rig.sensor.pixel_pitch * _scale_on_axis(rig.distortion)
+    declared = rig.principal_distance / rig.sensor.pixel_pitch * rig.distortion.scale_on_axis
     rows = (
         ("focal length", "lenses", "px", 1.0, declared, focal, LENGTH_LIMIT * declared),
         ("baseline", "baseline", "mm", 1e3, rig.baseline, baseline, LENGTH_LIMIT * rig.baseline),
@@ -127,11 +126,6 @@ def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         np.linalg.norm(shared[..., TRANSLATION], axis=-1),
         np.arctan2(-right_axis[..., 0], right_axis[..., 2]),
     )
-
-
-def _scale_on_axis(lens: LensModel) -> float:
-    """Derivative of normalised image coordinates with respect to slope on the axis: 1 for most models."""
-    return float(lens.derivatives(np.array([0.0, 0.0, 1.0]), ())[0][0, 0])
 
 
 def _with_spread(value: float, spread: float) -> str:

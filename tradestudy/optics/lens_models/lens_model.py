@@ -143,6 +143,11 @@ class LensModel(ABC):
         )
         return by_points, by_coefficients
 
+    @property
+    def scale_on_axis(self) -> float:
+        """Derivative of normalised image coordinates with respect to slope on the axis: 1 for most models."""
+        return float(self.derivatives(np.array([0.0, 0.0, 1.0]), ())[0][0, 0])
+
     @cached_property
     def valid_field(self) -> FloatArray:
         """Largest angle from the axis [rad] up to which the map is safely one-to-one in every azimuth.

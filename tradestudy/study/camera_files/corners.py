@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from tradestudy.cameras.imported import Convention, Imported, ImportedCorners
+from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files.located import CameraFile
 from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE, baseline_problem, is_usual
@@ -24,7 +28,7 @@ def recognises(file: CameraFile) -> bool:
     return file.syntax == "corners"
 
 
-def read(files: Sequence[CameraFile], _request: Request) -> Imported:
+def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """The pair fitted to the corners.
 
     Raises
@@ -33,16 +37,18 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
         The corners are inconsistent, do not determine a pair, or indicate a wrong unit of length.
     """
     from tradestudy.calibration.corners.corner_file import board_unit
+    from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
 
     top = files[0].top
     if len(files) != 1:
         raise files[1].top.fail("a corner file contains both cameras; give one file")
     try:
-        fit = _fit(files[0].path, files[0].text).explained
+        fit = _fit(files[0].path, files[0].text, request.fitted_lens)
     except TradestudyError as error:
         raise top.fail(str(error)) from None
     unit = board_unit(next(csv.reader(files[0].text.removeprefix("\ufeff").splitlines())))
-    baseline = float((fit.shared[-3:] ** 2).sum() ** 0.5)
+    shared, lens = fit.explained.shared, fit.corners.lens
+    baseline = float(np.linalg.norm(shared[TRANSLATION]))
     if problem := baseline_problem(baseline):
         other = "mm" if baseline > 1.0 else "m"
         raise top.fail(f"{problem}; name the columns board_x_{other} and board_y_{other} if that is their unit")
@@ -50,8 +56,8 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
     unusual = () if is_usual(baseline) else (Convention(name=UNUSUAL_BASELINE, says=checked, key=top.key),)
     return ImportedCorners(
         file=files[0].name,
-        focal_length=float(fit.shared[[0, 1, 6, 7]].mean()),
-        noise=fit.noise_px,
+        focal_length=float(np.mean([own[:2] * lens.at(own[4:]).scale_on_axis for own in cameras_of(shared)])),
+        noise=fit.explained.noise_px,
         baseline=baseline,
         conventions=(
             Convention(name="format", says="corners of a board", key=top.key),
@@ -65,12 +71,13 @@ def read(files: Sequence[CameraFile], _request: Request) -> Imported:
 
 
 @lru_cache(maxsize=4)
-def _fit(path: Path, _text: str) -> RigFit:
-    """The fit, computed once per content."""
+def _fit(path: Path, _text: str, lens: FittedLensModel | None) -> RigFit:
+    """The fit, computed once per content and lens model."""
     from tradestudy.calibration.corners.corner_file import read_corners
     from tradestudy.calibration.corners.real_rig import fit_rig
+    from tradestudy.calibration.posteriors import lens_of
 
-    return fit_rig(read_corners(path))
+    return fit_rig(replace(read_corners(path), lens=lens_of(lens)))
 
 
 FORMAT: Final = Format(name="corner file", recognises=recognises, read=read)

@@ -82,7 +82,7 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
                 f"the files have different formats, {first.name} and {one.name}; one format is expected"
             )
     for option in fields(request):
-        if option.name not in first.options and getattr(request, option.name) != option.default:
+        if option.name not in (*first.options, "fitted_lens") and getattr(request, option.name) != option.default:
             raise files[0].top.fail(f"{option.name} does not apply to the format {first.name}; remove it")
     found = first.read(files, request)
     kind = next(kind for kind in KINDS if isinstance(found, kind.imports))

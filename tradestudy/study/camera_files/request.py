@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig
+from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError, Located
 from tradestudy.units import LENGTH, UnitError, parse
 
@@ -32,12 +33,15 @@ class Request:
         ``raw`` or ``rectified``: the pictures in which depth is measured.
     lens_model
         ``fisheye`` if the lens is one although the format does not say so.
+    fitted_lens
+        The lens model to fit to corners; None for the default.
     """
 
     length_unit: str = ""
     pair: tuple[str, ...] = ()
     pictures: str = "raw"
     lens_model: str = ""
+    fitted_lens: FittedLensModel | None = None
 
     def metres(self, value: Located, *, stated: str = "", why: str = "") -> tuple[float, Convention]:
         """The unit of length in metres, and its origin.
