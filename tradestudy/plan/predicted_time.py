@@ -41,6 +41,7 @@ if TYPE_CHECKING:  # few studies ask for light, or infer
 _TABLES_OF_A_VERDICT: Final = 1.5
 _TABLES_OF_RANKS: Final = 2.0
 _TABLES_OF_A_CLAIM: Final = 0.4
+_TABLES_OF_AN_ANSWER: Final = 0.35  # to a requirement under one reading
 _TABLES_OF_A_SOURCE: Final = 0.35  # for the share of one error source in the uncertainty
 _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
@@ -383,7 +384,8 @@ class _Prediction:
             self._seconds_of_claim(file.claims[key], readings[name]) + pictured
             for (key, name), pictured in zip(asked, pictures, strict=True)
         ]
-        parts = (*answers, *[self.all_tables] * len(file.requirements))
+        judged = _TABLES_OF_AN_ANSWER * self.all_tables * len(readings)
+        parts = (*answers, *[judged] * len(file.requirements))
         return PredictedStep(
             name="claims",
             seconds=math.fsum(parts),
