@@ -71,7 +71,7 @@ def maximise(likelihood: Callable[[FloatArray], LocalLikelihood], start: FloatAr
     """
     place, here = start, likelihood(start)
     information = here.information
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MOST_STEPS if np.isfinite([here.value, *here.gradient]).all() else 0):
         step = _short_step(information, here.gradient)
         while (gain := 0.5 * float(step @ here.gradient)) > settled:
             there = likelihood(place + step)
@@ -102,9 +102,9 @@ def _short_step(information: FloatArray, gradient: FloatArray) -> FloatArray:
 
 def _agreeing(information: FloatArray, step: FloatArray, decrease: FloatArray) -> FloatArray:
     """The information, corrected to explain by how much the gradient decreased over the last step (the BFGS rule)."""
-    if not decrease @ step > 0.0:
-        return information
     along = information @ step
+    if not (decrease @ step > 0.0 and along @ step > 0.0):
+        return information
     return np.asarray(
-        information - np.outer(along, along) / (step @ along) + np.outer(decrease, decrease) / (decrease @ step)
+        information - np.outer(along, along) / (along @ step) + np.outer(decrease, decrease) / (decrease @ step)
     )
