@@ -46,6 +46,7 @@ def requirement(verdict: int, worst: float = 1.0, camera: str = "a", **other: An
         "margin_percent": 10.0,
         "conformity": 1.0,
         "reason": f"worst {worst:g} % at 1 m",
+        "limited_by": "",
         "rests_on": "",
         "rests_on_share": 0.0,
     } | other

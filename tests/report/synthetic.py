@@ -243,6 +243,7 @@ def _registers(keys: list[str]) -> dict[str, xr.Dataset]:
                 "conformity": [0.0, 1.0],
                 "within_tolerance": [0.0, 0.0],
                 "reason": ["not usable at 0.1 m", "worst 3.5 % at 1 m"],
+                "limited_by": ["overlap", ""],
                 "rests_on": ["yaw of a rig, assumed 0.2 deg", ""],
                 "rests_on_share": [0.9, np.nan],
             },

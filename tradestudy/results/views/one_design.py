@@ -27,7 +27,7 @@ _OF_DESIGNS: Final = {
     "margin_sigma": "design_margin_sigma",
     "within_tolerance": "design_within_tolerance",
     "reason": "design_reason",
-    "limited_by": "design_limited_by",  # earlier runs lack it
+    "limited_by": "design_limited_by",
 }
 _OF_ALL: Final = ("says", "priority", "quantity", "of", "bound_text", "over_near", "over_far")
 _UNKNOWN: Final = {"place": np.nan, "conformity": np.nan, "rests_on": "", "rests_on_share": np.nan}
@@ -155,11 +155,7 @@ def requirements_of_designs(tree: xr.DataTree) -> Sequence[Sequence[Mapping[str,
         return [[] for _ in design_places(tree)]
     depth, data = group(tree, "depth"), group(tree, "requirements")
     of_all = {name: data[name].values for name in ("requirement", *_OF_ALL)}
-    own = {
-        name: by_design(depth, data[variable], "requirement")
-        for name, variable in _OF_DESIGNS.items()
-        if variable in data
-    }
+    own = {name: by_design(depth, data[variable], "requirement") for name, variable in _OF_DESIGNS.items()}
     return [
         [
             {name: values[k] for name, values in of_all.items()}

@@ -196,7 +196,7 @@ def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: An
         place=float(row["place"]),
         conformity=float(row["conformity"]),
         reason=str(row["reason"]),
-        limited_by=str(row.get("limited_by", "")),  # earlier runs lack it
+        limited_by=str(row["limited_by"]),
         rests_on=str(row["rests_on"]),
         rests_on_share=float(row["rests_on_share"]),
         **further,
