@@ -67,6 +67,18 @@ def test_a_requirement_met_nowhere_names_the_nearest_value_and_one_met_everywher
     assert re.match(r"met every.* 20 mm .* 400 mm; declared: 75 mm$", anywhere.answer)
 
 
+def test_a_requirement_that_another_camera_meets_is_not_ascribed_to_the_one_that_varies() -> None:
+    """With a yaw error of 2°, only the other head measures 3 m to 4 %: it has 0.01°."""
+    yaw = {"says": "Which yaw?", "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation"}
+    needed = {"depth_uncertainty": {"below_relative": "4 %", "over": ["0.5 m", "3 m"]}}
+    found = asked({**needed, "camera": "any"}, {**yaw, "low": "0.001 deg", "high": "2 deg"})
+    assert found.solutions == ()
+    assert re.match(r"met every.* by 75 mm stereo head or 50 mm stereo head, because any camera may", found.answer)
+    alone = asked(needed, {**yaw, "low": "0.001 deg", "high": "2 deg"})
+    assert len(alone.solutions) == 1
+    assert "by" not in alone.answer
+
+
 def test_counts_are_solved_for_in_whole_numbers() -> None:
     """Fewer bits mean more noise: the least depth at which a requirement holds is a whole number of bits."""
     bits = {"says": "How many bits?", "vary": "scene.picture.bit_depth", "low": "4", "high": "12"}

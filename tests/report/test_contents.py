@@ -14,6 +14,8 @@ from tradestudy.report.document import Bullets, Heading, Paragraph, Picture, Rep
 from tradestudy.report.sections.registers import _times_the_error
 from tradestudy.report.sections.verdicts import _factor
 from tradestudy.results.views.decision import winners
+from tradestudy.results.views.groups import camera_titles
+from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_details
 
 
 def plain(text: Text) -> str:
@@ -264,3 +266,20 @@ def test_a_margin_of_over_a_thousand_errors_is_not_counted() -> None:
 def test_a_factor_close_to_1_shows_the_digits_that_distinguish_it_from_1() -> None:
     factors = [_factor(ratio) for ratio in (1.0, 1.004, 1.0 / 1.004, 1.00001, 2.5, math.nan, 0.0)]
     assert factors == ["1", "1.004", "1.004", "about 1", "2.5", "—", "∞"]
+
+
+def test_further_cameras_that_meet_a_requirement_on_any_camera_are_named(tree: xr.DataTree) -> None:
+    titles = camera_titles(tree)
+    data = tree["requirements"].to_dataset().assign_coords(camera=list(titles))
+    deciding = list(titles).index(str(data["camera_deciding"].sel(requirement="mid").item()))
+    met, margin = np.full((2, len(titles)), -1), np.full((2, len(titles)), np.nan)
+    met[1], met[1, deciding], met[1, 0] = 0, 1, 1
+    margin[1], margin[1, 0] = -10.0, 5.0
+    data["camera_met"] = ("requirement", "camera"), met
+    data["camera_margin_percent"] = ("requirement", "camera"), margin
+    changed = tree.copy()
+    changed["requirements"] = xr.DataTree(data)
+    close, mid = sorted(requirement_conclusions(changed), key=lambda one: one.name)
+    assert close.also == ()
+    assert mid.also == ((next(iter(titles.values())), 0.05),)
+    assert f"; also by {next(iter(titles.values()))} (5 % to spare)" in requirement_details(mid)

@@ -14,7 +14,7 @@ from tradestudy.analysis.halving import bracketed
 from tradestudy.analysis.inverse_questions import Solution, Solved, with_declared_value
 from tradestudy.analysis.planned_calibrations import planned, to_be_planned
 from tradestudy.analysis.requirement_answer import RequirementAnswer
-from tradestudy.analysis.requirements import Judge
+from tradestudy.analysis.requirements import ANY, Judge
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
@@ -74,6 +74,8 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
         error = 0.0 if varying.is_counted else _error(known[ends[0]], abs(ends[1] - ends[0]), before, after)
         solutions.append(Solution(value=ends[0], error=error))
     answer = _answer(trials, solutions, dimension)
+    if requirement.camera == ANY:
+        answer += _by_others(definition, question, trials)
     return Solved(
         solutions=tuple(solutions), dimension=dimension, answer=with_declared_value(definition, question, answer)
     )
@@ -105,6 +107,16 @@ def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: 
         else:
             parts.append(f"from {first} on (searched up to {ends[1]})" if last is None else f"from {first} to {last}")
     return f"met {listed(parts)}"
+
+
+def _by_others(definition: StudyDefinition, question: SolvePart, trials: Sequence[_Trial]) -> str:
+    """The cameras that meet a requirement on any of them, unless only those do whose values vary."""
+    varied = {path.partition(".")[0] for path in question.paths}
+    meeting = list(dict.fromkeys(one.answer.camera for one in trials if one.answer.met))
+    if varied.issuperset(meeting):
+        return ""
+    titles = [definition.file.cameras[name].title for name in meeting]
+    return f" by {' or '.join(titles)}, because any camera may meet it"
 
 
 def _nearest(trials: Sequence[_Trial], dimension: Dimension) -> str:

@@ -240,7 +240,12 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
             all=str(max(one.alternatives for one in found)),
         )
     else:
-        yield say("No other reading reverses the verdict.")
+        decision, titles = group(tree, "decision"), camera_titles(tree)
+        yield say(
+            "No other reading changes which of {first} and {second} is better at these distances ([](#verdict-table)).",
+            first=with_article(titles[decision.attrs["first"]]),
+            second=with_article(titles[decision.attrs["second"]]),
+        )
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:

@@ -10,7 +10,7 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Table, Text, pictures_of
-from tradestudy.report.sections.posterior import describe_posteriors
+from tradestudy.report.sections.posterior import describe_posteriors, lens_words
 from tradestudy.report.sections.uncertain_decision import describe_ranks
 from tradestudy.results.views.depth import decided_by_calibration, nominal, table_depth, table_distances
 from tradestudy.results.views.groups import group, has, titles_in
@@ -91,7 +91,11 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
             else "a simulated board"
         )
     if found == "corners":
-        return f"corners of a board, {own.get('corners.file', '')}".removesuffix(", ")
+        where = f"corners of a board, {own.get('corners.file', '')}".removesuffix(", ")
+        data = group(tree, "calibration") if has(tree, "calibration", "posterior_lens_model") else None
+        if data is None or key not in data["posterior"].values:
+            return where
+        return f"{where}; lens model {lens_words(str(data['posterior_lens_model'].sel(posterior=key).item()))}"
     if found == "posterior":
         return f"a saved posterior, {own.get('posterior.file', '')}".removesuffix(", ")
     if errors:

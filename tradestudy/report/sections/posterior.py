@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from typing import Final
 
@@ -225,12 +226,14 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
     rows: list[tuple[Text, ...]] = []
     for name in map(str, data["posterior"].values):
         compared = data.sel(posterior=name).dropna("lens_model", subset=["rig_lens_support"])
-        if not compared.sizes["lens_model"]:
+        if not compared.sizes["lens_model"]:  # none was compared, or none could be fitted
             continue
         yield Paragraph(_supported(compared, titles[name]))
         rows += [
             (titles[name], str(model), *_lens_cells(compared, str(model))) for model in compared["lens_model"].values
         ]
+    if not rows:
+        return
     yield Table(
         name="lens-model-table",
         caption="Other lens models and the coefficients fitted, named as in study files. Support: gain over the model "
@@ -250,10 +253,20 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
 def _supported(compared: xr.Dataset, title: str) -> Text:
     support = compared["rig_lens_support"]
     best = compared.isel(lens_model=int(np.argmax(support.values)))
+    used = lens_words(str(compared["posterior_lens_model"].item()))
     if float(best["rig_lens_support"]) > _CLEARLY * float(best["rig_lens_support_deviation"]):
-        what = "The corners of {title} clearly favour a lens model other than the one in use: {model}."
-        return say(what, title=title, model=str(best["lens_model"].item()))
-    return say("The corners of {title} do not clearly favour a lens model other than the one in use.", title=title)
+        what = "The corners of {title} clearly favour another lens model, {model}, over the one in use, {used}."
+        return say(what, title=title, model=str(best["lens_model"].item()), used=used)
+    what = "The corners of {title} do not clearly favour a lens model other than the one in use, {used}."
+    return say(what, title=title, used=used)
+
+
+def lens_words(stored: str) -> str:
+    """A fitted lens model as stored in results, in words."""
+    if not stored:
+        return "rational with k1 k2"
+    lens = json.loads(stored)
+    return f"{lens['model']} with {' '.join(lens['free'])}"
 
 
 def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:

@@ -53,6 +53,8 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
         name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
     }
     found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity", "probability")}
+    if one.also:
+        found["also_met_by"] = [{"camera": camera, "margin": _number(margin)} for camera, margin in one.also]
     if (best := one.bound_alone) is not None:
         found["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
     if one.readings:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,8 +18,11 @@ from tradestudy.results.views.designs import (
 )
 from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.units import FRACTION, pretty
+from tradestudy.wording import listed
 
 _NO_MARGIN: Final = 1e-6  # rounding
+ANY: Final = "any"
+"""What `RequirementConclusion.of` is if one camera suffices."""
 VERDICTS: Final[Mapping[bool | None, str]] = {True: "met", False: "not met", None: "cannot be decided"}
 """Verdicts in words."""
 
@@ -124,6 +127,8 @@ class RequirementConclusion:
         makes a difference.
     readings, other_verdicts
         Number of the other readings of the study, and those that change the verdict.
+    also
+        Titles of further cameras that meet a requirement on any camera, with their margins.
     """
 
     name: str
@@ -145,6 +150,7 @@ class RequirementConclusion:
     bound_alone: BoundAlone | None = None
     readings: int = 0
     other_verdicts: tuple[OtherVerdict, ...] = ()
+    also: tuple[tuple[str, float], ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -167,6 +173,7 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
             designs=_designs(tree, number),
             probability=np.nan if chances is None else float(chances.sel(requirement=row["requirement"])),
             bound_alone=_bound_alone(row, titles),
+            also=tuple(_also_by(tree, number, titles)),
             **_under_readings(tree, number, titles),
         )
         for number, row in enumerate(records(tree, "requirements", "requirement"))
@@ -214,6 +221,8 @@ def requirement_details(one: RequirementConclusion) -> str:
     by = decided_by(one)
     why = "; ".join(filter(None, (one.reason, _margin_words(one))))
     words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
+    if one.also:
+        words += "; also by " + listed([f"{title} ({margin_words(margin)})" for title, margin in one.also])
     if one.bound_alone is not None and not (one.met and one.bound_alone.met):
         words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
     if one.other_verdicts:
@@ -224,6 +233,17 @@ def requirement_details(one: RequirementConclusion) -> str:
     if one.met_ranges is not None:
         return f"{words}; {_range_words(one.met_ranges)}"
     return words if one.designs is None else f"{words}; met in {one.designs[0]} of {one.designs[1]} designs"
+
+
+def _also_by(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> Iterator[tuple[str, float]]:
+    """Further cameras that meet a requirement on any camera, with their margins."""
+    row = group(tree, "requirements").isel(requirement=number)
+    if str(row["of"].item()) != ANY or "camera_met" not in row:
+        return
+    for name in map(str, row["camera"].values):
+        own = row.sel(camera=name)
+        if name != str(row["camera_deciding"].item()) and int(own["camera_met"]) == 1:
+            yield titles[name], float(own["camera_margin_percent"]) / 100.0
 
 
 def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> BoundAlone | None:
@@ -292,7 +312,7 @@ def decided_by(one: RequirementConclusion) -> str:
         return f"by all, tightest for {one.camera}" if one.met else f"not by {one.camera}"
     if one.met:
         return f"by {one.camera}"
-    return f"closest: {one.camera}" if one.of == "any" else f"not by {one.camera}"
+    return f"closest: {one.camera}" if one.of == ANY else f"not by {one.camera}"
 
 
 def _margin_words(one: RequirementConclusion) -> str:
