@@ -147,8 +147,8 @@ def wrong_request(key: str, value: object) -> str:
         if not (isinstance(value, list) and len(value) == 2 and all(isinstance(one, str) for one in value)):
             return "the names of the left and the right camera are expected, such as [cam0, cam1]"
     elif value not in (choices := {"pictures": ("raw", "rectified"), "lens_model": ("fisheye",)}[key]):
-        other = "; a model to fit to corners is declared as calibration.corners.lens_model" if key == "lens_model" else ""
-        return f"{' or '.join(choices)} is expected{other}"
+        corners = "; calibration.corners.lens_model declares a model to fit to corners"
+        return f"{' or '.join(choices)} is expected{corners if key == 'lens_model' else ''}"
     return ""
 
 
