@@ -136,7 +136,7 @@ def test_bold_curves_hold_the_uncertainty_where_usable_in_millimetres(tree: xr.D
 def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree) -> None:
     """2 % of the distance from 0.1 to 0.4 m, and 40 mm at 1 m, in millimetres."""
     drawing = figures.build(tree)["whole_range"]
-    assert "Dashed: required." in drawing.caption
+    assert "Black: required." in drawing.caption
     lines = [line.get_xydata() for line in drawing.draw().axes[0].lines if line.get_marker() == "|"]
     np.testing.assert_allclose(lines, [[[0.1, 2.0], [0.4, 8.0]], [[1.0, 40.0], [1.0, 40.0]]])
     without = tree.copy()

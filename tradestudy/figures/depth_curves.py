@@ -177,10 +177,10 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
     required = [np.interp(distance, over, bound, left=np.nan, right=np.nan) for over, bound in bounds]
     draw_relative_guides(curves, distance, [*drawn, *required], edges)
-    for (over, bound), line in zip(bounds, required, strict=True):
+    for k, (over, bound) in enumerate(bounds):
         dashes = {"linestyle": (0, (4, 1.5)), "linewidth": 1.1, "marker": "|", "markersize": 4.0}
         curves.plot(over, bound * MM, color=INK, zorder=2.1, **dashes)
-        _name_along(curves, distance, line, "required", drawn, edges)
+        _name_along(curves, distance, required[k], "required", [*drawn, *required[:k], *required[k + 1 :]], edges)
     _bars(bars, depth, shown)
     if has_winners(tree):
         if len(shown) > 1:

@@ -90,7 +90,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         "Bars: usable distances."
     )
     if any(depth_curves.required_uncertainties(tree)):
-        caption += " Dashed: required."
+        caption += " Black: required."
     caption += _design_words(tree)
     if has_winners(tree) and len(shown) > 1:
         among = [camera.title for camera in shown if camera.key in candidates(tree)]

@@ -313,10 +313,10 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
     """The answers to all requirements in one design, from the rows of ``/requirements``."""
     return Table(
         name="requirement-table",
-        caption="Requirements of the study, each with the camera that comes closest. A positive margin is room to "
-        "spare, in % of the worst value; “margin / error” is the margin as a multiple of the estimated numerical error "
-        "of that value. A camera that is unusable over 30 % of the range, on a logarithmic scale, has a margin "
-        "of −30 % or less.",
+        caption="Requirements of the study, each with the camera that decides it: the one with the largest margin or, "
+        "where every camera must meet it, with the smallest. A positive margin is room to spare, in % of the worst "
+        "value; “margin / error” is the margin as a multiple of the estimated numerical error of that value. A camera "
+        "that is unusable over 30 % of the range, on a logarithmic scale, has a margin of −30 % or less.",
         columns=(
             Column(title="Requirement", weight=3),
             Column(title="Bound", weight=2),
@@ -328,8 +328,8 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
         ),
         rows=tuple(
             (
-                str(r["says"]),
-                _bound_over(r),
+                str(r["says"]) + (" (should)" if r["priority"] == "should" else ""),
+                _bound_over(r, titles),
                 say(
                     "**{met}**{near}",
                     met={1: "yes", 0: "no", -1: "cannot be decided"}[int(r["met"])],
@@ -345,10 +345,11 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
     )
 
 
-def _bound_over(row: Mapping[str, Any]) -> str:
-    """The bound of a requirement, and the distances over which it must hold."""
+def _bound_over(row: Mapping[str, Any], titles: Mapping[str, str]) -> str:
+    """The cameras that must meet a requirement, its bound, and the distances over which it must hold."""
+    who = {"any": "one camera", "all": "every camera"}.get(str(row["of"]), titles.get(str(row["of"]), ""))
     text, near, far = str(row["bound_text"]), float(row["over_near"]), float(row["over_far"])
-    return text if math.isnan(near) else f"{text} from {span(near, far)}"
+    return f"{who}: {text}" + ("" if math.isnan(near) else f" from {span(near, far)}")
 
 
 def _times_the_error(margin: float) -> str:
