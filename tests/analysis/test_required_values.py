@@ -79,6 +79,26 @@ def test_a_requirement_that_another_camera_meets_is_not_ascribed_to_the_one_that
     assert "by" not in alone.answer
 
 
+def test_a_bound_that_varies_is_the_bound_that_counts() -> None:
+    """With a worst value of u, the requirement is met from a bound of u on: in `solve` and in a sweep."""
+    needed = {"depth_uncertainty": {"below": "20 mm", "over": ["0.5 m", "1 m"]}}
+    bound = {
+        "says": "Which bound?",
+        "vary": "requirements.needed.depth_uncertainty.below",
+        "low": "0.1 mm",
+        "high": "1 m",
+    }
+    (one,) = asked(needed, bound).solutions
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values(
+        {"requirements": {"needed": {"says": "needed", "camera": "stereo-75mm", **needed}}, "usable_range": None}
+    )
+    case = study.plan().definition.case
+    worst = float(depth_uncertainty(case.cameras["stereo-75mm"], np.array([1.0]))[0])
+    assert one.value == pytest.approx(worst, rel=1e-3)
+    swept = study.with_values({"sweep": {bound["vary"]: ["0.1 mm", "1 m"]}, "trade_off": None}).run()
+    assert swept.data["requirements"]["design_met"].sel(requirement="needed").values.tolist() == [0, 1, 1]
+
+
 def test_counts_are_solved_for_in_whole_numbers() -> None:
     """Fewer bits mean more noise: the least depth at which a requirement holds is a whole number of bits."""
     bits = {"says": "How many bits?", "vary": "scene.picture.bit_depth", "low": "4", "high": "12"}

@@ -222,3 +222,15 @@ def test_ten_identical_views_are_one(tmp_path):
     table = [row | {"view": str(number)} for number in range(10) for row in view]
     with pytest.raises(CornerFileError, match=r"view 1 repeats view 0 .*54 "):
         read_corners(write(tmp_path / "corners.csv", table))
+
+
+def test_a_view_with_one_corner_beside_a_line_is_named(tmp_path):
+    table = rows()
+    view = table[0]["view"]
+    own = [row for row in table if row["view"] == view]
+    line = {row["corner"] for row in own if row["board_y_mm"] == own[0]["board_y_mm"]}
+    beside = next(row["corner"] for row in own if row["corner"] not in line)
+    kept = [row for row in table if row["view"] != view or row["corner"] in {*line, beside}]
+    with pytest.raises(CornerFileError, match=rf"view {view}: all corners but one lie on a line"):
+        read_corners(write(tmp_path / "corners.csv", kept))
+    assert read_corners(write(tmp_path / "more.csv", [*kept, next(r for r in own if r not in kept)])).views

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -264,3 +265,26 @@ def test_fixed_coefficients_stay() -> None:
     held = FreeLens(model=replace(lens, k1=0.0, k2=0.0), free=("k1", "k2"))
     fit = fit_camera(board_like(image), image, np.ones(image.shape[:2], dtype=bool), lens=held)
     np.testing.assert_allclose(fit.intrinsics, intrinsics(lens, ("k1", "k2")), rtol=1e-6)
+
+
+def test_a_coefficient_that_a_fit_drives_out_of_its_range_is_named_as_such() -> None:
+    """The corners of a lens without distortion say nothing about w but that it is small."""
+    lens, camera, rng = Rational(), np.array([800.0, 800.0, 320.0, 240.0]), np.random.default_rng(3)
+    grid = flat_grid(COLUMNS, ROWS, SQUARE)
+    poses = np.array([[*(0.3 * rng.standard_normal(3)), *rng.uniform(-0.05, 0.05, 2), 0.6] for _ in range(12)])
+    left, right = (
+        project(camera, move(relative, move(poses, grid)), lens, ()) + 0.25 * rng.standard_normal((12, len(grid), 2))
+        for relative in (np.zeros(6), POSE)
+    )
+    corners = StereoCorners(
+        views=tuple(range(12)),
+        board=board_like(left),
+        left=left,
+        right=right,
+        present=np.ones(left.shape[:2], dtype=bool),
+        lens=start_of(FieldOfView(w=0.5), ("w",)),
+    )
+    with pytest.raises(NotConvergedError) as caught:
+        fit_rig(corners)
+    assert "correct the coefficient" not in str(caught.value)
+    assert re.search(r"fit fewer coefficients", str(caught.value))

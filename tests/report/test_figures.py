@@ -144,6 +144,13 @@ def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree
     assert "required" not in figures.build(without)["whole_range"].caption
 
 
+def test_a_requirement_that_ends_between_computed_distances_is_named_on_its_line(tree: xr.DataTree) -> None:
+    few = tree.copy()
+    few["depth"] = xr.DataTree(tree["depth"].to_dataset().isel(distance=slice(None, None, 9)))
+    texts = figures.figure(few, "whole_range").axes[0].texts
+    assert all(np.isfinite([*text.get_position(), text.get_rotation()]).all() for text in texts if text.get_text())
+
+
 @pytest.mark.parametrize("name", ["whole_range", "mid_range"])
 def test_no_curve_is_drawn_where_no_point_is_seen_twice(make_tree: Callable[..., xr.DataTree], name: str) -> None:
     tree = make_tree()

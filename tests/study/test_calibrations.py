@@ -311,3 +311,25 @@ def test_corners_that_cannot_be_used_are_mistakes_of_the_study(written: Written,
     small = corners.replace("    calibration:", "    sensor: {pixels: [320, 240]}\n    calibration:")
     with pytest.raises(StudyError, match=r"corners.file: declared sensor 320 × 240 px, but corners lie"):
         written(small)
+
+
+def test_lens_models_of_imported_corners_are_checked_before_their_fit(written: Written, tmp_path: Path) -> None:
+    (tmp_path / "corners.csv").write_text((STUDIES / "data/stereo_chessboard_corners.csv").read_text())
+    camera = "{from: corners.csv, sensor: {pixels: [640, 360]}"
+    with pytest.raises(
+        StudyError, match=r"study.yaml:6:\d+: cameras.a.calibration.corners.lens_model.model: .*nearest"
+    ):
+        written(f"cameras: {{a: {camera}, calibration: {{corners: {{lens_model: {{model: kanala-brandt}}}}}}}}}}")
+    other = "{like: a, calibration: {corners: {lens_model: {model: kannala-brandt}}}}"
+    with pytest.raises(StudyError, match=r"cameras.b.calibration.corners.lens_model: .* a fit of rational with k1 k2"):
+        written(f"cameras: {{a: {camera}}}, b: {other}}}")
+    with pytest.raises(StudyError, match=r"cameras.rig.distortion.model: this key is missing"):
+        written("cameras: {rig: {from: cameras/stereo-100mm.yaml, distortion: {k1: 0.1}}}")
+
+
+def test_corner_files_of_readings_are_checked(written: Written, tmp_path: Path) -> None:
+    (tmp_path / "good.csv").write_text((STUDIES / "data/stereo_chessboard_corners.csv").read_text())
+    (tmp_path / "bad.csv").write_text("view,corner\n1,2\n")
+    readings = "readings: {other: {says: other, set: {rig.calibration.corners.file: bad.csv}}}"
+    with pytest.raises(StudyError, match=r"readings.other: cameras.rig.calibration.corners.file: bad.csv lacks"):
+        written(f"cameras: {{rig: {{from: good.csv, sensor: {{pixels: [640, 360]}}}}}}\n{readings}")

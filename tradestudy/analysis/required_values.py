@@ -49,12 +49,13 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
         The study is invalid for a value between them.
     """
     varying, judge = Varying.of(definition, question), Judge()
-    requirement, dimension = definition.file.requirements[question.requirement or ""], varying.dimension
+    name, dimension = question.requirement or "", varying.dimension
     definition = to_be_planned(definition, varying)
     known: dict[float, RequirementAnswer] = {}
 
     def is_met(value: float) -> bool | None:
-        known[value] = judge.answer(requirement, planned(definition.with_values(varying.changes(value))).case)[0]
+        changed = planned(definition.with_values(varying.changes(value)))
+        known[value] = judge.answer(changed.file.requirements[name], changed.case)[0]
         return known[value].met
 
     places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _PLACES)}
@@ -74,7 +75,7 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
         error = 0.0 if varying.is_counted else _error(known[ends[0]], abs(ends[1] - ends[0]), before, after)
         solutions.append(Solution(value=ends[0], error=error))
     answer = _answer(trials, solutions, dimension)
-    if requirement.camera == ANY:
+    if definition.file.requirements[name].camera == ANY:
         answer += _by_others(definition, question, trials)
     return Solved(
         solutions=tuple(solutions), dimension=dimension, answer=with_declared_value(definition, question, answer)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -136,22 +136,21 @@ class Judge:
         self._usable = usable or {}
         self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], RequirementAnswer] = {}
 
-    def check(self, requirements: Collection[RequirementPart], cases: Iterable[Case], steps: Steps) -> None:
-        """Check all cameras of several designs in one step, before their answers are needed."""
+    def check(self, asked: Iterable[tuple[RequirementPart, Case]], steps: Steps) -> None:
+        """Check the requirements of several designs in one step, before their answers are needed."""
         points: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], _Alone] = {}
-        for case in cases:
-            for requirement in requirements:
-                for name in _names(requirement, case) if requirement.asks_for_depth else ():
-                    key = (requirement, case.cameras[name], case.criteria)
-                    if key not in self._known and key not in points:
-                        alone = Case(
-                            cameras={name: key[1]},
-                            all_cameras={},
-                            criteria=case.criteria,
-                            distance=case.distance,
-                            wavelength=case.wavelength,
-                        )
-                        points[key] = _Alone(requirement=requirement, case=alone, known=self._usable.get(key[1:]))
+        for requirement, case in asked:
+            for name in _names(requirement, case) if requirement.asks_for_depth else ():
+                key = (requirement, case.cameras[name], case.criteria)
+                if key not in self._known and key not in points:
+                    alone = Case(
+                        cameras={name: key[1]},
+                        all_cameras={},
+                        criteria=case.criteria,
+                        distance=case.distance,
+                        wavelength=case.wavelength,
+                    )
+                    points[key] = _Alone(requirement=requirement, case=alone, known=self._usable.get(key[1:]))
         labels = [f"{one.requirement.says}, {next(iter(one.case.cameras))}" for one in points.values()]
         answer = steps.map("requirements", _check_alone, list(points.values()), labels)
         self._known.update(zip(points, answer, strict=True))

@@ -141,6 +141,15 @@ def _part_of(family: type[LensModel]) -> type[LensModelPart]:
     return made
 
 
+def fitted_words(part: FittedLensModelPart | None) -> str:
+    """A lens model to be fitted to corners in words: its name, its fitted coefficients, and those that stay fixed."""
+    if part is None:
+        return "rational with k1 k2"
+    given = {name: getattr(part, name) for name in part.family.coefficient_names() if name not in part.fitted}
+    fixed = "".join(f", {name} = {value:g}" for name, value in given.items() if value is not None)
+    return f"{part.model} with {' '.join(part.fitted)}{fixed}"
+
+
 if TYPE_CHECKING:
     AnyLensModel = LensModelPart
     FittedLensModel = FittedLensModelPart

@@ -234,10 +234,11 @@ def _name_along(
     place = _free_place(x, known[0], known[1:], uprights, (width, height))
     if place is None:
         return
-    foot, beside = (float(np.interp(place + aside, x, known[0])) for aside in (0.0, 0.5 * width))
-    slope = float(np.degrees(np.arctan2(tall * (beside - foot), wide * 0.5 * width)))
+    drawn = np.isfinite(known[0])
+    before, foot, after = np.interp([place - 0.5 * width, place, place + 0.5 * width], x[drawn], known[0][drawn])
+    slope = float(np.degrees(np.arctan2(tall * (after - before), wide * width)))
     axes.text(
-        place, foot, name, transform=axes.transAxes, color=SOFT, fontsize=SMALL, ha="center", va="bottom",
+        place, float(foot), name, transform=axes.transAxes, color=SOFT, fontsize=SMALL, ha="center", va="bottom",
         rotation_mode="anchor", rotation=slope,
     )  # fmt: skip
 

@@ -250,7 +250,21 @@ class PointSpread:
         -------
         float
             Power [W]; its error is found by comparison with coarser samples.
+
+        Raises
+        ------
+        OutOfRangeError
+            The rectangle leaves the window, or ends before it begins.
         """
+        for name, (first, last), axis in (("x", x, self.x), ("y", y, self.y)):
+            slack = 1e-9 * (axis[-1] - axis[0])
+            if not axis[0] - slack <= first <= last <= axis[-1] + slack:
+                raise OutOfRangeError(
+                    f"{name} of the rectangle",
+                    value=f"{first:g} to {last:g} m",
+                    limit=f"increasing, within {axis[0]:g} to {axis[-1]:g} m",
+                    remedy="widen the window or choose a smaller rectangle",
+                )
         return float(self._spline.integral(*y, *x))
 
     @cached_property

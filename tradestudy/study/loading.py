@@ -143,18 +143,25 @@ def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
 
 def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:
     """Corner files that cannot be read, or that contradict the declared sensor."""
-    cameras = definition.file.cameras.values()
-    if not any(isinstance(one, DepthCameraDeclaration) and one.calibration.source == "corners" for one in cameras):
+    forms = {"": definition, **definition.readings}
+    parts = [part for one in forms.values() for part in one.file.cameras.values()]
+    if not any(isinstance(part, DepthCameraDeclaration) and part.calibration.source == "corners" for part in parts):
         return
     from tradestudy.calibration.posteriors import CornersToInfer, corners_of  # loads all of calibration
 
-    for request in definition.calibrations_to_infer().values():
-        if isinstance(request, CornersToInfer):
+    known: set[str] = set()
+    for reading, form in forms.items():
+        for key, request in form.calibrations_to_infer().items():
+            if key in known or not isinstance(request, CornersToInfer):
+                continue
+            known.add(key)
             try:
                 corners_of(request)
             except TradestudyError as error:
-                where = ("cameras", request.name, "calibration", "corners", "file")
-                yield definition.document.locate(where).problem(where, str(error))
+                path = ("cameras", request.name, "calibration", "corners", "file")
+                where = ("readings", reading) if reading else path
+                what = f"{'.'.join(path)}: {error}" if reading else str(error)
+                yield definition.document.locate(where).problem(where, what)
 
 
 def _changes(definition: StudyDefinition) -> Iterator[Change]:

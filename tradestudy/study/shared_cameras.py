@@ -8,17 +8,17 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
 from tradestudy.cameras.kinds import KINDS
 from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.declarations.mistakes import nearest_name
-from tradestudy.errors import Problem, nearest
+from tradestudy.declarations.part import Part
+from tradestudy.errors import Problem, StudyError, nearest
 from tradestudy.study import document as tree
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
 from tradestudy.study.camera_files.request import NoLengthUnitError, Request, wrong_request
 from tradestudy.study.document import (
+    Document,
     Entry,
     ListEntry,
     MappingEntry,
@@ -31,6 +31,7 @@ from tradestudy.study.document import (
     plain,
 )
 from tradestudy.study.schema.alignment import key_names
+from tradestudy.study.schema.validation import validate
 from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
 
 MOST_BYTES = 1_000_000
@@ -344,15 +345,28 @@ def kind_of(entry: Entry) -> str:
     return "a list" if isinstance(entry, ListEntry) else "a mapping"
 
 
+class _FittedLens(Part):
+    """The lens model to fit to corners, checked before the rest of a study, because an import depends on it."""
+
+    lens_model: FittedLensModel | None = None
+
+
 def _fitted_lens(own: MappingEntry) -> FittedLensModel | None:
-    """The lens model that a camera declares for the fit to its corners; None without one, or with a wrong one."""
+    """The lens model that a camera declares for the fit to its corners; None without one.
+
+    Raises
+    ------
+    CameraFileError
+        The model is not valid.
+    """
     entry: Entry | None = own
-    for key in ("calibration", "corners", "lens_model"):
+    for key in ("calibration", "corners"):
         entry = child(entry, key) if isinstance(entry, MappingEntry) else None
-    if entry is None:
+    if not isinstance(entry, MappingEntry) or "lens_model" not in entry.members:
         return None
+    alone = replace(entry, members={"lens_model": entry.members["lens_model"]})
     try:
-        found: FittedLensModel = TypeAdapter(FittedLensModel).validate_python(plain(entry))
-    except ValidationError:  # reported with the other mistakes of the study
-        return None
-    return found
+        return validate(Document(root=alone), _FittedLens).lens_model
+    except StudyError as error:
+        first = error.problems[0]
+        raise CameraFileError(replace(first, path=f"calibration.corners.{first.path}")) from None

@@ -25,6 +25,7 @@ _LARGEST_COORDINATE = 1e6  # px or mm; more is a mistake
 _SMALLEST_SPREAD = 1e-6  # m or px
 _SURPLUS = "more fields than columns"
 _BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
+_NARROWEST = 1e-3  # width over length from which on corners do not lie on a line
 
 
 class CornerFileError(TradestudyError):
@@ -258,8 +259,18 @@ def _refuse_repeated(groups: dict[int, FloatArray]) -> None:
             )
 
 
+def _on_a_line_but_one(board: FloatArray) -> bool:
+    """Whether all corners (N, 2), or all but one, lie on a line; two of any three corners then lie on it."""
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        along = board[second] - board[first]
+        across = (board - board[first]) @ np.array([-along[1], along[0]]) / max(float(along @ along), 1e-300)
+        if np.count_nonzero(np.abs(across) > _NARROWEST) <= 1:
+            return True
+    return False
+
+
 def _check_counts(corners: StereoCorners) -> None:
-    """Refuse too few views, views with too few corners, and views with all corners on a line."""
+    """Refuse too few views, views with too few corners, and views with all corners, or all but one, on a line."""
     if len(corners.views) < MINIMUM_VIEWS:
         raise CornerFileError(
             "too few views for a calibration",
@@ -286,13 +297,19 @@ def _check_counts(corners: StereoCorners) -> None:
                     limit=f">= {_SMALLEST_SPREAD:g} {unit}",
                     remedy="check the columns and their unit",
                 )
-            if spread[1] < 1e-3 * spread[0]:
+            if spread[1] < _NARROWEST * spread[0]:
                 raise CornerFileError(
                     f"view {view}: the corners ({what}) lie on a line",
                     value=f"width/length {spread[1] / spread[0]:.1e}",
-                    limit=">= 1e-3",
+                    limit=f">= {_NARROWEST:g}",
                     remedy="check the columns, or remove the view",
                 )
+        if _on_a_line_but_one(corners.board[row, :count]):
+            raise CornerFileError(
+                f"view {view}: all corners but one lie on a line of the board, and do not determine its pose",
+                limit="at least two corners beside any line",
+                remedy="remove the view or add corners",
+            )
 
 
 def handedness(board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:

@@ -37,7 +37,7 @@ from tradestudy.calibration.corners.view_blocks import (
 from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, Lenses
-from tradestudy.errors import NotConvergedError, TradestudyError
+from tradestudy.errors import NotConvergedError, OutOfRangeError, TradestudyError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.triangulation import inverse_depth_on_ray
 
@@ -184,8 +184,21 @@ def fit_rig(corners: StereoCorners) -> RigFit:
         Columns are swapped, left and right are exchanged, a view contradicts the others, the board has only two rows of
         corners, or the corners have no noise.
     NotConvergedError
-        The views do not determine the parameters, or noise and warp do not settle.
+        The views do not determine the parameters, a coefficient of the lens leaves its range, or noise and warp do not
+        settle.
     """
+    try:
+        return _fitted(corners)
+    except OutOfRangeError as error:
+        raise NotConvergedError(
+            "the corners do not determine the lens model; the fit ended at an impossible value",
+            value=f"{error.what}: {error.value}",
+            remedy="fit fewer coefficients or another lens model, or add corners near the edges of the picture",
+        ) from None
+
+
+def _fitted(corners: StereoCorners) -> RigFit:
+    """All stages of the fit, in order."""
     check_warp_shown(corners)
     sides = [_Side.of(corners, image) for image in (corners.left, corners.right)]
     left, right = (side.fit() for side in sides)

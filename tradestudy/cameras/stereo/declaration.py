@@ -13,14 +13,14 @@ from tradestudy.cameras.calibration_declaration import CalibrationPart, calibrat
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
-from tradestudy.cameras.imported import Imported, ImportedCorners, ImportedRig, Stated
+from tradestudy.cameras.imported import FITTED_LENS, Imported, ImportedCorners, ImportedRig, Stated
 from tradestudy.cameras.parts import Lens
 from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.geometry import GeometryPart
 from tradestudy.cameras.stereo.imported import stated_by
 from tradestudy.cameras.stereo.picture_field import full_angle
-from tradestudy.declarations.lens_models import AnyLensModel
+from tradestudy.declarations.lens_models import AnyLensModel, fitted_words
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistanceOrInfinity, PositivePixels
 from tradestudy.optics.lens_models.rational import IDEAL
@@ -141,6 +141,18 @@ class StereoDeclaration(DepthCameraDeclaration):
                 ("principal_distance",),
                 "lenses that refocus on every object have no fixed distance to the sensor; give a focus_distance, or "
                 "use focal_length here",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _lens_model_of_the_import(self) -> Self:
+        fitted, corners = self.read_as.get(FITTED_LENS), self.calibration.corners
+        if fitted and corners is not None and (own := fitted_words(corners.lens_model)) != fitted:
+            raise MistakeAt(
+                ("calibration", "corners", "lens_model"),
+                f"is {own}, but the focal length, the baseline and the disparity error of this camera come from a fit "
+                f"of {fitted}; import the corners with from: in the same camera of the study file that declares the "
+                "lens model",
             )
         return self
 

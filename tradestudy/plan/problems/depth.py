@@ -55,6 +55,8 @@ class DepthProblem(SimulationProblem):
     drawn_above
         Largest relative error of linear propagation that is accepted in a form that occurs only in readings or inverse
         questions; a form with a larger error is propagated by draws.
+    rejected_above
+        Relative error of linear propagation with which it cannot be chosen: the tolerance of the depth uncertainty.
     """
 
     def __init__(
@@ -65,9 +67,10 @@ class DepthProblem(SimulationProblem):
         asked: tuple[Quantity, ...],
         forced: Models,
         drawn_above: float = math.inf,
+        rejected_above: float = math.inf,
     ) -> None:
         self.name, self.title, self.asked = name, title, asked
-        self._variants, self._drawn_above = tuple(variants), drawn_above
+        self._variants, self._drawn_above, self._rejected_above = tuple(variants), drawn_above, rejected_above
         self._drawn: frozenset[DepthVariant] = frozenset()
         self._pictured = tuple(one for one in variants if one.law is not None and one.places.size)
         slots = _slots(variants[0].camera, [one.camera for one in self._pictured], forced)
@@ -183,7 +186,7 @@ class DepthProblem(SimulationProblem):
         for one in self._variants:
             if one.camera.calibration.groups:
                 found[one] = one.linear_error()
-                if found[one][0] > self._drawn_above and not one.only_in and self._is_free("calibration"):
+                if found[one][0] > self._rejected_above and not one.only_in and self._is_free("calibration"):
                     break  # the study as declared needs draws, whatever its other forms need
         beyond = frozenset(one for one, (error, _) in found.items() if error > self._drawn_above)
         if all(one.only_in for one in beyond) and self._is_free("calibration"):
@@ -249,6 +252,7 @@ def depth_problems(definition: StudyDefinition, forced: Models) -> tuple[DepthPr
             asked,
             forced,
             strictest,
+            tolerances["depth_uncertainty"],
         )
         for name in definition.case.cameras
     )

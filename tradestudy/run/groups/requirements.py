@@ -87,8 +87,10 @@ def requirements_group(
     if definition.readings:
         coordinates["reading"] = list(definition.readings)
     if axes:
-        judge.check(requirements.values(), (design.case for design in designs), steps)
-        answers = [[judge.answer(one, design.case) for one in requirements.values()] for design in designs]
+        judge.check([(one, design.case) for design in designs for one in design.file.requirements.values()], steps)
+        answers = [
+            [judge.answer(design.file.requirements[name], design.case) for name in requirements] for design in designs
+        ]
         table = [[one for one, _ in row] for row in answers]
         shape = (*(len(axis.labels) for axis in axes), len(requirements))
 
@@ -124,7 +126,8 @@ def _bound_words(required: Required) -> str:
     """A bound in words."""
     match required:
         case BoundOverPart(is_relative=True):
-            return f"at most {pretty(required.limit, FRACTION)} of the distance"
+            share = pretty(required.limit, FRACTION)
+            return f"at most {share} {'the' if share.endswith('times') else 'of the'} distance"
         case BoundOverPart():
             return f"at most {pretty(required.limit, LENGTH)}"
         case LengthBelowPart():
@@ -264,8 +267,7 @@ def _stretches(
 ) -> list[_Stretch]:
     """Intervals of one parameter in which one camera meets a requirement, with ends located between designs."""
     places = [float(label) for label in axis.labels]
-    requirement = definition.file.requirements[name]
-    met_by = [_met_by(requirement, one) for one in column]
+    met_by = [_met_by(definition.file.requirements[name], one) for one in column]
     found = []
     for camera, group in itertools.groupby(range(len(column)), key=lambda k: met_by[k]):
         if camera is None:
@@ -273,7 +275,7 @@ def _stretches(
         numbers = list(group)
         first, last = numbers[0], numbers[-1]
         (low, low_error), (high, high_error) = (
-            _root(definition, requirement, axis, (places[end], places[neighbour]), camera, judge)
+            _root(definition, name, axis, (places[end], places[neighbour]), camera, judge)
             if 0 <= neighbour < len(column)
             else (places[end], 0.0)
             for end, neighbour in ((first, first - 1), (last, last + 1))
@@ -291,7 +293,7 @@ def _met_by(requirement: RequirementPart, answer: RequirementAnswer) -> str | No
 
 def _root(
     definition: StudyDefinition,
-    requirement: RequirementPart,
+    name: str,
     axis: SweepAxis,
     ends: tuple[float, float],
     camera: str,
@@ -307,10 +309,11 @@ def _root(
 
     def holds(value: float) -> bool | None:
         try:
-            case = planned(definition.with_values(varying.changes(value))).case
+            changed = planned(definition.with_values(varying.changes(value)))
         except StudyError:  # no valid study lies between
             return None
-        return _met_by(requirement, judge.answer(requirement, case)[0]) == camera
+        requirement = changed.file.requirements[name]
+        return _met_by(requirement, judge.answer(requirement, changed.case)[0]) == camera
 
     close = _ROOT_TO * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
     inside, outside = bracketed(*ends, holds, possible=varying.possible, close=close)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from tradestudy.cameras.imported import Convention, Imported, ImportedCorners
-from tradestudy.declarations.lens_models import FittedLensModel
+from tradestudy.cameras.imported import FITTED_LENS, Convention, Imported, ImportedCorners
+from tradestudy.declarations.lens_models import FittedLensModel, fitted_words
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files.located import CameraFile
 from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE, baseline_problem, is_usual
@@ -62,6 +62,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         conventions=(
             Convention(name="format", says="corners of a board", key=top.key),
             Convention(name="length unit", says=f"{unit}, by the name of the column board_x_{unit}", key=top.key),
+            Convention(name=FITTED_LENS, says=fitted_words(request.fitted_lens), key=top.key),
             Convention(name="pictures", says="raw: as taken, before rectification", key=top.key),
             Convention(name="order of cameras", says="left and right as the columns are named", key=top.key),
             *unusual,

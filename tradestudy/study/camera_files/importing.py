@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
-from tradestudy.cameras.imported import ImportedCamera, Stated, Value
+from tradestudy.cameras.imported import FITTED_LENS, ImportedCamera, Stated, Value
 from tradestudy.cameras.kinds import KINDS
 from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
@@ -90,8 +90,12 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
     names = " and ".join(dict.fromkeys(file.label for file in files))
     read_as = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
     labels = {
-        "length unit": "length unit ", "order of cameras": "", "distortion": "distortion: ", "pictures": "pictures "
-    }  # fmt: skip
+        "length unit": "length unit ",
+        FITTED_LENS: "lens model ",
+        "order of cameras": "",
+        "distortion": "distortion: ",
+        "pictures": "pictures ",
+    }
     shown = [label + read_as[name] for name, label in labels.items() if name in read_as]
     if isinstance(found, ImportedCamera):
         shown.append(ONE_CAMERA)

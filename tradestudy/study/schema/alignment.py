@@ -96,8 +96,13 @@ def value_schema(model: type[BaseModel] | None, key: str) -> dict[str, Any]:
 
 def tags(kind: Any, discriminator: str) -> list[str]:
     """List the values of the key that selects a model in a union."""
-    fields = [_bare(member).model_fields[discriminator] for member in get_args(_bare(kind))]
-    return [str(tag) for field in fields for tag in get_args(field.annotation)]
+    found: list[str] = []
+    for member in map(_bare, get_args(_bare(kind))):
+        if get_origin(member) in (Union, UnionType):  # an optional union
+            found += tags(member, discriminator)
+        elif _is_model(member):
+            found += map(str, get_args(member.model_fields[discriminator].annotation))
+    return found
 
 
 def keys_of_value(kind: Any) -> list[str]:
