@@ -343,9 +343,12 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
         dimension=NUMBER,
     )  # fmt: skip
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
+    file = SimpleNamespace(requirements={"r": SimpleNamespace(camera="any")}, accuracy=tolerances)
     definition = SimpleNamespace(
-        file=SimpleNamespace(requirements={"r": SimpleNamespace(camera="any")}, accuracy=tolerances),
-        with_values=lambda values: SimpleNamespace(case=float(values["x"].value), calibrations_to_infer=dict),
+        file=file,
+        with_values=lambda values: SimpleNamespace(
+            case=float(values["x"].value), calibrations_to_infer=dict, file=file
+        ),
         calibrations_to_infer=dict,
     )
     judge = _TwoStretches()
@@ -373,8 +376,7 @@ def test_nothing_lies_between_two_neighbouring_whole_numbers() -> None:
     )
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
     definition = SimpleNamespace(file=SimpleNamespace(accuracy=tolerances), with_values=refuse)
-    asked = SimpleNamespace(camera="any")
-    assert _root(definition, asked, axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.0)  # type: ignore[arg-type]  # stand-ins
+    assert _root(definition, "r", axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.0)  # type: ignore[arg-type]  # stand-ins
 
 
 class _Fixed(Judge):
@@ -457,7 +459,7 @@ def test_whole_numbers_are_searched_in_whole_numbers() -> None:
         value = values["x"].value
         if not isinstance(value, int):
             raise StudyError([])
-        return SimpleNamespace(case=value, calibrations_to_infer=dict)
+        return SimpleNamespace(case=value, calibrations_to_infer=dict, file=file)
 
     class Six:
         def answer(self, _requirement: object, case: int) -> tuple[RequirementAnswer, dict[str, RequirementAnswer]]:
@@ -466,8 +468,6 @@ def test_whole_numbers_are_searched_in_whole_numbers() -> None:
     entry = quantity_entry(2.0, NUMBER)
     axis = SweepAxis(path="x", values=(entry,), labels=(2.0,), units="1", declared=2.0, dimension=NUMBER)
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
-    definition = SimpleNamespace(
-        file=SimpleNamespace(accuracy=tolerances), with_values=images, calibrations_to_infer=dict
-    )
-    asked = SimpleNamespace(camera="any")
-    assert _root(definition, asked, axis, (11.0, 2.0), "near", Six()) == (6.0, 0.0)  # type: ignore[arg-type]  # stand-ins
+    file = SimpleNamespace(requirements={"r": SimpleNamespace(camera="any")}, accuracy=tolerances)
+    definition = SimpleNamespace(file=file, with_values=images, calibrations_to_infer=dict)
+    assert _root(definition, "r", axis, (11.0, 2.0), "near", Six()) == (6.0, 0.0)  # type: ignore[arg-type]  # stand-ins
