@@ -10,7 +10,7 @@ from typing import Final
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.imported import NOMINAL_PITCH
 from tradestudy.errors import Problem
-from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE, UNUSUAL_MATRIX
+from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE, UNUSUAL_MATRIX, UNUSUAL_NOISE
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
 from tradestudy.uncertainty.joint import JointDraws
@@ -51,6 +51,8 @@ _USUAL: Final = (
 )
 _OF_IMPORTS: Final = {
     UNUSUAL_BASELINE: "the baseline is {}",
+    UNUSUAL_NOISE: "the corners scatter by {}; detectors reach 0.02 to 0.3 px, so the lens may need another "
+    "calibration.corners.lens_model",
     FOLDING_LENS: "depth cannot be measured in {}; check the distortion coefficients",
     UNUSUAL_MATRIX: "{}; check the camera matrix",
 }

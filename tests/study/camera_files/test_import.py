@@ -329,6 +329,8 @@ def test_corners_of_a_wide_lens_are_fitted_with_the_declared_lens_model(tmp_path
             rows += np.hstack([view, np.arange(len(grid))[:, None], 1e3 * grid[:, :2], seen]).tolist()
     head = "view,corner,board_x_mm,board_y_mm,left_x_px,left_y_px,right_x_px,right_y_px"
     np.savetxt(tmp_path / "corners.csv", rows, fmt=["%d", "%d", *["%.5f"] * 6], delimiter=",", header=head, comments="")
+    with pytest.raises(StudyError, match=r"corners\.csv"):  # the default model cannot describe them
+        tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [640, 480]}"))
     fitted = "calibration: {corners: {lens_model: {model: double-sphere}}}"
     part = tradestudy.load(
         study(tmp_path, rig=f"from: corners.csv, sensor: {{pixels: [640, 480]}}, {fitted}")
@@ -340,6 +342,21 @@ def test_corners_of_a_wide_lens_are_fitted_with_the_declared_lens_model(tmp_path
     on_axis = project(camera, np.array([[slope, 0.0, 1.0]]), lens, ())[0, 0] - camera[2]
     assert part.lenses.focal_length.pixels == pytest.approx(on_axis / slope, rel=5e-3)
     assert part.depth.disparity_error == pytest.approx(2**0.5 * 0.1, rel=0.05)
+
+
+def test_corners_that_scatter_more_than_any_detector_cause_a_warning(tmp_path: Path) -> None:
+    head, *rows = simulate_corners.FILE.read_text().splitlines()
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    table[:, 4:] += 0.8 * np.random.default_rng(0).standard_normal(table[:, 4:].shape)
+    np.savetxt(
+        tmp_path / "corners.csv", table, fmt=["%d", "%d", *["%.5f"] * 6], delimiter=",", header=head, comments=""
+    )
+    loaded = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
+    (warning,) = [str(one) for one in loaded.warnings if "scatter" in str(one)]
+    assert re.search(r"cameras\.rig\.from: .* scatter by 0\.8\d? px.* rational with k1 k2", warning)
+    (tmp_path / "corners.csv").write_bytes(simulate_corners.FILE.read_bytes())
+    quiet = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
+    assert not any("scatter" in str(one) for one in quiet.warnings)
 
 
 def test_a_vertical_pair_of_ros_is_that_of_opencv(tmp_path: Path) -> None:

@@ -15,12 +15,14 @@ from tradestudy.cameras.imported import FITTED_LENS, Convention, Imported, Impor
 from tradestudy.declarations.lens_models import FittedLensModel, fitted_words
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files.located import CameraFile
-from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE, baseline_problem, is_usual
+from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE, UNUSUAL_NOISE, baseline_problem, is_usual
 from tradestudy.study.camera_files.request import Format, Request
-from tradestudy.units import LENGTH, pretty
+from tradestudy.units import LENGTH, pretty, significant
 
 if TYPE_CHECKING:
     from tradestudy.calibration.corners.real_rig import RigFit
+
+_MOST_USUAL_NOISE_PX: Final = 0.5  # of one coordinate; detectors reach 0.02 to 0.3 px
 
 
 def recognises(file: CameraFile) -> bool:
@@ -54,10 +56,13 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         raise top.fail(f"{problem}; name the columns board_x_{other} and board_y_{other} if that is their unit")
     checked = f"{pretty(baseline, LENGTH)}; check that positions on the board are in {unit}"
     unusual = () if is_usual(baseline) else (Convention(name=UNUSUAL_BASELINE, says=checked, key=top.key),)
+    if (noise := fit.explained.noise_px) > _MOST_USUAL_NOISE_PX:
+        says = f"{significant(noise, 2)} px, by a fit of the lens model {fitted_words(request.fitted_lens)}"
+        unusual = (*unusual, Convention(name=UNUSUAL_NOISE, says=says, key=top.key))
     return ImportedCorners(
         file=files[0].name,
         focal_length=float(np.mean([own[:2] * lens.at(own[4:]).scale_on_axis for own in cameras_of(shared)])),
-        noise=fit.explained.noise_px,
+        noise=noise,
         baseline=baseline,
         conventions=(
             Convention(name="format", says="corners of a board", key=top.key),

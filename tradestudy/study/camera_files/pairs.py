@@ -22,6 +22,8 @@ _USUAL_FROM, _USUAL_TO = 3e-3, 5.0  # beyond these, it is probably wrong
 _UNITS: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 UNUSUAL_BASELINE: Final = "baseline"
 """Name of the convention that states that another unit of length would give a usual baseline."""
+UNUSUAL_NOISE: Final = "corner noise"
+"""Name of the convention that states that corners scatter more about a fit than those of any detector."""
 FOLDING_LENS: Final = "part of the picture without direction"
 """Name of the convention that states that the lens model of a camera does not reach the edges of its picture."""
 UNUSUAL_MATRIX: Final = "camera matrix"
