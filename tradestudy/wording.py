@@ -106,3 +106,8 @@ def limit_words(name: str) -> str:
     """
     first, _, condition = name.partition(", ")[0].partition(": ")
     return condition or _LIMITS[first]
+
+
+def lens_in_words(model: str = "rational", fitted: Sequence[str] = ("k1", "k2"), fixed: str = "") -> str:
+    """A lens model fitted to corners: its name, its fitted coefficients, and others; by default, the usual model."""
+    return f"{model} with {' '.join(fitted)}{fixed}"

@@ -19,6 +19,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.lens_models.families import ANGLES, FAMILIES, STARTS
 from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.wording import lens_in_words
 
 _MODEL = "Name of the lens model."
 _ABOUT = {
@@ -144,10 +145,10 @@ def _part_of(family: type[LensModel]) -> type[LensModelPart]:
 def fitted_words(part: FittedLensModelPart | None) -> str:
     """A lens model to be fitted to corners in words: its name, its fitted coefficients, and those that stay fixed."""
     if part is None:
-        return "rational with k1 k2"
+        return lens_in_words()
     given = {name: getattr(part, name) for name in part.family.coefficient_names() if name not in part.fitted}
     fixed = "".join(f", {name} = {value:g}" for name, value in given.items() if value is not None)
-    return f"{part.model} with {' '.join(part.fitted)}{fixed}"
+    return lens_in_words(part.model, part.fitted, fixed)
 
 
 if TYPE_CHECKING:

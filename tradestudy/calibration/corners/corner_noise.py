@@ -70,7 +70,8 @@ class CornerNoise:
 
 def equal_noise(weights: FloatArray, board: FloatArray) -> CornerNoise:
     """Independent noise that is equal except for the weights (V, 2, N)."""
-    return _noise(board, weights, share=0.0, length=1.0, deviation=np.ones(len(board)))
+    whitening = _Layouts.of(board, weights).of_views(0.0, 1.0)
+    return _noise(whitening, weights, share=0.0, length=1.0, deviation=np.ones(len(board)))
 
 
 def outlier_weights(residuals: FloatArray, present: BoolArray) -> FloatArray:
@@ -130,10 +131,12 @@ def estimate_noise(
 
     first = np.zeros(2) if start is None or not start.share else _place(start, spacing)
     found = _Correlation.at(maximise(likelihood, first, _SETTLED), spacing)
-    every = _Layouts.of(board, weights)
-    whitened = _whitened(table, every.whitening(found.share, found.length)[every.number])
-    deviation = _deviations(np.abs(triangular_factor(whitened)[:, -1, -1]), weights, by_view.shape[-1])
-    return _noise(board, weights, share=found.share, length=found.length, deviation=deviation)
+    whitening = _Layouts.of(board, weights).of_views(found.share, found.length)
+    lengths = np.abs(triangular_factor(_whitened(table, whitening))[:, -1, -1])
+    return _noise(
+        whitening, weights, share=found.share, length=found.length,
+        deviation=_deviations(lengths, weights, by_view.shape[-1]),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,6 +263,10 @@ class _Layouts:
         own = np.where(self._there, (1.0 - share) / self._safe, 1.0)
         return np.tril(np.linalg.inv(np.linalg.cholesky(share * self._fall(length) + _diagonal(own))))
 
+    def of_views(self, share: float, length: float) -> FloatArray:
+        """Those factors for every view and camera, shape (V, 2, N, N)."""
+        return self.whitening(share, length)[self.number]
+
     def changes(self, correlation: _Correlation) -> FloatArray:
         """Derivatives of the covariances by the parameters of the correlation, shape (2, L, N, N)."""
         fall = self._fall(correlation.length)
@@ -288,14 +295,13 @@ def _diagonal(values: FloatArray) -> FloatArray:
 
 
 def _noise(
-    board: FloatArray, weights: FloatArray, *, share: float, length: float, deviation: FloatArray
+    whitening: FloatArray, weights: FloatArray, *, share: float, length: float, deviation: FloatArray
 ) -> CornerNoise:
     typical = np.sqrt(np.mean(deviation**2)) / deviation
-    layouts = _Layouts.of(board, weights)
     return CornerNoise(
         share=share,
         length=length,
         deviation=deviation,
         weights=weights,
-        whitening=layouts.whitening(share, length)[layouts.number] * typical[:, None, None, None],
+        whitening=whitening * typical[:, None, None, None],
     )

@@ -23,6 +23,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.wording import lens_in_words
 
 EXTENSIONS: Final[Sequence[tuple[str, ...]]] = (("k3",), ("p1", "p2"), ("k3", "p1", "p2"), ("s1", "s2", "s3", "s4"))
 """Additional coefficients of the models with which a rational model is compared."""
@@ -83,9 +84,9 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
             wider = FreeLens(model=lens.model, free=(*lens.free, *more))
             start = _with_more(explained.shared, lens.model, more)
             other = _leave_one_out(fit, wider, start, explained.states, explained.lever, seen)
-            found[f"{lens.model.name} with {' '.join(wider.free)}"] = _compared(own, other, z)
+            found[lens_in_words(lens.model.name, wider.free)] = _compared(own, other, z)
     for other_lens in others:
-        name = f"{other_lens.model.name} with {' '.join(other_lens.free)}"
+        name = lens_in_words(other_lens.model.name, other_lens.free)
         try:
             found[name] = _compared(own, _fitted(fit, other_lens, seen), z)
         except TradestudyError as error:

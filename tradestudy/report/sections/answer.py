@@ -224,27 +224,27 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     # Where neither is usable under a reading, or in the study itself, nothing is reversed.
     reversed_by = {one.place: [name for name, winner in one.flipped if winner and one.winner] for one in found}
     turned = [one for one in found if reversed_by[one.place]]
+    decision, titles = group(tree, "decision"), camera_titles(tree)
+    first, second = (with_article(titles[decision.attrs[one]]) for one in ("first", "second"))
     if turned:
         names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
-        decision, titles = group(tree, "decision"), camera_titles(tree)
         says = readings_in_words(decision)
         counts = sorted({len(reversed_by[one.place]) for one in turned})
         by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of the {all} other readings"
         yield say(
             "The verdict between {first} and {second} is **reversed** at {places} " + by + " ([](#verdict-table)).",
-            first=with_article(titles[decision.attrs["first"]]),
-            second=with_article(titles[decision.attrs["second"]]),
+            first=first,
+            second=second,
             places=listed([distance(one.place) for one in turned]),
             only=says[names[0]],
             counts=str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}",
             all=str(max(one.alternatives for one in found)),
         )
     else:
-        decision, titles = group(tree, "decision"), camera_titles(tree)
         yield say(
             "No other reading changes which of {first} and {second} is better at these distances ([](#verdict-table)).",
-            first=with_article(titles[decision.attrs["first"]]),
-            second=with_article(titles[decision.attrs["second"]]),
+            first=first,
+            second=second,
         )
 
 

@@ -25,7 +25,7 @@ from tradestudy.report.document import (
 from tradestudy.report.words import or_dash, parameter_dimension, share
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import Dimension, pretty, significant
-from tradestudy.wording import distance, in_words
+from tradestudy.wording import distance, in_words, lens_in_words
 
 _CLEARLY = 2.0  # standard errors
 _NAMES: Final[Mapping[str, str]] = {
@@ -264,9 +264,9 @@ def _supported(compared: xr.Dataset, title: str) -> Text:
 def lens_words(stored: str) -> str:
     """A fitted lens model as stored in results, in words."""
     if not stored:
-        return "rational with k1 k2"
+        return lens_in_words()
     lens = json.loads(stored)
-    return f"{lens['model']} with {' '.join(lens['free'])}"
+    return lens_in_words(lens["model"], lens["free"])
 
 
 def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:

@@ -28,7 +28,7 @@ from tradestudy.results.storage import CHECKSUM
 from tradestudy.results.variable import PAPER
 from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
-from tradestudy.results.views.requirement_conclusions import VERDICTS, requirement_conclusions
+from tradestudy.results.views.requirement_conclusions import ALL, ANY, VERDICTS, requirement_conclusions
 from tradestudy.units import significant
 from tradestudy.wording import in_words, listed, span
 
@@ -347,7 +347,7 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
 
 def _bound_over(row: Mapping[str, Any], titles: Mapping[str, str]) -> str:
     """The cameras that must meet a requirement, its bound, and the distances over which it must hold."""
-    who = {"any": "one camera", "all": "every camera"}.get(str(row["of"]), titles.get(str(row["of"]), ""))
+    who = {ANY: "one camera", ALL: "every camera"}.get(str(row["of"]), titles.get(str(row["of"]), ""))
     text, near, far = str(row["bound_text"]), float(row["over_near"]), float(row["over_far"])
     return f"{who}: {text}" + ("" if math.isnan(near) else f" from {span(near, far)}")
 

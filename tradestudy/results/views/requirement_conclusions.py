@@ -21,8 +21,8 @@ from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import listed
 
 _NO_MARGIN: Final = 1e-6  # rounding
-ANY: Final = "any"
-"""What `RequirementConclusion.of` is if one camera suffices."""
+ANY, ALL = "any", "all"
+"""What `RequirementConclusion.of` is if one camera suffices, and if every camera must meet it."""
 VERDICTS: Final[Mapping[bool | None, str]] = {True: "met", False: "not met", None: "cannot be decided"}
 """Verdicts in words."""
 
@@ -308,7 +308,7 @@ def decided_by(one: RequirementConclusion) -> str:
     """The camera that decides the verdict: "by A" or "closest: A", for instance."""
     if one.met is None:
         return f"undecided for {one.camera}"
-    if one.of == "all":
+    if one.of == ALL:
         return f"by all, tightest for {one.camera}" if one.met else f"not by {one.camera}"
     if one.met:
         return f"by {one.camera}"
