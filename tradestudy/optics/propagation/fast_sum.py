@@ -192,7 +192,7 @@ def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
     if columns:
         total = columns.apply(total.T).T
     along_x, along_y = _common_paths(problem.kernel, x, y, z, middle)
-    total = total * unit_phasor(problem.kernel.wavenumber * along_x)
+    total *= unit_phasor(problem.kernel.wavenumber * along_x)
     if rows:
         total = rows.apply(total)
     total *= unit_phasor(problem.kernel.wavenumber * along_y)[:, None]
