@@ -23,8 +23,12 @@ from tradestudy.study.schema.questions import (
     DepthOfFieldRatioClaim,
     FresnelFNumberClaim,
     ImageDifferenceClaim,
+    LimitDistanceClaim,
     LitPixelsClaim,
     PsfErrorClaim,
+    RelativeUncertaintyDistanceClaim,
+    ShareBetterClaim,
+    UncertaintyRatioClaim,
 )
 from tradestudy.study.schema.trade_off import TradeOffPart
 from tradestudy.study.schema.wave_optics import listed
@@ -37,7 +41,7 @@ if TYPE_CHECKING:  # few studies ask for light, or infer
     from tradestudy.calibration.target.camera_target import TargetToInfer
 
 # Time of other questions about a camera, in units of its table over all distances: a verdict finds crossovers and
-# switches of the winner for three error sources; ranks draw two; a claim needs one, mostly cached already.
+# switches of the winner for three error sources; ranks draw two; a claim needs part of one, if it is not cached.
 _TABLES_OF_A_VERDICT: Final = 1.5
 _TABLES_OF_RANKS: Final = 2.0
 _TABLES_OF_A_CLAIM: Final = 0.4
@@ -429,10 +433,24 @@ class _Prediction:
                 return self.pair_on_axis
             case DepthOfFieldClaim() | DepthOfFieldRatioClaim():
                 return self.parsing
-            case _ if self.cameras and not hasattr(claim, "criterion") and not hasattr(claim, "method"):
-                return _TABLES_OF_A_CLAIM * self._tables_of(tuple(self.cameras), reading) / len(self.cameras)
+            case LimitDistanceClaim():
+                return _TABLES_OF_A_TRIAL * self.cameras[claim.camera][0]
+            case UncertaintyRatioClaim() | ShareBetterClaim():
+                return self._seconds_of_uncertainties((claim.camera, claim.against), reading)
+            case RelativeUncertaintyDistanceClaim():
+                return self._seconds_of_uncertainties((claim.camera,), reading)
             case _:
                 return 0.0  # a closed form, or pictures, which are counted elsewhere
+
+    def _seconds_of_uncertainties(self, names: tuple[str, ...], reading: StudyDefinition) -> float:
+        """Time of the uncertainties of a claim's cameras [s], of which those of a declared camera are cached."""
+        declared, cameras = self.definition.case.cameras, reading.case.cameras
+        return math.fsum(
+            _TABLES_OF_A_TRIAL * self.cameras[name][0]
+            if cameras[name] == declared[name]
+            else _TABLES_OF_A_CLAIM * math.fsum(self.table(cameras[name]))
+            for name in names
+        )
 
     def _report(self) -> PredictedStep:
         file = self.definition.file
