@@ -296,10 +296,12 @@ def _rounded(value: float, dimension: Dimension, digits: int, to: Callable[[floa
     return significant(steps * step, digits) + unit.label
 
 
-def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:
+def pretty_with_error(
+    value: float, error: float, dimension: Dimension, rounded: Callable[[float, Dimension], str] = pretty
+) -> str:
     """Write an SI value as far as the one digit of its error; omit an error that is invisible at three digits."""
     if not error > _SHOWN_ERROR * abs(value):
-        return pretty(value, dimension)
+        return rounded(value, dimension)
     unit = display_unit(value, dimension)
     number, deviation = to_digit_of_error((value - unit.zero) / unit.size, error / unit.size)
     return f"{number}{unit.label} ± {deviation}{unit.label}"

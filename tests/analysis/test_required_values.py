@@ -129,8 +129,19 @@ def test_a_plain_number_is_shown_without_a_unit() -> None:
     found = asked({"depth_uncertainty": {"below": "3 mm", "over": ["0.4 m", "1 m"]}}, f_number)
     ends = found.solutions[-1].value
     assert 2.0 < ends < 32.0
-    assert f"{ends:.3g}" in found.answer
+    assert re.search(r"to \d\.\d\d;", found.answer)
     assert "%" not in found.answer
+
+
+def test_written_ends_lie_within_the_range_that_meets_the_requirement() -> None:
+    f_number = {"says": "Which f-number?", "vary": "stereo-75mm.lenses.f_number", "low": "1", "high": "32"}
+    found = asked({"depth_uncertainty": {"below": "3 mm", "over": ["0.4 m", "1 m"]}}, f_number)
+    first, last = (one.value for one in found.solutions)
+    match = re.match(r"met from (\S+) to (\S+);", found.answer)
+    assert match
+    from_, to = map(float, match.groups())
+    assert first <= from_ < first + 0.01
+    assert last - 0.01 < to <= last
 
 
 def test_the_declared_value_is_among_those_tried() -> None:

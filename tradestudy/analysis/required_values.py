@@ -18,7 +18,7 @@ from tradestudy.analysis.requirements import ANY, Judge
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
-from tradestudy.units import Dimension, pretty, pretty_with_error
+from tradestudy.units import Dimension, pretty, pretty_with_error, rounded_down, rounded_up
 from tradestudy.wording import listed
 
 _PLACES: Final = 17  # values tried between the ends of a question
@@ -99,10 +99,13 @@ def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: 
             if trials[0].answer.met
             else f"met nowhere {between}: {_nearest(trials, dimension)}"
         )
-    changes = [pretty_with_error(one.value, one.error, dimension) for one in solutions]
-    begins = [None, *changes] if trials[0].answer.met else changes
+    met = trials[0].answer.met
+    changes: list[str | None] = [None] if met else []
+    for one in solutions:  # rounded inwards, so that the written values lie within the range
+        changes.append(pretty_with_error(one.value, one.error, dimension, rounded_down if met else rounded_up))
+        met = not met
     parts = []
-    for first, last in itertools.zip_longest(begins[::2], begins[1::2]):
+    for first, last in itertools.zip_longest(changes[::2], changes[1::2]):
         if first is None:
             parts.append(f"up to {last} (searched from {ends[0]})")
         else:
