@@ -53,8 +53,8 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help="Replace a value of the study for this command only, as in stereo-short.baseline='50 mm'; "
-        "may be repeated.",
+        help="Replace the value at PATH, which is the keys that lead to it, joined by dots, for this command only, as "
+        "in stereo-short.baseline='50 mm'; may be repeated.",
     ),
 ]
 ToleranceOption = Annotated[
@@ -133,7 +133,7 @@ def run(
         bool,
         typer.Option(
             "--with-cost",
-            help="Also measure the error and computing time of every set of models with which the study can be "
+            help="Also measure the error and computing time of the sets of models with which the study can be "
             "computed; the report shows them.",
         ),
     ] = False,
@@ -225,7 +225,7 @@ def export(
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera's calibration as files for other programs or, in the format 'posterior', for other studies."""
+    """Write a camera's calibration as files for other programs or, in the format posterior, for other studies."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -269,13 +269,16 @@ def cost(
         typer.Option(
             "--budget",
             metavar="SECONDS",
-            help="Longest time for all measurements together; those that do not fit into it are left out.",
+            help="Longest time for all measurements together; those that would exceed it are left out.",
         ),
     ] = DEFAULT_BUDGET,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure error and computing time of every set of models that a study can use; write cost.json and cost.svg."""
+    """Measure the error and computing time of the sets of models that a study can use.
+
+    The command writes cost.json and cost.svg.
+    """
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -381,7 +384,7 @@ def compare(
     ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Compare conclusions, inputs and results of runs. A result has changed if it differs by more than its error."""
+    """Compare conclusions, inputs and results of runs. Results that agree within their errors count as unchanged."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.results.storage import replace_file
