@@ -31,7 +31,7 @@ _BASIS: Final = {"value", "basis", "note"}
 # Keys that no shipped study uses, or whose value there would mislead; a key alone applies wherever it occurs.
 _EXAMPLES: Final = {
     # Cameras
-    "read_as": "{file: OpenCV FileStorage}",
+    "read_as": "{format: OpenCV FileStorage}",
     "note": "the wide-angle head of the data sheet",
     "stated": "{field_of_view: 65.24 deg}",
     "field_of_view": "65.24 deg",
@@ -39,7 +39,7 @@ _EXAMPLES: Final = {
     "microlens_gap": "0.45 mm",
     "StatedPart.mla_distance": "15.3 mm",
     "hyperfocal_distance": "7.5 m",
-    "absolute_sensitivity_threshold": "22 photons",
+    "absolute_sensitivity_threshold": "12.6 photons",
     "StatedPart.depth_of_field": "0.82 mm",
     "envelope": "[60 mm, 60 mm, 90 mm]",
     "quantum_efficiency": "60 %",
@@ -229,7 +229,7 @@ _EXAMPLES: Final = {
     "pixel_intensity": "2 %",
     "psf_width": "2 %",
     "time_limit": "10 min",
-    "effects": "{main_lens_diffraction: kirchhoff, crosstalk: 'off'}",
+    "effects": "{main_lens_diffraction: kirchhoff, crosstalk: off}",
     "defocus_blur": "disc",
     "main_lens_diffraction": "fresnel",
     "microlens_diffraction": "kirchhoff",
@@ -254,10 +254,13 @@ _EXAMPLES: Final = {
     "candidates": "[stereo-50mm, stereo-75mm]",
     "compare": "[[stereo-50mm, raytrix-r5], [stereo-75mm, raytrix-r5]]",
     "AssumptionPart.says": "long-term stability of yaw",
-    "DepthOfFieldClaim.tolerance_reason": "two digits are printed; the scale of the thin lens is known to 3 %",
+    "DepthOfFieldClaim.tolerance_reason": (
+        "two digits are printed; the scale is known to 3 %, and depth of field varies with its square"
+    ),
     "DepthOfFieldRatioClaim.says": "the depth of field is multiple times larger",
-    "LimitDistanceClaim.tolerance_reason": "printed as one digit",
+    "LimitDistanceClaim.tolerance_reason": "'one digit allows 10 %; \"≈\" doubles that'",
     "PsfErrorClaim.tolerance_reason": "5 % in the f-number changes the error by 20 %",
+    "CriterionFNumberClaim.expect": "{about: 7.3, within: 0.7 %}",
     "CriterionFNumberClaim.tolerance_reason": "printed as two digits; 7.25 to 7.35 round to them",
     "UncertaintyRatioClaim.tolerance_reason": "lower means a ratio below 1",
     "ShareBetterClaim.tolerance_reason": "a good substitute is better over more than half of the range",
@@ -267,14 +270,20 @@ _EXAMPLES: Final = {
     "ReadingPart.set": "{raytrix-r5.focus.relay: galilean}",
     "RequirementPart.says": "depth to 1 % from 0.4 to 3 m",
     "LitPixelsClaim.says": "diffraction lights more pixels than geometrical optics predicts",
-    "RelativeUncertaintyDistanceClaim.says": "10 % of the distance at 1 m",
+    "RelativeUncertaintyDistanceClaim.says": "10 % of the distance at ≈ 1 m",
+    "SolvePart.says": "Which yaw error makes the rig with 65° of field as uncertain as the R5 at 0.5 m?",
     "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation",
     "low": "0.002 deg",
     "high": "0.05 deg",
     "requirement": "far",
+    "PsfErrorClaim.reading": "green",
+    "FresnelFNumberClaim.reading": "green",
+    "CriterionFNumberClaim.reading": "green",
+    "ImageDifferenceClaim.reading": "blue",
+    "LitPixelsClaim.reading": "blue",
     "reading": "galilean",
     "readings": "[galilean]",
-    "tolerance_reason": "printed as one digit",
+    "tolerance_reason": "20 %, as for the other distances stated with ≈",
     "over": "[0.4 m, 3 m]",
     "overlap": "{above: 80 %, over: [0.4 m, 3 m]}",
     "ShareAbovePart.above": "80 %",
@@ -296,7 +305,7 @@ _EXAMPLES: Final = {
     "ValueOfInformationPart.at": "[0.4 m, 1 m, 3 m]",
     "unusable": "50 %",
     "ValueOfInformationPart.draws": "1024",
-    "order": "[accuracy, mass]",
+    "order": "[precision, mass]",
     "sweep": "{stereo-75mm.baseline: [50 mm, 75 mm, 100 mm]}",
 }
 # Parts whose class name makes no heading.
@@ -383,7 +392,7 @@ _CHOOSES: Final = {
     "shape": "Kind of surface that the keys of this section describe.",
     "quantity": "Kind of claim that the keys of this section describe.",
 }
-_BY_PATH: Final = ("sweep", "set")  # mappings whose keys are paths of values
+_BY_PATH: Final = ("sweep", "set", "vary")  # whose names are paths of values
 _DIMENSIONS: Final = sorted(
     (one for one in vars(units).values() if isinstance(one, units.Dimension)), key=lambda one: -len(one.name)
 )
@@ -414,7 +423,7 @@ class Reference:
         """What may stand at a key: the names of parts (empty for values) and their schemas, without null and basis."""
         if "$ref" in schema:
             target = schema["$ref"].rpartition("/")[2]
-            is_part = "properties" in self.schema["$defs"][target] and not target.startswith("value")
+            is_part = "properties" in self.schema["$defs"][target] and target[0].isupper()
             yield from self.alternatives(self.schema["$defs"][target], target if is_part else "")
             return
         inner = [*schema.get("anyOf", ()), *schema.get("oneOf", ())]
@@ -496,6 +505,12 @@ class Reference:
             return f"a list of {len(inner)} values{each}"
         if schema.get("type") == "array":
             each = self.takes(schema["items"])
+            if each == "text":
+                return f"a list of {_count(schema).replace('values', 'names')}"
+            if each == "a list of 2 names":
+                return "a list of pairs of names"
+            if re.fullmatch("`[^`]+`", each):
+                return f"`[{each[1:-1]}]`"
             return f"a list of {_count(schema)}, each {each}"
         if members := list(_members(schema)):
             of = self.takes(members[0])
@@ -586,7 +601,7 @@ class Reference:
             yield f"`{key}`"
             yield f": {_prose(meaning)}"
             yield ""
-            takes = takes.replace("from names", "from paths") if key in _BY_PATH else takes
+            takes = takes.replace("names", "paths") if key in _BY_PATH else takes
             default = "*Required.*" if key in required else self._default(below)
             yield f"  *Value:* {takes}. {default} "
             yield f"  *Example:* {self.example(owner, key, below)}"
@@ -693,12 +708,7 @@ def _flow(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_flow, value))}]"
     if isinstance(value, str):
-        is_plain = re.fullmatch(r"[^\s\[\]{},&*!|>'\"%@`#:-][^\[\]{},#:\n]*", value) and value not in (
-            "off",
-            "on",
-            "yes",
-            "no",
-        )
+        is_plain = re.fullmatch(r"-?[^\s\[\]{},&*!|>'\"%@`#:-][^\[\]{},#:\n]*", value)
         return value if is_plain else json.dumps(value, ensure_ascii=False)
     return json.dumps(value)
 
@@ -739,7 +749,7 @@ def study_pages(root: Path) -> dict[str, str]:
     for part, page in owners:
         written[page] += reference.lines(part)
     index = ["# The study file", "", _INDEX.strip(), "", "```{toctree}", *titles, "```", "", "## Top level", ""]
-    return {"index": "\n".join([*index, *reference.keys("", schema)])} | {
+    return {"index": "\n".join([*index, *reference.keys("", schema), _FROM_FILES.strip(), ""])} | {
         name: "\n".join(lines) for name, lines in written.items()
     }
 
@@ -758,7 +768,7 @@ def _owners(reference: Reference) -> tuple[dict[str, str], list[tuple[Part, str]
     kinds = set(titles)
     titles |= {"camera-parts": "Parts of several kinds of camera"}
     titles |= {name: title for name, (title, _) in _PAGES.items()} | dict([_OTHER_PAGE])
-    titles |= {"shared": "Common parts"}
+    titles |= {"shared": "The matcher"}  # so far, the only shared part
     pages: dict[str, set[str]] = {}
     paths: dict[str, dict[str, None]] = {}
     for page, part, path in roots:
@@ -778,9 +788,10 @@ _INDEX = """
 A study is one YAML file. These pages list its keys, each with the values it accepts, its default and an example.
 Editors can complete the keys from the JSON Schema that `python -m tradestudy schema` prints.
 
-Write quantities with their units: `12.5 mm`, not `12.5`. Where infinity is allowed, write `inf`. Every value may carry
-its basis and a note: `{value: 12.5 mm, basis: datasheet, note: page 3}`, where `basis` is `paper`, `datasheet`,
-`measured`, `assumed` or `derived`. `null` removes a value that a camera inherits by `from` or `like`.
+Write quantities with their units: `12.5 mm`, not `12.5`. Where infinity is allowed, write `inf` or `infinity`. Every
+value may carry its basis and a note: `{value: 12.5 mm, basis: datasheet, note: page 3}`, where `basis` is `paper`,
+`datasheet`, `measured`, `assumed` or `derived`. `null` removes a value that a camera inherits from a file (`from`) or
+from another camera (`like`). `off` may be written with or without quotes.
 
 The *path* of a value in the study consists of the keys that lead to it, joined by dots: `scene.wavelength`. The path of
 a value of a camera may begin with the name of the camera, without `cameras`: `stereo-75mm.baseline`.
@@ -789,4 +800,27 @@ Each section describes one mapping. Below its heading are the paths at which it 
 three. In them, `NAME` is a name that you choose, `PATH` is the path of a value, and `[]` is an item of a list.
 
 For a study of format 1, `python -m tradestudy check` says key by key what to write instead.
+"""
+
+_FROM_FILES = """
+## Cameras from other files
+
+A camera may start from a file or from another camera, instead of being declared in full. Further keys then replace its
+values or add to them. The last four keys say how to read calibration files, and stand only beside a `from` that names
+such files; [Import a calibration](../../../how-to/import-a-calibration.md) lists their formats.
+
+| key | meaning | example |
+|---|---|---|
+| `from` | File of a camera, or one or more calibration files; of two cameras, the left one first. Paths are relative \
+to the study. A camera file contains the keys of one camera, without `from` and `like`. \
+| `from: cameras/raytrix-r5.yaml`, `from: [left.yaml, right.yaml]` |
+| `like` | Instead of `from`: name of another camera of the study. | `like: stereo-50mm` |
+| `length_unit` | Unit of the lengths in the calibration files; needed if neither the files nor their format state it. \
+| `length_unit: mm` |
+| `pair` | Names of the left and the right camera in a Kalibr file, or their sockets, in quotes, in a DepthAI file. \
+Default: the first two cameras of a Kalibr file, or the stereo pair that a DepthAI file names. | `pair: [cam0, cam2]` |
+| `pictures` | Whether depth is measured in the pictures as taken (`raw`, the default) or in rectified ones \
+(`rectified`); for OpenCV and ROS files. | `pictures: rectified` |
+| `lens_model` | `fisheye` if the lenses are fisheyes although an OpenCV, ROS or Kalibr file does not say so. \
+| `lens_model: fisheye` |
 """

@@ -154,8 +154,9 @@ PRESSURE = Dimension(
         DisplayUnit(label=" kPa", size=1e3, used_from=1e3),
     ),
 )
+PRESSURE_DIFFERENCE = Dimension(name="a pressure difference", unit="Pa", example="1 kPa", display=PRESSURE.display)
 EXPANSION = Dimension(
-    name="a thermal expansion",
+    name="a coefficient of thermal expansion",
     unit="1/K",
     example="23 ppm/K",
     display=(DisplayUnit(label=" ppm/K", size=1e-6),),

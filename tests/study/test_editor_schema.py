@@ -43,6 +43,15 @@ def test_accepts_studies_as_they_are_written(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("files", "fits"), [("left.yaml", True), (["left.yaml", "right.yaml"], True), ([1.0], False), (2.0, False)]
+)
+def test_a_camera_comes_from_one_file_or_several(files: Any, fits: bool) -> None:
+    content: Any = YAML(typ="safe", pure=True).load((STUDIES / "robot.yaml").read_text(encoding="utf-8"))
+    content["cameras"]["mine"] = {"from": files}
+    assert jsonschema.Draft202012Validator(schema()).is_valid(content) is fits
+
+
+@pytest.mark.parametrize(
     ("name", "place"),
     [
         ("unknown_key_at_the_top", "$"),

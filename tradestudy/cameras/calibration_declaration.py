@@ -40,7 +40,10 @@ _ROUNDING: Final = 1e-9  # of correlations that are written with nine digits, as
 
 
 class ErrorsPart(Part):
-    """Distributions of the errors (true minus designed value) of a camera's parameters; each key names a parameter."""
+    """Distributions of the errors of a camera's parameters; each key names a parameter.
+
+    An error is the true value minus the one with which depth is computed.
+    """
 
     def given(self) -> dict[str, AnyDistribution]:
         """The declared errors by name."""
@@ -122,24 +125,30 @@ class StabilityPart(Part):
 
 
 class CornersPart(Part):
-    """A calibration from the measured corners of a board that both cameras saw; for stereo rigs only."""
+    """Stereo rigs only: a calibration from the measured corners of a board that both cameras saw."""
 
-    file: Text = Field(description="CSV file of the corners; the path is relative to the file that contains this key.")
+    file: Text = Field(
+        description="CSV file of the corners; needed unless the key `from` of the camera names the corner file. Its "
+        "columns are `view`, `corner`, `board_x_mm`, `board_y_mm`, `left_x_px`, `left_y_px`, `right_x_px` and "
+        "`right_y_px`. The path is relative to the file that contains this key."
+    )
     lens_model: FittedLensModel | None = Field(
         default=None,
-        description="Lens model to fit to each camera; default: `{model: rational, fitted: [k1, k2]}`.",
+        description="Lens model to fit to each camera. Default: `{model: rational, fitted: [k1, k2]}`. A rational "
+        "model declared without `fitted` has five fitted coefficients: k1, k2, p1, p2 and k3.",
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
         default=(),
-        description="Other lens models to fit. The report says how much better or worse than lens_model each predicts "
-        "views that are left out of the fit, and by how much it changes the depths.",
+        description="Other lens models to fit. For each, the report says how much better or worse than lens_model it "
+        "predicts views that are left out of the fit, and by how much it changes the depths.",
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0,
         description="Relative standard deviation of the side of the board's squares; corners cannot determine it.",
     )
     max_steps: MostSteps = Field(
-        default=20_000, description="Largest number of steps of each Markov chain that samples the posterior."
+        default=20_000,
+        description="Largest number of steps of each Markov chain, a random walk that draws from the posterior.",
     )
 
 
@@ -147,9 +156,11 @@ class PosteriorPart(Part):
     """A saved calibration: a covariance, or joint draws of the errors."""
 
     file: Text = Field(
-        description="NetCDF file of a run, or CSV: parameter names, then a line for each draw; or `parameter,mean,` "
-        "and the names, then for each parameter its mean and its row of the covariance. The path is relative to the "
-        "file that contains this key."
+        description="A NetCDF file, such as a run writes, or a CSV file. For draws, the first line of the CSV file "
+        "names the parameters, and each further line is one joint draw. For a covariance, the first line is "
+        "`parameter,mean,` followed by the names, and each further line gives a parameter's name, its mean and its row "
+        "of the covariance. Numbers are in SI units, or in pixels if the name ends in `_px`. The path is relative to "
+        "the file that contains this key."
     )
 
 
@@ -161,9 +172,9 @@ class CalibrationPart(Part):
 
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
-        description="Distributions of the errors of the parameters. With `target`, they are the priors. With "
-        "`posterior`, give only errors that it does not contain; with `corners`, give none. Give at most one of "
-        "`target`, `posterior` and `corners`.",
+        description="Distributions of the errors of the parameters. Give at most one of `target`, `posterior` and, for "
+        "a stereo rig, `corners`. With `target`, the errors are the priors. With `posterior`, give only errors that it "
+        "does not contain; with `corners`, give none.",
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
         default={},

@@ -45,7 +45,7 @@ PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 
 
 class LensPart(Part):
-    """Focal length or field of view of a lens, and its f-number."""
+    """The main lens: its focal length or field of view, and its f-number."""
 
     counts_given: ClassVar[tuple[int, ...]] = (1,)
     """How many of the keys focal_length and field_of_view a lens may have."""
@@ -204,8 +204,8 @@ class AttributesPart(Part):
     )
     bits_per_pixel: PositiveCount | None = Field(
         default=None,
-        description="Number of bits per pixel of a raw picture, as stored or sent; needed to derive the raw data "
-        "volume of a depth map.",
+        description="Number of bits per pixel of a raw picture, as stored or sent; needed to derive how much raw "
+        "data one depth map requires.",
     )
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
@@ -235,8 +235,8 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="Conventions, by name, that were assumed when `from` or `new --from` read the calibration file of "
-        "this camera. The program writes this key.",
+        description="How `from`, or the command `new --from`, interpreted the calibration file of this camera: a "
+        "convention for each name. The program writes this key.",
     )
     kind: str
 

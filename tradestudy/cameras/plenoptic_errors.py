@@ -26,13 +26,13 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "array_tilt_x": ErrorParameter(
         unit="rad",
         part="array",
-        meaning="Slope of the microlens array along x, relative to the sensor; if positive, the array is "
+        meaning="Tilt of the microlens array along x, relative to the sensor; if positive, the array is "
         "nearer to the sensor at larger x.",
     ),
     "array_tilt_y": ErrorParameter(
         unit="rad",
         part="array",
-        meaning="Slope of the microlens array along y, relative to the sensor; if positive, the array is "
+        meaning="Tilt of the microlens array along y, relative to the sensor; if positive, the array is "
         "nearer to the sensor at larger y.",
     ),
     "array_offset_x": ErrorParameter(
@@ -44,8 +44,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "pupil_distance": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="How much farther from the microlens array the exit pupil lies than the main lens; 0 by design. It "
-        "shifts the centres of the micro-images of a white scene relative to the centres of the microlenses.",
+        meaning="Distance from the microlens array to the exit pupil, minus that to the main lens; 0 by design. It "
+        "changes how far the centres of the micro-images of a white scene lie from the centres of the microlenses.",
     ),
     "principal_point_x": ErrorParameter(
         unit="m",
@@ -62,8 +62,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "field_curvature": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="How much farther from the main lens the image of a flat object lies in the corner of the sensor than "
-        "on the axis. The difference grows with the square of the distance from the axis.",
+        meaning="Field curvature: the image distance of a flat object in the corner of the sensor, minus that on the "
+        "axis. The difference grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(
         unit="1",
@@ -84,8 +84,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="Each coordinate of the centre of a microlens; the error differs from microlens to microlens. It "
-        "adds √2 times this error to a disparity, which compares two microlenses.",
+        meaning="Each coordinate of the centre of a microlens. The error differs from microlens to microlens. A "
+        "disparity compares two microlenses, so its error from this source is √2 times as large.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

@@ -30,5 +30,5 @@ class StatedPart(Part):
         "noise are equal.",
     )
     depth_of_field: PositiveLength | None = Field(
-        default=None, description="Depth of field of one image of a conventional camera, for a blur of one pixel."
+        default=None, description="Depth of field of one picture by a conventional camera, for a blur of one pixel."
     )

@@ -63,8 +63,9 @@ class PosePart(Part):
 class TargetPart(Part):
     """A simulated calibration with views of a board; `errors` gives independent normal or uniform priors.
 
-    Give either `poses`, or all of `views`, `distances`, `half_field_angle` and `tilt`. The positions of the board are
-    then spread evenly over inverse distance and direction, and its rotations are normally distributed.
+    Give either `poses` or all of `views`, `distances`, `half_field_angle` and `tilt`. From these four keys, the program
+    spreads the positions of the board evenly over inverse distance and direction, and its rotations according to a
+    normal distribution.
     """
 
     views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(
@@ -76,7 +77,9 @@ class TargetPart(Part):
     rows: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
         description="Number of inner corners in each column of the board."
     )
-    spacing: PositiveLength = Field(description="Distance between neighbouring corners of the board.")
+    spacing: PositiveLength = Field(
+        description="Distance between neighbouring inner corners of the board: the side of a square."
+    )
     distances: Span | None = Field(default=None, description="Nearest and farthest distance of the board.")
     half_field_angle: HalfFieldAngle | None = Field(
         default=None,
@@ -84,7 +87,8 @@ class TargetPart(Part):
         "vertically.",
     )
     tilt: PositiveAngle | None = Field(
-        default=None, description="Standard deviation of each component of the board's rotation vector over the views."
+        default=None,
+        description="Standard deviation, from view to view, of each component of the board's rotation vector.",
     )
     poses: Annotated[tuple[PosePart, ...], Field(min_length=3, max_length=MOST_VIEWS)] | None = Field(
         default=None,
@@ -103,7 +107,8 @@ class TargetPart(Part):
         "unknown.",
     )
     max_steps: MostSteps = Field(
-        default=20_000, description="Largest number of steps of each Markov chain that samples the posterior."
+        default=20_000,
+        description="Largest number of steps of each Markov chain, a random walk that draws from the posterior.",
     )
 
     @property

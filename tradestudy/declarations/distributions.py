@@ -26,7 +26,7 @@ from tradestudy.declarations.quantities import (
 from tradestudy.declarations.words import Text
 
 PositiveTemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE, above=0.0)]
-PositivePressureDifference = Annotated[float, *quantity(units.PRESSURE, above=0.0)]
+PositivePressureDifference = Annotated[float, *quantity(units.PRESSURE_DIFFERENCE, above=0.0)]
 
 Shape = Literal["normal", "uniform", "triangular", "student-t", "arcsine", "curvilinear-trapezoid", "empirical"]
 _NEEDS: Final[dict[Shape, tuple[str, ...]]] = {
@@ -59,7 +59,8 @@ class DistributionPart(Part, Generic[Signed, Positive]):
 
     shape: Shape | None = Field(
         default=None,
-        description="Shape of the distribution; default: normal for standard_deviation, uniform for half_width.",
+        description="Shape of the distribution. Without it, the distribution is normal (with standard_deviation) or "
+        "uniform (with half_width).",
     )
     mean: Signed | None = Field(
         default=None,

@@ -28,7 +28,8 @@ _ABOUT = {
     "(1 + k₄r² + k₅r⁴ + k₆r⁶)",
     "kannala-brandt": "The fisheye model of Kannala and Brandt, as in OpenCV and Kalibr (equidistant). At focal "
     "length 1, the image radius is θ + k₁θ³ + k₂θ⁵ + k₃θ⁷ + k₄θ⁹, where θ is the angle from the optical axis",
-    "fov": "The fisheye model of Devernay and Faugeras, which has a single coefficient",
+    "fov": "The fisheye model of Devernay and Faugeras, which has a single coefficient, w. At focal length 1, a ray at "
+    "the angle θ from the optical axis has the image radius atan(2 tan(w/2) tan θ)/w",
     "omni": "The omnidirectional model of Mei and Rives: points are projected onto a unit sphere around the camera, "
     "from there through a second centre of projection onto a plane, and then distorted radially and tangentially. "
     "In this plane, at unit distance from the second centre, x and y are positions, and r² = x² + y². "
@@ -86,8 +87,9 @@ class FittedLensModelPart(Part):
 def _meanings(family: type[LensModel]) -> dict[str, str]:
     """What each coefficient means, from the parameters in the docstring of its family, without units."""
     parameters = (inspect.getdoc(family) or "").partition("----------\n")[2].partition("\n\n")[0]
-    found = re.findall(r"^(\w.*)\n +(.*)$", parameters, re.MULTILINE)
-    return {name: re.sub(r" \[\w+\]", "", what) for names, what in found for name in names.split(", ")}
+    found = re.findall(r"^(\w.*)((?:\n +.*)+)", parameters, re.MULTILINE)
+    meanings = {names: " ".join(what.split()) for names, what in found}
+    return {name: re.sub(r" \[\w+\]", "", what) for names, what in meanings.items() for name in names.split(", ")}
 
 
 def _coefficient(family: type[LensModel], name: str) -> Any:

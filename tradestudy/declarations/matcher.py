@@ -24,7 +24,7 @@ FalseShare = Annotated[
 
 
 class MatcherPart(Part):
-    """How the errors of a real matcher exceed the Cramér–Rao bound on the disparity error."""
+    """By how much the errors of a real matcher exceed the Cramér–Rao bound on the disparity error."""
 
     factor: NoiseFactor | None = Field(
         default=None, description="Factor that multiplies the Cramér–Rao bound; default: 1."

@@ -199,7 +199,7 @@ PositiveDuration = Annotated[float, *quantity(units.DURATION, above=0.0)]
 Temperature = Annotated[float, *quantity(units.TEMPERATURE, above=0.0)]
 TemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE)]
 Pressure = Annotated[float, *quantity(units.PRESSURE, at_least=0.0)]
-PressureDifference = Annotated[float, *quantity(units.PRESSURE)]
+PressureDifference = Annotated[float, *quantity(units.PRESSURE_DIFFERENCE)]
 ThermalExpansion = Annotated[float, *quantity(units.EXPANSION)]
 
 # A quantity whose dimension depends on the question; a plain number needs no quotes.

@@ -37,13 +37,17 @@ class ReferenceScalePart(Part):
 
 
 class FocusStackPart(Part):
-    """A range of distances that a focus stack must make sharp, with as few images as suffice, at most `images`."""
+    """A range of distances that a focus stack must make sharp.
+
+    The program takes as few pictures as this needs. If it needs more than `images`, the program spreads that many
+    evenly over the range.
+    """
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance of the range to cover.")
-    images: PositiveCount = Field(description="Largest number of images in one stack.")
+    images: PositiveCount = Field(description="Largest number of pictures in one stack.")
     time_per_image: PositiveDuration | None = Field(
-        default=None, description="Time from one image to the next, including refocusing."
+        default=None, description="Time from one picture to the next, including refocusing."
     )
 
     @model_validator(mode="after")
@@ -54,7 +58,10 @@ class FocusStackPart(Part):
 
 
 class ConventionalFocusPart(Part):
-    """What a conventional camera is focused on: give distance, image_scale or working_distance, also with a stack."""
+    """Distance at which a conventional camera is focused.
+
+    Give exactly one of `distance`, `image_scale` and `working_distance`, even if you declare a `stack`.
+    """
 
     distance: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Distance from the object in focus to the principal plane of the lens."
@@ -68,7 +75,7 @@ class ConventionalFocusPart(Part):
         "`reference`.",
     )
     reference: ReferenceScalePart | None = None
-    stack: FocusStackPart | None = Field(default=None, description="A focus stack instead of a single image.")
+    stack: FocusStackPart | None = Field(default=None, description="A focus stack instead of a single picture.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

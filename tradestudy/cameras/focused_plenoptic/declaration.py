@@ -38,8 +38,8 @@ class MicrolensesPart(Part):
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     gap: LensToSensor | Literal["f-number-matching"] = Field(
         description="Distance from the microlens array to the sensor. With `f-number-matching`, it is pitch × "
-        "(distance from main lens to array) / (pupil diameter), which makes the f-numbers of microlenses and main lens "
-        "equal."
+        "(distance from main lens to array) / (pupil diameter), which makes the working f-numbers of main lens "
+        "(distance/diameter) and microlenses (gap/pitch) equal."
     )
     types: Literal[1, 3] = Field(
         default=1,
@@ -47,8 +47,8 @@ class MicrolensesPart(Part):
     )
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
-        description="Focal length of each microlens type. By default, the depths of field of the types, for one pixel "
-        "of blur, adjoin each other, starting at the total covering plane.",
+        description="Focal length of each microlens type. By default, they are chosen so that the depths of field of "
+        "the types, for one pixel of blur, adjoin, starting at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of each microlens; default: the pitch."
@@ -139,8 +139,8 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: PlenopticDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens the image of a flat object lies in the corner of the sensor "
-        "than on the axis. Measured depths are corrected for this.",
+        description="Field curvature: the image distance of a flat object in the corner of the sensor, minus that on "
+        "the axis. Measured depths are corrected for it.",
     )
     calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)
 

@@ -92,7 +92,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     )
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
-        description="Distance from lens to sensor with which the rig converts disparity to depth: the focal length "
+        description="Distance from lens to sensor that the rig uses to convert disparity to depth: the focal length "
         "(`focal_length`), as in a calibration in pixels, or the image distance of an object at focus_distance "
         "(`focused`).",
     )

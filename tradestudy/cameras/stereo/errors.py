@@ -25,7 +25,8 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "yaw": ErrorParameter(
         unit="rad",
         part="relative rotation",
-        meaning="Rotation of the right camera about the vertical; if positive, towards the left one.",
+        meaning="Rotation of the right camera relative to the left one, about the vertical; if positive, towards the "
+        "left one.",
     ),
     "pitch": ErrorParameter(
         unit="rad",
@@ -46,8 +47,8 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     "principal_point": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Difference between the positions of the two principal points along the baseline, right minus left; "
-        "half of the error shifts each, in opposite directions.",
+        meaning="Difference between the positions of the two principal points along the baseline, right minus left. "
+        "Each principal point moves by half of the error, in opposite directions.",
     ),
 }
 
@@ -77,7 +78,8 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Coefficient {name} of the {side} camera's lens model, by default the rational model.",
+                meaning=f"Coefficient {name} of the {side} camera's lens model, which must have k1 and k2; without a "
+                "declared model, that of the rational model.",
             ),
         )
 

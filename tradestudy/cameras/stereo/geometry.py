@@ -38,7 +38,11 @@ class CalibratedCameraPart(Part):
 
 
 class GeometryPart(Part):
-    """Calibrated geometry of two cameras. A point X in the frame of the left one is RX + t in that of the right one."""
+    """Calibrated geometry of two cameras.
+
+    A point at X in the frame of the left camera is at RX + t in that of the right camera. In both frames, x points
+    right, y down and z along the optical axis.
+    """
 
     left: CalibratedCameraPart = Field(description="The left camera.")
     right: CalibratedCameraPart = Field(description="The right camera.")

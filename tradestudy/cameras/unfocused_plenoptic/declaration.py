@@ -36,8 +36,8 @@ class UnfocusedMicrolensesPart(Part):
     )
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
         description="Focal length of a microlens, which is also its distance from the sensor. With "
-        "`f-number-matching`, it is pitch × (distance from main lens to array) / (pupil diameter), which makes "
-        "the f-numbers of microlenses and main lens equal."
+        "`f-number-matching`, it is pitch × (distance from main lens to array) / (pupil diameter), which makes the "
+        "working f-numbers of main lens (distance/diameter) and microlenses (focal length/pitch) equal."
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of each microlens; default: the pitch."
@@ -58,8 +58,8 @@ class UnfocusedFocusPart(Part):
     """The distance at which an unfocused plenoptic camera is focused."""
 
     distance: ObjectDistance = Field(
-        description="Distance of the objects that the main lens images onto the microlenses; finite, and beyond its "
-        "focal length."
+        description="Distance of the objects that the main lens images onto the microlenses; finite, and beyond the "
+        "focal length of that lens."
     )
 
 
@@ -70,8 +70,8 @@ class UnfocusedDepthPart(DisparityPart):
     """
 
     estimator: ViewEstimator = Field(
-        description="Views that are compared: the two outermost views of the longest row (`outermost-views`), or all "
-        "views by least squares (`least-squares`)."
+        description="Views that are compared: the two outermost of the longest row of views across the pupil "
+        "(`outermost-views`), or all views by least squares (`least-squares`)."
     )
 
 
@@ -95,8 +95,8 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: UnfocusedDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="How much farther from the main lens the image of a flat object lies in the corner of the sensor "
-        "than on the axis. Measured depths are corrected for this.",
+        description="Field curvature: the image distance of a flat object in the corner of the sensor, minus that on "
+        "the axis. Measured depths are corrected for it.",
     )
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
 

@@ -19,7 +19,8 @@ class DoubleSphere(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1] by which the second sphere lies behind the first, in radii, > −1 and ≤ 1; < 0: ahead of it.
+        Distance ξ [1], in radii, from the centre of the first sphere back to that of the second; above −1 and at most
+        1. If it is negative, the second sphere lies in front of the first.
     alpha
         Parameter α [1], from 0 to 1: the pinhole lies α/(1 − α) radii behind the centre of the second sphere.
 

@@ -19,7 +19,8 @@ class FieldOfView(LensModel):
     Parameters
     ----------
     w
-        Field of view [rad] of the ideal fisheye lens, above 0° and below 180°.
+        Coefficient w [rad]: the field of view of an ideal fisheye lens, whose image radius is proportional to the
+        angle from the axis; above 0° and below 180°.
 
     Notes
     -----

@@ -20,7 +20,7 @@ Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.
 
 
 class AccuracyPart(Part):
-    """By what fraction simplifications may change each answer (its tolerance), and how long a run may take."""
+    """The tolerance of each answer (the largest fraction by which simplifications may change it), and a time limit."""
 
     tolerance: Tolerance = Field(
         default=0.01, description="Default tolerance on the quantities below, except depth_noise."
@@ -68,17 +68,20 @@ class AccuracyPart(Part):
 
 
 _MODELS = {
-    "defocus_blur": "none (`off`), or a disc of uniform light",
-    "main_lens_diffraction": "none (`off`); the Airy pattern of the lens in focus, convolved with the disc of "
-    "defocus (`airy`); rays and the wave diffracted at the aperture's edge (`boundary_wave`, for light spots); "
-    "Fresnel's approximation (`fresnel`); or Kirchhoff's integral with exact paths (`kirchhoff`)",
+    "defocus_blur": "none (`off`), or a disc of uniform light (`disc`)",
+    "main_lens_diffraction": "none (`off`); the Airy pattern of the lens in focus, convolved with the disc of defocus "
+    "(`airy`); rays and the wave diffracted at the aperture's edge (`boundary_wave`, only for light spots, whose "
+    "`methods` call it `boundary-wave`); Fresnel's approximation (`fresnel`); or Kirchhoff's integral, with exact path "
+    "lengths (`kirchhoff`)",
     "microlens_diffraction": "as for main_lens_diffraction",
     "crosstalk": "none (`off`); the light that neighbouring microlenses add (`share`); or, for light spots, "
     "interference of the waves from all microlenses (`coherent`)",
-    "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area",
-    "source_extent": "a point of light (`off`), or a disc",
-    "spectrum": "a single wavelength (`off`), or all wavelengths with their weights",
-    "vignetting": "none (`off`), or the cos⁴ law and obstruction by two apertures, scene.picture.stop_separation apart",
+    "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area "
+    "(`square`)",
+    "source_extent": "a point of light (`off`), or a disc (`disc`)",
+    "spectrum": "a single wavelength (`off`), or all wavelengths with their weights (`weighted`)",
+    "vignetting": "none (`off`), or the cos⁴ law and obstruction by two equal round stops, "
+    "scene.picture.stop_separation apart (`cos4`)",
     "sensor_noise": "shot noise alone (`shot`), with read noise (`shot+read`), or with read and quantisation noise "
     "(`shot+read+quantisation`)",
     "calibration": "none (`off`); propagation by the derivatives of depth (`linear`); or propagation of random draws "
@@ -87,7 +90,11 @@ _MODELS = {
 
 
 class _EffectsPart(Part):
-    """The model of each effect; the program chooses those that are left out, and refuses models that do not apply."""
+    """The model of each effect.
+
+    The program chooses the model of an effect that is left out, and refuses a model that applies to nothing in the
+    study.
+    """
 
     def forced(self) -> dict[SlotName, str]:
         """The forced models, by effect."""

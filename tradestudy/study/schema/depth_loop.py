@@ -41,7 +41,8 @@ class DepthLoopPart(Part):
         Annotated[tuple[PositiveElectrons, ...], Field(min_length=1, max_length=_MOST), AfterValidator(distinct)] | None
     ) = Field(
         default=None,
-        description="Mean numbers of electrons per pixel to test; default: scene.picture.light.electrons.",
+        description="Mean numbers of electrons per pixel to test; default: scene.picture.light.electrons. Needed if "
+        "the light is given in photons.",
     )
     texture_scaled_from: ObjectDistance | None = Field(
         default=None,
@@ -56,8 +57,8 @@ class DepthLoopPart(Part):
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=64,
-        description="Number of rays for each pixel through each lens that lights it. With too few, the noise of "
-        "rendering looks like an error of the matcher.",
+        description="Number of rays traced from each pixel through each lens from which light reaches it. With too "
+        "few, the noise of rendering looks like an error of the matcher.",
     )
 
     @model_validator(mode="after")

@@ -27,8 +27,8 @@ class BlurPart(Part):
     )
     diffraction: Diffraction = Field(
         default="none",
-        description="What counts as the diameter of the diffraction spot: nothing (`none`), its first dark ring "
-        "(`airy-diameter`), or its full width at half maximum (`fwhm`).",
+        description="How the diffraction spot counts: not at all (`none`), with the diameter of its first dark ring "
+        "(`airy-diameter`), or with its full width at half maximum (`fwhm`).",
     )
 
     def criterion(self, wavelength: float) -> BlurCriterion:
@@ -70,8 +70,8 @@ class ReliefPart(Part):
         "of a camera (the two lenses of a stereo rig, or opposite edges of a plenoptic camera's pupil)."
     )
     surface_tilt: NonNegativeAngle = Field(
-        description="Angle between the surface and the plane perpendicular to the optical axis; along the baseline, "
-        "so that the two outermost viewpoints see it foreshortened by different amounts."
+        description="Angle between the surface and the plane perpendicular to the optical axis. The surface is tilted "
+        "along the baseline, so that the two outermost viewpoints see it foreshortened by different amounts."
     )
 
     @model_validator(mode="after")

@@ -11,9 +11,13 @@ from tradestudy.study.document import BASES
 from tradestudy.study.schema.shared import shared
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_SHARING = {
-    "from": "File of the camera, relative to the study.",
-    "like": "Name of the camera that this one starts from.",
+_SHARING: dict[str, dict[str, Any]] = {
+    "from": {
+        "type": ["string", "array"],
+        "items": {"type": "string"},
+        "description": "File of a camera, or one or more calibration files; paths are relative to the study.",
+    },
+    "like": {"type": "string", "description": "Name of the camera of this study that this one starts from."},
 }
 
 
@@ -123,7 +127,6 @@ def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
 def _shareable(camera: Mapping[str, Any]) -> dict[str, Any]:
     """Let a camera name a file or another camera instead of being written in full."""
     shared = [
-        {"type": "object", "properties": {key: {"type": "string", "description": meaning}}, "required": [key]}
-        for key, meaning in _SHARING.items()
+        {"type": "object", "properties": {key: written}, "required": [key]} for key, written in _SHARING.items()
     ]
     return {"anyOf": [dict(camera), *shared]}

@@ -15,7 +15,10 @@ EVERY_FAMILY: tuple[FamilyName, ...] = get_args(FamilyName)
 
 
 class HardCasesPart(Part):
-    """Hard cases: numerical ones, computed by the textbook formula and by this program, and troublesome study files."""
+    """Computations that are numerically difficult, and study files that are difficult to read safely.
+
+    Each computation is done by the textbook formula and by this program.
+    """
 
     families: Annotated[tuple[FamilyName, ...], Field(min_length=1, max_length=len(EVERY_FAMILY))] = Field(
         default=EVERY_FAMILY,

@@ -77,9 +77,9 @@ class MainLensPart(Part):
     focal_length: FocalLength = Field(description="Focal length of the main lens.")
     f_number: FNumber = Field(description="F-number: focal length divided by the diameter of the aperture.")
     lens_phase: LensPhaseName = Field(
-        description="Phase that the lens adds: a `perfect` lens images every point without aberration, a "
-        "`stigmatic` lens only the axial point in focus; `parabolic` is the lens of the paper, which has spherical "
-        "aberration."
+        description="Phase that the lens adds. A `perfect` lens images every point without aberration. A `stigmatic` "
+        "lens does so only for the point on the axis that is in focus. A `parabolic` lens, as in the paper, has "
+        "spherical aberration."
     )
 
 
@@ -238,7 +238,7 @@ class PublishedTimePart(Part):
 
 
 class LightSpotPart(Part):
-    """The picture of a spot of light behind a main lens and microlenses, computed by several methods."""
+    """The picture of a spot of light taken through a main lens and microlenses, computed by several methods."""
 
     main_lens: MainLensPart
     mla_distance: LensToSensor = Field(description="Distance from the main lens to the microlens array.")
@@ -261,14 +261,15 @@ class LightSpotPart(Part):
     )
     tolerance: ImageTolerance = Field(
         default=0.01,
-        description="Largest relative numerical error of each compared picture, in the L2 norm; only with methods.",
+        description="Largest relative numerical error of each compared picture, in the L2 norm; only if `methods` is "
+        "given.",
     )
     seed: Seed = Field(default=0, description="Seed of the random points at which the pictures are checked.")
     benchmarks: bool = Field(
         default=False,
-        description="Whether also to measure how long Kirchhoff's integral takes for the light from one point: through "
-        "the main lens alone, with each value of `lens_phase`, on and off the axis; and through main lens and "
-        "microlenses.",
+        description="Whether the run also measures how long Kirchhoff's integral takes for light from one point. It is "
+        "timed through the main lens alone, for each value of `lens_phase`, on and off the axis, and through the main "
+        "lens and the microlenses together.",
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
         default=(), description="Published computing times, shown next to the measured ones."

@@ -150,7 +150,7 @@ class PicturePart(Part):
     texture: TexturePart
     matching_window: PictureWindow = Field(
         description="Side of the square window in which two pictures are matched, in pixels or as a length on the "
-        "object. Where the pictures have less than the window in common, only the common part is matched."
+        "object. Where the two pictures share only part of the window, only that part is matched."
     )
     matcher: MatcherPart | None = Field(
         default=None,

@@ -92,8 +92,8 @@ class DecisionPart(Part):
     )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
         default=None,
-        description="Cameras of which the best one is named; default: all. Of several cameras that model the same "
-        "device, list only one.",
+        description="Cameras among which the best is chosen; default: all that measure depth. Of several cameras that "
+        "model the same device, list only one.",
     )
 
     @property
@@ -185,7 +185,7 @@ class ExpectPart(Part):
 
     about: QuantityText | None = Field(default=None, description="Expected value, with its unit.")
     within: PositiveFraction | None = Field(
-        default=None, description="Relative tolerance on the expected value; needed with about."
+        default=None, description="Relative tolerance on the expected value; needed with `about`."
     )
     above: QuantityText | None = Field(
         default=None, description="Instead of `about`: value that the result is expected to exceed, with its unit."
@@ -232,9 +232,10 @@ class LimitDistanceClaim(_ClaimPart):
         "relative_uncertainty", "saturation", "matching",
     ] = Field(
         description="Limit that the claim is about. Some names differ from those in usable_range: "
-        "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that "
-        "on disparity_step. Two apply only to a derived disparity error: `saturation` is met where no pixel "
-        "saturates, `matching` where a matcher can reach the error."
+        "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on "
+        "disparity_step. Two apply only to a derived disparity error. `saturation` is met where no pixel saturates. "
+        "`matching` is met where a matcher can reach the Cramér–Rao bound on the disparity error: where that bound is "
+        "at most 0.25 px and the window is large enough."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(
         description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."
@@ -300,13 +301,13 @@ class DepthOfFieldRatioClaim(_ClaimPart):
     )
     diffraction: Diffraction | None = Field(
         default=None,
-        description="What counts as the diameter of the diffraction spot, as in depth_of_field.criteria; only with "
-        "`blur`. Default: `none`.",
+        description="How the diffraction spot counts, as in depth_of_field.criteria; only with `blur`. Default: "
+        "`none`.",
     )
     resolution: PositiveLength | None = Field(
         default=None,
-        description="Instead of `blur`: size of the smallest detail on the object that both cameras must resolve by "
-        "geometrical optics.",
+        description="Instead of `blur`: size of the smallest detail on the object that both cameras must resolve "
+        "according to geometrical optics.",
     )
     over: Span | None = Field(
         default=None, description="Nearest and farthest of the distances that count; default: all distances."
@@ -350,7 +351,7 @@ class PsfErrorClaim(_ClaimPart):
 class FresnelFNumberClaim(_ClaimPart):
     """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
 
-    The error is that of the point-spread function, relative to the function that Kirchhoff's integral gives.
+    Accuracy is judged by the error of the point-spread function, relative to the one that Kirchhoff's integral gives.
     """
 
     quantity: Literal["fresnel_f_number"]
@@ -374,9 +375,9 @@ class CriterionFNumberClaim(_ClaimPart):
     quantity: Literal["criterion_f_number"]
     element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
-        description="Criterion: the smaller (`paper-eq27-first-zero`) or the larger zero (`paper-eq27-second-zero`) of "
-        "equation 27 of the paper; a bound on the optical path that the approximation neglects (`path-error`); or "
-        "Goodman's condition (`goodman`)."
+        description="Criterion: the zero of equation 27 of the paper with the smaller aperture, and thus the larger "
+        "f-number (`paper-eq27-first-zero`), or the one with the larger aperture (`paper-eq27-second-zero`); a bound "
+        "on the optical path that the approximation neglects (`path-error`); or Goodman's condition (`goodman`)."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     path_error: PositiveWaves | None = Field(
@@ -438,7 +439,7 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 
 
 class SweepRangePart(Part):
-    """Values of the input whose path is the key, from one end to the other in linear or logarithmic steps."""
+    """A range of values of one input, in linear or logarithmic steps. The key is the path of the input."""
 
     start: QuantityText = Field(alias="from", description="First value, with its unit.")
     stop: QuantityText = Field(alias="to", description="Last value, with its unit.")

@@ -98,10 +98,12 @@ class SharpPart(Part):
 
 
 class CriterionPart(Part):
-    """A bound on a criterion that is declared under `attributes`, or that the program derives for the `relief`."""
+    """A bound on a criterion that cameras declare under attributes.others, or that the program derives."""
 
     name: Text = Field(
-        description="Name of the criterion: one of attributes.others, or a derived one such as `moving parts`."
+        description="Name of the criterion: one of attributes.others or, in a study with `relief`, one that the "
+        "program derives: `moving parts`, `images per scene`, `time per scene`, `data per depth map`, `resolved "
+        "samples`, `aperture`, `light gathered`, `hidden beside a step` or `foreshortening`."
     )
     below: QuantityText | None = Field(
         default=None, description="Value below which the criterion must stay, with its unit."
@@ -129,7 +131,10 @@ class CriterionPart(Part):
 
 
 class GuardBandPart(Part):
-    """Margin that a value must keep from its bound, as a number of standard errors of the computation or as a risk."""
+    """Margin that a value must keep from its bound, as a number of standard errors of the computation or as a risk.
+
+    It affects only depth_uncertainty and failed_fraction; depth_of_field and `criterion` do not accept it.
+    """
 
     standard_errors: PositiveNumber | None = Field(
         default=None, description="Width of the guard band, in standard errors of the value."
@@ -166,7 +171,7 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
-    """A requirement on one quantity, of one camera, of at least one camera or of every camera."""
+    """A requirement on one quantity. One camera, at least one camera, or every camera must meet it."""
 
     says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(

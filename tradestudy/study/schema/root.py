@@ -52,8 +52,8 @@ class StudyFile(Part):
     question: Text = Field(description="The question that the study answers, in words.")
     cameras: Annotated[dict[Name, CameraPart], Field(max_length=100)] = Field(
         default={},
-        description="Cameras by name. A camera may start as a copy of one in another file (key `from`) or of another "
-        "camera of the study (key `like`); further keys then replace its values.",
+        description="Cameras by name. A camera may start from a file (key `from`) or from another camera of the study "
+        "(key `like`); further keys then replace its values.",
     )
     scene: ScenePart | None = None
     accuracy: AccuracyPart = AccuracyPart()

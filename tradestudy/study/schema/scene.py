@@ -29,7 +29,7 @@ class ScenePart(Part):
     )
 
     image: SceneImagePart | None = Field(
-        default=None, description="Surfaces at different depths, of which `tradestudy render` makes pictures."
+        default=None, description="Surfaces at different depths, of which `python -m tradestudy render` makes pictures."
     )
 
     @model_validator(mode="after")

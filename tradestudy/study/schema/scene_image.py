@@ -56,7 +56,9 @@ class StairsPart(Part):
     shape: Literal["step", "staircase"]
     near: ObjectDistance = Field(description="Distance of the nearest tread.")
     far: ObjectDistance = Field(description="Distance of the farthest tread.")
-    treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="Number of treads.")
+    treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(
+        default=2, description="Number of treads: 2 for a step (the default), 3 or more for a staircase."
+    )
     tread_width: DetailSize | None = Field(
         default=None,
         description="Width of each tread of a staircase, except the first and the last, which are infinitely wide; a "
@@ -170,14 +172,15 @@ class MosaicPart(Part):
 
 
 class SceneImagePart(Part):
-    """Surfaces, and how `tradestudy render` makes pictures of them.
+    """Surfaces, and how `python -m tradestudy render` makes pictures of them.
 
     Texture, light, noise, fill factor and stop separation are those of scene.picture; its other keys (window, matcher,
     field angle, spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
 
     The program renders pictures with rays. It adds diffraction by wave optics, at the wavelength scene.wavelength, if
-    diffraction changes a picture by more than accuracy.pixel_intensity, or if effects.main_lens_diffraction or
-    effects.microlens_diffraction is `fresnel`.
+    effects.main_lens_diffraction or effects.microlens_diffraction is `fresnel`, and adds none if one of them is `off`;
+    other models of diffraction do not apply to pictures. Without such a setting, it adds diffraction if this changes a
+    picture by more than accuracy.pixel_intensity.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -207,8 +210,9 @@ class SceneImagePart(Part):
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters in front of the pixels; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
         default=None,
-        description="Number of rays for each pixel through each lens that lights it. The file camera.json beside the "
-        "pictures states the resulting error. Default: 12 for unfocused plenoptic cameras, 8 for others.",
+        description="Number of rays traced from each pixel through each lens from which light reaches it. The file "
+        "camera.json beside the pictures states the resulting error. Default: 12 for unfocused plenoptic cameras, 8 "
+        "for others.",
     )
     depth_maps: bool = Field(
         default=False,

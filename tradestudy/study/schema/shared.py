@@ -37,7 +37,7 @@ def shared(schema: Mapping[str, Any]) -> dict[str, Any]:
         text = json.dumps(below, sort_keys=True)
         if not is_whole and _is_shared(below, counts[text], text):
             if text not in names:
-                names[text] = f"value{len(names) + 1}"
+                names[text] = f"v{len(names) + 1}"  # short, because there are many references
                 found[names[text]] = {key: rewritten(one, is_whole=True) for key, one in below.items()}
             return {"$ref": f"#/$defs/{names[text]}"}
         alternatives = _without_words(below)

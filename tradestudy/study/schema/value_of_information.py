@@ -43,7 +43,7 @@ class AssumptionPart(Part):
 
 
 class ValueOfInformationPart(Part):
-    """For each assumption, how much knowing its true value first would raise the expected utility of the best choice.
+    """For each assumption, by how much knowing its true value would raise the expected utility of the best choice.
 
     The utility of a camera is the negative of its relative depth uncertainty, averaged over distances.
     """
@@ -60,8 +60,8 @@ class ValueOfInformationPart(Part):
     )
     unusable: PositiveFraction = Field(
         default=1.0,
-        description="Relative depth uncertainty of a camera where it is unusable, and the largest that counts where "
-        "it is usable.",
+        description="Relative depth uncertainty that counts where a camera is unusable. Where it is usable, a larger "
+        "uncertainty is replaced by this value.",
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
         default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."

@@ -120,23 +120,26 @@ class FresnelValidityPart(Part):
     )
     f_numbers: FNumbers = Field(description="F-numbers to evaluate: a range or an increasing list.")
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
-        description="Wavelengths to evaluate."
+        description="Wavelengths to evaluate, in increasing order."
     )
     lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)] = Field(
         description="Lens phases to evaluate; see light_spot.main_lens.lens_phase for their meaning."
     )
     off_axis: OffAxisPart | None = Field(
-        default=None, description="The same comparison at a point off the axis; default: none."
+        default=None,
+        description="A comparison of Fresnel's approximation with Kirchhoff's integral at one point off the axis; "
+        "default: none.",
     )
     windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Radii of the windows over which the point-spread functions are compared, in Airy radii."
+        description="Radii, in increasing order, of the windows over which the point-spread functions are compared, in "
+        "Airy radii."
     )
     path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
         description="Bounds on the optical path that Fresnel's approximation neglects; each gives a minimum f-number."
     )
     error_limit: PositiveFraction = Field(
-        description="Largest acceptable error of a point-spread function computed by Fresnel's approximation, by any "
-        "of its measures."
+        description="Largest acceptable error of a point-spread function computed by Fresnel's approximation. It "
+        "applies to each measure of the error; see `metric` of a claim about the error."
     )
     tolerance: IntensityTolerance = Field(
         description="Largest relative numerical error of each computed point-spread function, in the L2 norm."
@@ -154,7 +157,7 @@ class FresnelValidityPart(Part):
 
 
 class PointSpreadPart(Part):
-    """How the image of a point behind a lens changes with f-number, wavelength, field angle and defocus."""
+    """How the image that a lens forms of a point changes with f-number, wavelength, field angle and defocus."""
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
         description="Lenses to evaluate, by name."
