@@ -19,12 +19,13 @@ _GROUPS: Final = {
 Depth uncertainty and usable range of each camera that measures depth, for points on the axis at the distances of
 `scene.distances`.
 
-An *interval of depths* contains the central 68.27 % of measured depths, or a central fraction that
-`propagation.coverage` declares. It has no far end where too many measurements fail.
+There is one *interval of depths* for the central 68.27 % of measured depths, and one for each further fraction in
+`propagation.coverage`. An interval has no far end where too many measurements fail.
 
 `side` is the direction in which the true depth changes: `nearer` to the camera or `farther` from it. `part` names
 groups of errors, such as `noise` or `relative rotation`. `quantile` lists the probabilities of the quantiles: 0.5, and
-those of both ends of every interval of depths. `interval` numbers the usable intervals of a camera, from the nearest.
+those of both ends of every interval of depths. `interval` is the index of a usable interval of a camera, counted from
+the nearest.
 
 `limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
 `total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
@@ -32,40 +33,42 @@ others are not declared: `real_image` (the lens forms a real image), and for der
 brightest pixels are not saturated) and `matching` (a matcher can reach the Cramér–Rao bound).
 """,
     "depth_at_places": """
-The variables of [`/depth`](#group-depth), at the distances of `decision.at`. Its usable intervals cover only these.
+The variables of [`/depth`](#group-depth), at the distances of `decision.at`. Here, usable intervals are sought only
+between the nearest and the farthest of these distances.
 """,
     "depth_field": """
 Variables of [`/depth`](#group-depth) off the axis. `field` lists the field positions of `propagation.field_places`.
 """,
     "depth_map": """
 Depth uncertainty over the picture of each stereo rig with a lens model, at up to four of the distances of
-`scene.distances`. `across` and `down` are coordinates from the middle of the sensor, in units of half its width and
-half its height.
+`scene.distances`. The picture is that of a camera midway between the two of the rig. `across` and `down` are
+coordinates from its middle, in units of half its width and half its height.
 """,
     "disparity_causes": """
 What makes each derived disparity error as large as it is, at the distances of `decision.at` or, without it, at up to
 four of `scene.distances`. These variables include the effects that other results leave out because they matter less
 than the tolerance. `change` names the one cause that is changed: `no blur`, `no diffraction`, `light of the brightest`
-(camera) or `ten times the light`. For an unfocused plenoptic camera, 1 px is one
+(the light that `brightest_camera` collects) or `ten times the light`. For an unfocused plenoptic camera, 1 px is one
 microlens.
 """,
     "depth_loop": """
 Depth measured in rendered pictures of planes, compared with the true depth and the predicted depth uncertainty.
 `contrast` and `electrons` list the values of `depth_loop.contrasts` and `depth_loop.electrons`.
 
-A *point* is a pixel of the depth map that a camera computes; where the camera has several types of microlenses, only
-pixels behind the type that is sharpest at their depth count. A point is *seen* if nothing hides it, its true depth lies
-within the distances that the estimator searches, and at least two of the pictures that the estimator compares show it.
-The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is the depth
-uncertainty from matching noise alone, at the true depth of the point. The *standard deviation of depth due to noise*
-follows, to first order, from the texture in the matching window of the point. Standard errors by *a jackknife* follow
-from leaving out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where the
-quantity itself is NaN, and where fewer than three parts have measured points.
+A *point* is a pixel of the depth map that a camera computes; where the camera has several types of microlenses, a
+pixel counts only if it lies behind the type that is sharpest at its depth. A point is *seen* if nothing hides it, its
+true depth lies within the distances that the estimator searches, and at least two of the pictures that the estimator
+compares show it. The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is
+the depth uncertainty from matching noise alone, at the true depth of the point. The *standard deviation of depth due to
+noise* follows, to first order, from the texture in the matching window of the point. Standard errors by *a jackknife*
+follow from leaving out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where
+the quantity itself is NaN, and where fewer than three parts have measured points.
 """,
     "depth_of_field": """
 Where each camera is sharp, and how finely it resolves the object. `sharp` names the blur criteria of
-`depth_of_field.criteria`. A *slice* is a range that is sharp at once: that of one image of a focus stack, of one type
-of microlens, or of the lens. `stretch`, `gap`, `overlap` and `resolved` number ranges of distance, from the nearest.
+`depth_of_field.criteria`. A *slice* is one image of a focus stack, one type of microlens, or the lens; it is sharp over
+one range of distances, or nowhere. `stretch`, `gap`, `overlap` and `resolved` are indices of ranges of distance,
+counted from the nearest.
 """,
     "criteria": """
 Criteria besides depth by which the study compares cameras (along `criterion`), and the ranks of the candidates for all
@@ -74,17 +77,22 @@ possible weights of the criteria in `trade_off.criteria` (along `weighed`).
     "decision": """
 Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
 cameras of `decision.between`. Two depth uncertainties are *equal within their error* if their difference is at most
-the root sum of squares of their errors, after standard errors over scrambles are multiplied by 5.4.
+the root sum of squares of their errors, after standard errors over scrambles are multiplied by 5.4. (With eight
+scrambles, chance alone causes a deviation of more than 5.4 standard errors once in a thousand.)
 
 `place` lists the distances of `decision.at`, `pair` the pairs of `decision.compare` (or the main pair), and `question`
-the questions of `solve`. `change` and `crossing` number changes and crossovers, from the nearest. `rank_distance` and
-`rank_error_source` are the distances and error sources for which the cameras of a pair are compared. `design_place` and
-`design_crossing` are `place` and `crossing` for the designs of a sweep.
+the questions of `solve`. `change` and `crossing` are indices of changes and crossovers, counted from the nearest.
+`rank_distance` and `rank_error_source` are the distances and error sources for which the cameras of a pair are
+compared. `design_place` and `design_crossing` are `place` and `crossing` for the designs of a sweep.
 """,
     "calibration": """
-Calibrations that the program fits by Markov chains to the corners of a calibration board (stereo rigs) or to a
-simulated target. `posterior` names the cameras. `ensemble` numbers independent groups of chains. Parameters
-are in SI units or, if their names end in `_px`, in pixels.
+Calibrations that the program fits to the corners of a calibration board (stereo rigs) or to a simulated target, by
+Markov-chain Monte Carlo, which draws values of the parameters from the posterior. `posterior` names the cameras.
+Parameters are in SI units or, if their names end in `_px`, in pixels.
+
+An *ensemble* is a group of chains that is independent of the other groups; `ensemble` is its index. *R-hat* is near 1
+if the ensembles agree. The *effective sample size* is the number of independent draws that would determine the result
+equally well.
 
 Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. Depths in them are those of points
 midway between the two cameras, at the distances `rig_distance`.
@@ -100,8 +108,8 @@ The smallest f-number at which Fresnel's approximation may replace Kirchhoff's i
 `metric` names three measures of the difference between two point-spread functions: `peak`, the difference at the
 thin-lens image point, relative to the intensity there; `l1`, the integral of the absolute difference over a window,
 relative to the integral of the intensity; and `largest`, the largest difference in the window, relative to the largest
-intensity. `window` is the radius of the window about the thin-lens image point, in Airy radii. `lens_phase` lists the
-phases of `fresnel_validity.lens_phases`.
+intensity. `window` is the radius of the window about the thin-lens image point, in Airy radii. `lens_phase` says how
+the lens delays the wave: `parabolic`, `stigmatic` or `perfect`, as listed in `fresnel_validity.lens_phases`.
 
 In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Eq. 27 of
 the paper has two solutions (along `zero`): the `first`, with the smaller aperture and the larger f-number, and the
@@ -116,7 +124,7 @@ the coordinates of the pixel centres on the detector. `benchmark` names the comp
 """,
     "point_spread": """
 The image of a point behind each lens (along `element`), by each method (along `propagator`). One input at a time
-varies: `varied` names it, and `step` numbers its values. Circles, discs and the *computed square*, declared by
+varies: `varied` names it, and `step` is the index of its value. Circles, discs and the *computed square*, declared by
 `point_spread.window`, are centred on the thin-lens image.
 """,
     "hard_cases": "Cases in which textbook formulas lose precision, and what this program computes in each.",
@@ -134,7 +142,8 @@ path; an *entry* is one set of models for a problem.
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
     "datasheet": """
 Each camera in the terms of depth-camera data sheets, at up to five distances (`sheet_distance`): those of `decision.at`
-and, if these are fewer than three, the ends and the middle of `scene.distances`.
+(of more than five, five spread evenly through the list); if there are fewer than three, also the ends and the middle of
+`scene.distances`.
 """,
     "pictures": """
 Rendered pictures of the scene and, for the cameras along `mapped_camera`, depth measured in them. The terms are those
@@ -143,7 +152,8 @@ of [`/depth_loop`](#group-depth_loop), but the predicted depth uncertainty inclu
 equally many points.
 """,
     "requirements": """
-What the study requires, and whether the cameras meet it. `stretch` numbers ranges of the parameter that a sweep varies.
+What the study requires, and whether the cameras meet it. `stretch` is the index of a range of the parameter that a
+sweep varies.
 
 Variables whose names begin with `bound_alone_` tell what the answer would be if matching reached its Cramér–Rao bound,
 without the errors of a declared matcher.
@@ -271,8 +281,8 @@ says about that command, and `python -m tradestudy --version` prints the version
 
 _RESULTS: Final = """
 A run writes `results.nc`, a netCDF4 file. It contains `/cameras` and those of the groups below that the study needs.
-`tradestudy.open_result(folder).data` is the whole file as an xarray `DataTree`, and `.table(name)` one table of it as a
-pandas data frame; see [Work in Python and notebooks](/how-to/python.md).
+With `result = tradestudy.open_result(folder)`, `result.data` is the whole file as an xarray `DataTree`, and
+`result.table(name)` is one table as a pandas data frame; see [Work in Python and notebooks](/how-to/python.md).
 
 Each entry below gives the name of a variable, its dimensions in parentheses and its unit in brackets: an SI unit, `px`,
 `electrons`, `percent`, or `mixed` if the unit differs from value to value. A variable without brackets is a plain
@@ -289,6 +299,7 @@ title.
 | rounding only | the value follows from the inputs in closed form |
 | none | nothing is uncertain; the text says why, for example because the value is declared or a count |
 | not estimated, not stored | no variable holds the error; the text says where it comes from |
+| other text | states the error itself, or what kind of estimate this is |
 
 A variable without *Error* is itself an error estimate, a text or a flag (1 or true for yes, 0 or false for no), or its
 error is not known.

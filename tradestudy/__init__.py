@@ -1,9 +1,10 @@
-"""Trade studies of plenoptic cameras against stereo rigs: depth, depth of field, diffraction, calibration.
+"""Trade studies that compare plenoptic cameras with stereo rigs: depth, depth of field, diffraction, calibration.
 
 ``load(path)`` reads a study, and the study's ``run()`` computes it. ``open_result(folder)`` opens a finished run,
 ``compare(folders)`` compares finished runs, and ``starter(name)`` returns a commented study to start from.
 `tradestudy.optics` offers the wave optics on its own, and `tradestudy.uncertainty` propagates uncertainty through any
-function.
+function. Errors are in ``tradestudy.errors`` and derive from ``TradestudyError``; their messages state the value, the
+limit and a remedy.
 """
 
 from __future__ import annotations

@@ -114,7 +114,7 @@ class Study:
         return provenance.study_hash(says if tolerance is None else {**says, "tolerance": tolerance})
 
     def check_summary(self) -> str:
-        """What the study will compute, in one line."""
+        """Return what the study will compute, in one line, without checking the tolerances."""
         file, case = self.file, self.definition.case
         ends = f" from {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
         sizes = [
@@ -129,21 +129,21 @@ class Study:
         return f"{self.name}: {words or 'no mistakes'}"
 
     def check(self) -> str:
-        """Check that the declared tolerances can be met; where the study forces a model, with that model.
+        """Check that the declared tolerances can be met, with the models that the study prescribes (key `effects`).
 
         The time of the run is not predicted.
 
         Returns
         -------
         str
-            What the study will compute, in one line.
+            The line that `check_summary` returns.
 
         Raises
         ------
         UnaffordableError
             If even the most complete models exceed a tolerance.
         StudyError
-            If the study forces a model of an effect that occurs in none of its cameras, lenses and light paths.
+            If the study prescribes a model for an effect that none of its cameras, lenses or light paths has.
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:
@@ -205,7 +205,8 @@ class Study:
             Function called with the name of the current step and the fraction of it that is done, from 0 to 1.
         budget
             Wall time for all measurements [s]; by default 120. Measurements that would exceed it are left out and
-            listed in the result. Calibrations from targets or corners are fitted first, which takes extra time.
+            listed in the result. Calibrations that the study declares by calibration boards (targets) or by detected
+            corners are fitted first, which takes extra time.
         executor
             Executor from `tradestudy.execution`, for the calibrations that are fitted first. Default: this
             process.

@@ -85,39 +85,44 @@ class Result:
           - its ``name``, ``says`` and ``priority``, as declared;
           - whether it is ``met`` (null if undecided), the title of the ``camera`` that decides the verdict, and
             the ``reason`` in words;
-          - the ``margin``, by which the worst value could worsen before it reaches its bound, as a fraction of the
-            value (negative if it violates the bound), and the ``place`` of the worst value, a distance [m];
+          - the ``margin``: how far the worst value could worsen before it reaches its bound, as a fraction of this
+            value (negative if the value violates the bound); and the ``place`` of the worst value, a distance [m];
           - the ``conformity``, the probability that the true worst value meets the bound;
           - ``rests_on``, the input or limit that decides the answer, in words;
-          - the ``probability`` that the requirement is met, as a fraction of the random draws of the values that the
-            study declares as unknown (null if it declares none);
+          - the ``probability`` that the requirement is met: the fraction of random draws of the study's uncertain
+            assumptions with which it is met (null if the study declares none);
           - in a sweep, the number ``designs_met`` of designs that meet the requirement, and the number of all
             ``designs``;
           - in a sweep of one numerical parameter, ``met_with``: the ranges of the ``parameter`` in which a ``camera``
             meets the requirement, ``from`` one value ``to`` another, with the ``error`` of these two values;
-          - if the value depends on the error of a matcher, ``bound_alone``: ``met``, ``camera`` and ``reason`` for a
-            matcher as precise as the Cramér–Rao bound.
+          - ``also_met_by``: for a requirement that any camera may meet, the other cameras that meet it, each with its
+            ``camera`` and ``margin``;
+          - if the study declares readings, their number ``readings``, and ``other_verdicts``: each ``reading`` that
+            changes the verdict, with ``met``, ``camera`` and ``reason``;
+          - if the value depends on the error of a matcher, ``bound_alone``: the verdict (``met``, ``camera`` and
+            ``reason``) for a matcher whose error equals its lower limit, the Cramér–Rao bound.
 
         - ``designs``, in a sweep with requirements: the ``count`` of all designs, the number of ``feasible`` ones, and
           the ``best`` design, with its ``values`` by dotted path and its smallest ``margin``.
         - ``questions``: for each inverse question, its ``name`` and ``says``, the ``answer`` in words, the smallest
           ``value`` that solves it and its ``error``, both in ``units`` (null if there is no such value), and the
           number of ``solutions``.
-        - ``trade_off``: for each ``camera``, the fraction of all possible weights that rank it ``first``, and the
-          ``error`` of this fraction.
-        - ``measured``: for each ``camera``, the ``spread`` (half the width of the central 68.27 % interval) and the
-          ``bias`` (median) of the depth errors [m] in simulated pictures ``of`` the ``scene`` or of a ``plane`` (for a
-          plane, with its ``distance`` [m], ``contrast`` and ``electrons``); their standard errors ``spread_error`` and
-          ``bias_error`` [m]; the ``predicted`` spread [m]; and the fraction ``filled`` of the measurable points at
-          which the camera measured a depth.
+        - ``trade_off``: for each candidate (``camera``), the fraction of all possible weights of the criteria that rank
+          it ``first``, and the ``error`` of this fraction.
+        - ``measured``: for each ``camera`` and each set of simulated pictures, ``of`` the ``scene`` or ``of`` a
+          ``plane``, the ``spread`` (half the width of the central 68.27 % interval) and the ``bias`` (median) of the
+          depth errors [m]; for a plane, also its ``distance`` [m] and ``contrast``, and the mean number of
+          ``electrons`` per pixel; the standard errors ``spread_error`` and ``bias_error`` [m]; the ``predicted`` spread
+          [m]; and the fraction ``filled`` of the measurable points at which the camera measured a depth.
         - ``light_spot``: for each picture of the light spot, its ``method``, its stated relative ``error``, and its
-          ``difference`` from the picture by the method ``reference``: the sum of the absolute differences of the
-          pixels, as a fraction of the light in the reference (null for the reference itself).
-        - ``fresnel_validity``: for each ``element`` (a lens) and ``lens_phase``, the ``f_number`` above which the spot
-          by Fresnel's integral differs from that by Kirchhoff's by less than ``limit``; 0 if it does so at every
-          f-number of the study, null if not even at the largest. The difference of the spots is the integral of
-          the absolute difference of their intensities over a disc with the radius ``window`` [Airy radii], relative to
-          the integral of Kirchhoff's intensity.
+          ``difference`` from the picture by the reference method, which the key ``reference`` names: the sum of the
+          absolute differences of the pixels, as a fraction of the light in the reference (null for the reference
+          itself).
+        - ``fresnel_validity``: for each ``element`` (a lens) and ``lens_phase``, the ``f_number`` above which the spots
+          computed with Fresnel's and with Kirchhoff's integral differ by less than ``limit``; it is 0 if they do at
+          every f-number of the study, and null if they do at none. The difference of the spots is the integral of the
+          absolute difference of their intensities over a disc with the radius ``window`` [Airy radii], relative to the
+          integral of Kirchhoff's intensity.
         - ``hard_cases``: the number of ``cases`` with known answers, and how many of them the program gets right
           (``met``); empty if the study computed none.
         - ``rests_on``: the inputs and limits that decide the answers, in words.

@@ -86,7 +86,7 @@ _LIMITS: Final[Mapping[str, str]] = {
     "real_image": "no real image",
     "overlap": "too little overlap",
     "total_covering_plane": "points seen by too few microlenses",
-    "availability": "too few points seen by two compared microlenses",
+    "availability": "too few points seen by two of the microlenses that are compared",
     "focus": "out of focus",
     "saturation": "brightest pixels saturated",
     "matching": "unreliable matching",

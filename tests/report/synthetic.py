@@ -191,7 +191,7 @@ def _claims() -> xr.Dataset:
         "expected": ["0.5 m ± 25 %", "7 m ± 7.2 %"],
         "quantity": ["near end of the overlap limit", "far end of the last disparity step limit"],
         "tolerance_reason": ["one digit and ≈", "one digit"],
-        "verdict": ["not met", "cannot be decided from the paper"],
+        "verdict": ["not met", "cannot be decided from its source"],
         "reason": ["under no reading tried (2)", "met under as declared; not met under galilean"],
     }
     return dataset("claims", values, {"claim": ["C1", "C4"], "reading": list(READINGS)})

@@ -105,7 +105,7 @@ def test_a_handover_is_given_with_its_error(make_tree: MakeTree) -> None:
     decision["change_error"][0] = 0.02
     tree["decision"] = xr.DataTree(decision)
     assert list(handovers(decision.isel(reading=0).sel(error_source="both"))) == [(0.391, 0.02)]
-    assert any("directly at 0.39 ± 0.02 m;" in text for text in texts(report_of(tree)))
+    assert any(" at 0.39 ± 0.02 m; under 2 of" in text for text in texts(report_of(tree)))
 
 
 @pytest.mark.parametrize(

@@ -136,12 +136,21 @@ def test_bold_curves_hold_the_uncertainty_where_usable_in_millimetres(tree: xr.D
 def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree) -> None:
     """2 % of the distance from 0.1 to 0.4 m, and 40 mm at 1 m, in millimetres."""
     drawing = figures.build(tree)["whole_range"]
-    assert "Black: required." in drawing.caption
+    assert "that a requirement allows" in drawing.caption
     lines = [line.get_xydata() for line in drawing.draw().axes[0].lines if line.get_marker() == "|"]
     np.testing.assert_allclose(lines, [[[0.1, 2.0], [0.4, 8.0]], [[1.0, 40.0], [1.0, 40.0]]])
     without = tree.copy()
     del without["requirements"]
-    assert "required" not in figures.build(without)["whole_range"].caption
+    assert "requirement" not in figures.build(without)["whole_range"].caption
+
+
+def test_a_required_uncertainty_far_below_all_curves_lies_on_the_panel(tree: xr.DataTree) -> None:
+    strict = tree.copy()
+    strict["requirements"] = xr.DataTree(tree["requirements"].to_dataset().assign(bound=("requirement", [1e-9, 1e-9])))
+    axes = figures.figure(strict, "whole_range").axes[0]
+    lines = [line.get_ydata() for line in axes.lines if line.get_marker() == "|"]
+    assert lines
+    assert axes.get_ylim()[0] < np.min([np.min(line) for line in lines])
 
 
 def test_a_requirement_that_ends_between_computed_distances_is_named_on_its_line(tree: xr.DataTree) -> None:

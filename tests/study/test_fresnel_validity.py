@@ -201,7 +201,7 @@ def test_claims_are_answered_under_every_reading(result: Result) -> None:
     assert float(value.sel(claim="F3")) == pytest.approx(0.0269, abs=0.0003)
     assert str(verdict.sel(claim="F6").item()) == "met"
     for claim in ("F1", "F2", "F3"):
-        assert str(verdict.sel(claim=claim).item()) == "cannot be decided from the paper"
+        assert str(verdict.sel(claim=claim).item()) == "cannot be decided from its source"
     for claim, printed in (("F4", 7.3), ("F5", 11.5)):
         assert str(verdict.sel(claim=claim).item()) == "not met"
         tried = claims["value"].sel(claim=claim).values

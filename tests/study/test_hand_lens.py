@@ -76,7 +76,7 @@ def test_many_times_deeper_at_equal_blur_but_not_at_equal_resolution(result: Res
     assert verdict(result, "H3") == "met"
     # Stopped down to f/11 the conventional camera is the deeper one.
     assert value(result, "H4", "stopped-down") == pytest.approx(value(result, "H4", "as declared") * 3.8 / 11, rel=1e-9)
-    assert verdict(result, "H4") == "cannot be decided from the paper"
+    assert verdict(result, "H4") == "cannot be decided from its source"
 
 
 # ---- what is sharp --------------------------------------------------------------------------------------------------

@@ -43,14 +43,14 @@ def test_named_stereo_readings(headline: Study) -> None:
 def test_claim_1_overlap_under_three_readings(headline_result: Result) -> None:
     found = [value(headline_result, "C1", reading) for reading in ("as declared", "diagonal", "printed-focal-length")]
     assert found == pytest.approx([0.391, 0.552, 1.489], abs=0.001)
-    assert verdict(headline_result, "C1") == "cannot be decided from the paper"
+    assert verdict(headline_result, "C1") == "cannot be decided from its source"
 
 
 def test_claim_2_holds_for_pairs_and_not_for_least_squares_over_all_lenses(headline_result: Result) -> None:
     assert value(headline_result, "C2") == pytest.approx(1 / 2.9, abs=0.01)
     assert value(headline_result, "C2", "adjacent-pair") < 1
     assert value(headline_result, "C2", "least-squares-all") > 1
-    assert verdict(headline_result, "C2") == "cannot be decided from the paper"
+    assert verdict(headline_result, "C2") == "cannot be decided from its source"
 
 
 def test_claim_4_last_disparity_step(headline_result: Result) -> None:
@@ -59,7 +59,7 @@ def test_claim_4_last_disparity_step(headline_result: Result) -> None:
     assert value(headline_result, "C4", "plane-100mm") == pytest.approx(4.2, abs=0.1)
     assert value(headline_result, "C4", "plane-300mm") == pytest.approx(12.5, abs=0.4)
     assert value(headline_result, "C4", "galilean") == pytest.approx(36 * 0.432 / 0.4464, rel=0.01)
-    assert verdict(headline_result, "C4") == "cannot be decided from the paper"
+    assert verdict(headline_result, "C4") == "cannot be decided from its source"
 
 
 def test_claims_name_cameras_by_their_titles(headline_result: Result) -> None:

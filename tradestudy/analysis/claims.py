@@ -36,6 +36,7 @@ from tradestudy.wording import in_words, listed, with_article
 _POINTS = 401
 _NEAREST, _FARTHEST = 1e-3, 1e5
 _MOST_NAMED = 2  # readings that a sentence names in words
+_UNDECIDED = "cannot be decided from its source"
 _FROM = {"noise": "noise alone", "calibration": "calibration errors alone", "both": "noise and calibration errors"}
 
 
@@ -199,15 +200,15 @@ def verdict_over_readings(met: Mapping[str, bool | None], says: Mapping[str, str
     no = [name for name, answer in decided.items() if not answer]
     without = f"; no value under {_named(silent, len(met), says)}" if silent else ""
     if not decided:
-        return "cannot be decided from the paper", "no reading gives a value"
+        return _UNDECIDED, "no reading gives a value"
     if not (yes and no):
         tried = _all_of(len(decided), met=bool(yes)) if len(met) > 1 else "no other reading was tried"
         return "met" if yes else "not met", tried + without
     if len(yes) <= len(no):
-        reason = f"met under {_named(yes, len(met), says)}; not under {_the_other(len(no))}"
+        reason = f"met under {_named(yes, len(met), says)}; not under {_the_remaining(no, says)}"
     else:
-        reason = f"not met under {_named(no, len(met), says)}; met under {_the_other(len(yes))}"
-    return "cannot be decided from the paper", reason + without
+        reason = f"not met under {_named(no, len(met), says)}; met under {_the_remaining(yes, says)}"
+    return _UNDECIDED, reason + without
 
 
 def _all_of(count: int, *, met: bool) -> str:
@@ -227,5 +228,9 @@ def _named(names: Sequence[str], among: int, says: Mapping[str, str]) -> str:
     return f"{len(names)} of {among} readings{declared}"
 
 
-def _the_other(count: int) -> str:
-    return "the other reading" if count == 1 else f"the other {count} readings"
+def _the_remaining(names: Sequence[str], says: Mapping[str, str]) -> str:
+    """The readings not named before, and whether the study as declared is one of them."""
+    declared = any(name not in says for name in names)
+    if len(names) == 1:
+        return "the study as declared" if declared else "the remaining reading"
+    return f"the remaining {len(names)}{' (the study as declared among them)' * declared}"

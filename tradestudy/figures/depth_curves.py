@@ -170,10 +170,16 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
     log_axis(curves, "y", tick=length_tick)
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
-    limits = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
-    curves.set(ylim=limits, ylabel="depth uncertainty (68 %)")
-    draw_curves(curves, depth, shown, drawn)
     bounds = list(required_uncertainties(tree))
+    low, high = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
+    ends = [
+        low,
+        high,
+        *(0.7 * MM * bound.min() for _, bound in bounds),
+        *(1.4 * MM * bound.max() for _, bound in bounds),
+    ]
+    curves.set(ylim=(min(ends), max(ends)), ylabel="depth uncertainty (68 %)")
+    draw_curves(curves, depth, shown, drawn)
     edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
     required = [np.interp(distance, over, bound, left=np.nan, right=np.nan) for over, bound in bounds]
     draw_relative_guides(curves, distance, [*drawn, *required], edges)

@@ -38,7 +38,7 @@ from tradestudy.results.views.depth import field_words, largest_parts, nominal, 
 from tradestudy.results.views.designs import design_words, parameter_words
 from tradestudy.results.views.groups import camera_titles, has
 from tradestudy.units import LENGTH, pretty, significant
-from tradestudy.wording import counted, distance, in_words, listed, span
+from tradestudy.wording import counted, distance, in_words, listed, span, with_article
 
 CLOSE_RANGE_ENDS = 1.0  # m: where the paper's figure 8 ends and its figure 9 begins
 _NEAR_ZERO = 0.1  # of the farthest distance: an axis that would begin nearer begins at the camera
@@ -90,17 +90,16 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         "Bars: usable distances."
     )
     if any(depth_curves.required_uncertainties(tree)):
-        caption += " Black: required."
+        caption += " Dashed black: largest uncertainty that a requirement allows."
     caption += _design_words(tree)
     if has_winners(tree) and len(shown) > 1:
         among = [camera.title for camera in shown if camera.key in candidates(tree)]
         caption += (
-            " Last bar: the usable camera with the smallest uncertainty"
-            + (f" of the candidates {listed(among)}" if among else "")
-            + ", or several that differ by less than the numerical error."
+            f" Last bar: the usable {f'one of the candidates {listed(among)}' if among else 'camera'} with the "
+            "smallest uncertainty, or several whose uncertainties differ by less than the numerical error."
         )
         if len(tuple(reported_winners(tree))) > 1:
-            caption += " Dotted lines: where the best camera changes."
+            caption += " Dotted: where this changes."
     return Drawing(
         name="whole_range",
         caption=caption,
@@ -154,8 +153,9 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
     return Drawing(
         name=name,
         caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination: the change of depth that "
-        "moves the disparity by its declared step, without noise or calibration errors; shaded from a step nearer to a "
-        "step farther. Uncertainty: from noise and calibration errors." + _design_words(tree),
+        "moves the disparity by its declared step, without noise or calibration errors; the band extends from the "
+        "change for a nearer point to that for a farther one. Uncertainty: from noise and calibration errors."
+        + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discrimination and uncertainty. "
         f"Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
@@ -188,9 +188,9 @@ def _shares(tree: xr.DataTree) -> Drawing:
     blank = "; blank: the camera measures no depth" * bool((~known).any())
     return Drawing(
         name="variance_shares",
-        caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: they "
-        "sum to 100 %, for correlated errors too). Grey: matching noise, which averaging reduces; coloured: error "
-        f"sources that averaging does not reduce{pale}{blank}."
+        caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: "
+        "variance due to correlated errors is divided fairly among them, so that the shares sum to 100 %). Grey: "
+        f"matching noise, which averaging reduces; coloured: error sources that averaging does not reduce{pale}{blank}."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
@@ -242,7 +242,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
     ratio = decision["uncertainty_ratio"]
     every = np.asarray(ratio.values, dtype=float)
     titles = camera_titles(tree)
-    numerator, denominator = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
+    numerator, denominator = (with_article(titles[decision.attrs[end]]) for end in ("first", "second"))
     unbounded = [
         f"{sign} at the edge: only the uncertainty of {title} has no bound."
         for sign, there, title in (("∞", np.isinf(every), numerator), ("0", every == 0.0, denominator))
@@ -265,13 +265,14 @@ def _readings(tree: xr.DataTree) -> Drawing:
             )
     return Drawing(
         name="readings",
-        caption=f"Which assumption reverses the verdict on certainty: uncertainty of {numerator} over that of "
-        f"{denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
-        f"certain; right of 1, {denominator}. The panels count noise and calibration errors, noise alone, or "
-        "calibration errors alone. Open marks: the reverse of the "
+        caption=f"Which assumption reverses the verdict on certainty: ratio of the uncertainty of {numerator} to that "
+        f"of {denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
+        f"certain; right of 1, {denominator}. The panels show the effect of noise and calibration errors, of noise "
+        "alone, and of calibration errors alone. Open marks: the reverse of the "
         + " ".join(["verdict that the study as declared gives.", *unbounded]),
-        alt=f"Dot chart of the uncertainty of {numerator} over that of {denominator}, one row per reading, one mark "
-        "per distance, three panels: noise and calibration, noise only, calibration only. " + "".join(sentences),
+        alt=f"Dot chart of the ratio of the uncertainty of {numerator} to that of {denominator}, one row per reading, "
+        "one mark per distance, three panels: noise and calibration, noise only, calibration only. "
+        + "".join(sentences),
         draw=partial(readings.draw_readings, tree),
         values=partial(reading_tables, tree, readings.ERROR_SOURCE_TITLES),
     )

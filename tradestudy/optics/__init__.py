@@ -16,12 +16,13 @@ Functions take and return NumPy arrays. Lengths are in metres, angles in radians
 and targets (the points at which a field is computed) share the same x and y axes: a source at x > 0 has its real image
 at x < 0.
 
-Every field, image and metric comes with an estimate of its numerical error, except the fields of `propagate_samples`
-and the closed form of `diffraction_limited_peak`. A function whose result misses the tolerance raises
-``NotConvergedError``, with two exceptions: the functions that take a `LightPath` return the image with
-``within_tolerance`` False, and `aperture_field` with node counts of your own returns the field with the error that they
-cause. A relative L2 error is the root of the sum of the squared errors, divided by the root of the sum of the squared
-values; both sums extend over all targets, samples or pixels.
+Fields, images and metrics come with an estimate of their numerical error. The exceptions are the fields of
+`propagate_samples`, `diffraction_limited_peak`, `ChainImage.microlens_share`, and `at`, `moments` and `power_in` of
+`PointSpread`. A function whose result misses the tolerance raises ``NotConvergedError``, with two exceptions. The
+functions that take a `LightPath` return the image with ``within_tolerance`` False; they raise the error only if a check
+shows that the sampling is wrong. `aperture_field` with node counts of your own returns the field with the error that
+they cause. Errors are in ``tradestudy.errors``. A relative L2 error is the root of the sum of the squared errors,
+divided by the root of the sum of the squared values; both sums extend over all targets, samples or pixels.
 
 Examples
 --------

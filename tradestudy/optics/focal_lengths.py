@@ -32,7 +32,7 @@ class FocalLengths:
     focal_lengths
         f(θ, λ) [m], shape (n, m); finite, ≠ 0, all of one sign.
     reference_wavelength
-        Wavelength at which the camera is in focus on the axis [m], within the table.
+        Wavelength at which the lens is in focus on the axis [m]; must lie within the table.
 
     Raises
     ------
@@ -119,8 +119,8 @@ class FocalLengths:
         Raises
         ------
         OutOfRangeError
-            If the angle or the wavelength lies outside the table; a table with a single angle holds for every angle,
-            and likewise for wavelengths.
+            If the angle or the wavelength lies outside the table. (A single angle or a single wavelength holds for
+            all.)
         """
         for name, value, axis, unit in (
             ("field angle", field_angle, self.field_angles, "rad"),

@@ -54,8 +54,9 @@ _ON_AXIS_AT_INFINITY = PointSource.at_infinity()
 class LensPointSpread(PointSpread):
     """Point-spread function of a lens, as `point_spread` computes it: a `PointSpread` with data on the lens.
 
-    Its own methods return numbers with errors; the inherited `at` and `moments` return numbers without. The square that
-    the samples cover is called the window.
+    The methods defined here return numbers with their errors, except `plot`. The inherited `at`, `moments` and
+    `power_in` give values without errors; where they state W and W/m², read 1 and 1/m². The square that the samples
+    cover is called the window.
 
     Attributes
     ----------

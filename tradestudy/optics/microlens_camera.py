@@ -78,8 +78,8 @@ class MicrolensCamera:
 
     Examples
     --------
-    A camera with the lenses of a Raytrix R5, and the numbers of microlenses that a point at 0.5 m lights and of those
-    around them:
+    A camera with the lenses of a Raytrix R5: the number of microlenses on the light path of a point at 0.5 m (those
+    that it lights and a ring around them), and the number of the next microlenses outside these:
 
     >>> from tradestudy import optics
     >>> camera = optics.MicrolensCamera(
@@ -165,8 +165,8 @@ class MicrolensCamera:
         -------
         LightPath
             Main lens, the microlenses that the source lights and a ring around them, and the pixels behind all of them.
-            The lit part of the array contains all exact rays through the pupil, with its aberrations, and the first
-            dark ring of diffraction around them.
+            The lit part of the array is where the exact rays through the aberrated pupil arrive, enlarged by the radius
+            of the first dark ring of diffraction.
 
         Raises
         ------

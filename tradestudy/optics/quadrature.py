@@ -83,7 +83,7 @@ def disc_nodes(
 ) -> QuadratureNodes:
     """Quadrature nodes on a disc: rings at Gauss–Legendre points in the squared radius, each with equally spaced nodes.
 
-    The rule is exact for polynomials x^i y^j with i + j < ``angular_count`` (its smallest entry, for an array) and
+    The rule is exact for monomials x^i y^j with i + j < ``angular_count`` (its smallest entry, for an array) and
     i + j ≤ 4 ``radial_count`` − 2. For other smooth functions, the error falls faster than any power of the counts.
 
     Parameters

@@ -42,11 +42,11 @@ def microlens_image(
     Parameters
     ----------
     camera
-        Main lens, microlens array and sensor. For a plenoptic camera of a study, give
-        ``study.definition.case.cameras["raytrix-r5"].light_chain()``.
+        Main lens, microlens array and sensor. For a plenoptic camera of a loaded study, give
+        ``study.definition.case.cameras[NAME].light_chain()``, where NAME is its key in the study file.
     source
-        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
-        phase over the disc (coherent disc).
+        A `PointSource` or a `DiscSource`. The intensities of the points of an incoherent disc add up; a coherent disc
+        emits one wave, with the same phase at every point.
     wavelength
         Wavelength λ [m], > 0; or several, shape (n,), whose images are averaged with ``weights``.
     weights
@@ -70,8 +70,8 @@ def microlens_image(
     OutOfRangeError
         An argument is outside the range in which the methods hold; see `chain_image`.
     UnaffordableError
-        The computation needs more than 2 GB of memory, or would divide the source into more than about a million
-        points.
+        The image, or the second computation for its error estimate, needs more than 2 GB of memory; or the source would
+        have to be divided into more than about a million points.
     NotConvergedError
         The stated error stays above the tolerance after refinement.
 

@@ -249,7 +249,7 @@ class PointSpread:
         Returns
         -------
         float
-            Power [W]; its error is found by comparison with coarser samples.
+            Power [W], without an error. To estimate the error, compare the result with those of `coarser`.
 
         Raises
         ------

@@ -36,8 +36,8 @@ def as_point_spread(field: SpreadField) -> PointSpread:
     Raises
     ------
     OutOfRangeError
-        The targets do not form a regular grid at one distance, they have fewer than 33 rows or columns, or an intensity
-        is infinite, as with rays at a focus.
+        The targets do not form a regular grid at one distance, they have fewer than 33 rows or columns, an intensity is
+        infinite, as with rays at a focus, or the error of the intensity is NaN, as in a result of `propagate_samples`.
 
     References
     ----------

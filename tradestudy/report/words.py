@@ -26,11 +26,11 @@ _NEGLIGIBLE = 0.01  # of a value: most studies tolerate such an error
 
 _PARTS: Final[Mapping[str, str]] = {
     "noise": "matching noise",
-    "interior orientation": "focal length and principal point",
-    "array": "microlens positions",
+    "interior orientation": "errors in focal length and principal point",
+    "array": "errors in the positions of the microlenses",
     "ageing": "changes since calibration",
-    "relative rotation": "relative rotation of its two cameras",
-    "relative position": "relative position of its two cameras",
+    "relative rotation": "errors in the relative rotation of its two cameras",
+    "relative position": "errors in the relative position of its two cameras",
 }
 _LENGTHS: Final = (
     "baseline",

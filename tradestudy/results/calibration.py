@@ -8,7 +8,13 @@ from typing import Final
 from tradestudy.results.variable import ESTIMATE, Variable
 
 CALIBRATION: Final[Mapping[str, Variable]] = {
-    "posterior_converged": Variable(dims=("posterior",), units="1", long_name="whether the chains pass all checks"),
+    "posterior_converged": Variable(
+        dims=("posterior",),
+        units="1",
+        long_name="whether the chains pass all checks: they are long enough (posterior_lengths ≥ 50, effective sample "
+        "sizes ≥ 400), agree with each other (split R-hat ≤ 1.01 between ensembles, ≤ 1.1 within one), accept 20 to "
+        "50 % of the steps, and posterior_marginal_efficiency ≥ 0.9",
+    ),
     "posterior_verdict": Variable(
         dims=("posterior",),
         units="",
@@ -34,9 +40,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="check of the approximation by which the chains integrate over the poses of the board or target: "
-        "effective fraction of the draws after reweighting with poses fitted anew for each draw; near 1 if the "
-        "approximation is good",
+        long_name="fraction of the draws that remains effective after reweighting: the chains integrate over the poses "
+        "of the board or target approximately; to check this, the poses are fitted anew for each draw, and the draws "
+        "reweighted; near 1 if the approximation is good",
     ),
     "posterior_evaluations": Variable(
         dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"
@@ -143,9 +149,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_halves_claim": Variable(
         dims=("posterior", "rig_distance"),
         units="m",
-        long_name="rig_halves_difference as predicted from the covariances C_A and C_B of the two fits; NaN for "
-        "cameras not calibrated from corners",
-        symbol="√(C_A + C_B)",
+        long_name="rig_halves_difference as predicted from the variances of depth, V_A and V_B, according to the two "
+        "fits; NaN for cameras not calibrated from corners",
+        symbol="√(V_A + V_B)",
     ),
     "rig_lens_support": Variable(
         dims=("posterior", "lens_model"),
@@ -182,8 +188,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="ratio of two standard deviations of a parameter: with motion of the board between the two "
-        "exposures fitted too, and without; NaN where the parameter is not fitted",
+        long_name="standard deviation of a parameter if motion of the board between the two exposures is fitted as "
+        "well, divided by that if it is not; NaN where the parameter is not fitted",
     ),
 }
 
@@ -268,7 +274,7 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_first": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that pair_first has the smaller depth error in magnitude; failed measurements count as "
+        long_name="probability that pair_first has the depth error of smaller magnitude; failed measurements count as "
         "infinite errors",
         error="see rank_first_error",
     ),
@@ -281,7 +287,7 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_second": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that pair_second has the smaller depth error in magnitude",
+        long_name="probability that pair_second has the depth error of smaller magnitude",
         error="see rank_first_error",
     ),
     "pair_first": Variable(dims=("pair",), units="", long_name="first camera of the pair"),

@@ -20,9 +20,9 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "temporal_noise": Variable(
         dims=_OVER,
         units="m",
-        long_name="depth uncertainty from matching noise alone, without pixel locking, a bias that repeats in every "
-        "measurement: the spread of repeated measurements at one pixel; infinite where the interval of depths has no "
-        "far end, NaN where the camera does not see the point",
+        long_name="spread of repeated measurements at one pixel: the depth uncertainty from matching noise alone, "
+        "without pixel locking, because this bias is the same in every measurement; infinite where the interval of "
+        "depths has no far end, NaN where the camera does not see the point",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "subpixel_rms": Variable(

@@ -78,7 +78,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="fraction of failed measurements: those whose errors push the depth beyond infinity and, unless "
         "error_source is 'calibration', the declared false matches; NaN where the camera does not see the point",
-        symbol="P(a = ∞)",
+        symbol="P_fail",
         error="see failed_fraction_error",
     ),
     "failed_fraction_error": Variable(
@@ -91,15 +91,16 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether the draws determine half the width of every interval of depths, or failed_fraction where an "
-        "interval has no far end, to within accuracy.depth_uncertainty with 95 % confidence; true where nothing is "
-        "drawn",
+        long_name="whether, with 95 % confidence, the draws determine half the width of every interval of depths to "
+        "within accuracy.depth_uncertainty; where an interval has no far end, failed_fraction is judged instead; true "
+        "where nothing is drawn",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="equivalent baseline: that of a stereo rig that has the camera's focal length and disparity error "
-        "and, calibration errors aside, measures depth equally well; NaN where the camera forms no image",
+        long_name="equivalent baseline: that of a stereo rig that has the camera's focal length, pixel pitch and "
+        "disparity error and, calibration errors aside, measures depth equally well; NaN where the camera forms no "
+        "image",
         symbol="B_eq",
         error=ROUNDING,
     ),
@@ -228,8 +229,8 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "down", "across"),
         units="m",
         long_name="error of depth_uncertainty from taking inverse depth as linear: depth_uncertainty times the largest "
-        "of the relative errors on the axis, halfway to the corner of the picture and in the corner; NaN where "
-        "depth_uncertainty or all these errors are NaN",
+        "relative error of linearising found at three places: on the axis, halfway to the corner of the picture and in "
+        "the corner; NaN where depth_uncertainty or all three errors are NaN",
         error=ESTIMATE,
     ),
 }
@@ -239,10 +240,10 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="side of the square matching window: scene.picture.matching_window or, if smaller, the largest "
-        "square of the object that the compared pictures share; for an estimator that compares several pairs of "
-        "pictures, the side of the window with which a single pair would give the same information; 0 where the "
-        "pictures share nothing, NaN where the camera forms no image",
+        long_name="side of the square matching window: scene.picture.matching_window or, if smaller, the side of the "
+        "largest square part of the object that the compared pictures all show; for an estimator that compares several "
+        "pairs of pictures, the side of the window with which a single pair would give the same information; 0 where "
+        "the pictures share nothing, NaN where the camera forms no image",
         symbol="W",
         error="rounding only; for a least-squares estimator, the value may be up to 8 % too small",
     ),
@@ -274,8 +275,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         units="px",
         long_name="disparity_error_px with one cause changed: without blur, without diffraction, with the light of "
         "brightest_camera, or with ten times the light; infinite where the compared pictures share no texture; NaN "
-        "where the camera forms no image; with the light of brightest_camera, also for that camera itself, and where "
-        "brightest_camera is empty",
+        "where the camera forms no image; with the light of brightest_camera, also NaN for that camera itself, and for "
+        "all cameras where brightest_camera is empty",
         symbol="σ_d",
         reference=_MATCHING,
         error="see disparity_error_px_changed_error",

@@ -32,7 +32,8 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "over_matcher_error": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard error of over_matcher, from the kurtosis of these quotients; NaN where over_matcher is NaN",
+        long_name="standard error of over_matcher, from the kurtosis of the depth errors, converted and divided as for "
+        "over_matcher; NaN where that is NaN",
         error=ESTIMATE,
     ),
     "fitted": Variable(

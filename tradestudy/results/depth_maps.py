@@ -143,7 +143,7 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
         dims=_CLASS,
         units="m",
         long_name="median true depth of the class; NaN where its points fill fewer than two matching windows",
-        error="none: a median",
+        error="none: the median of exact depths",
     ),
     "class_bias": Variable(
         dims=_CLASS,

@@ -78,8 +78,9 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images: of a focus stack, over its own range; of a camera that focuses on every object, "
-        "over depth_of_field.range; 1 for any other camera; 0 where no number makes the range sharp",
+        long_name="number of images that a focus stack takes to cover the range declared for it, or that a camera "
+        "which focuses on every object needs to cover depth_of_field.range; 1 for any other camera; 0 if no number "
+        "makes the range sharp",
         error=COUNTED,
     ),
     "reason": Variable(
@@ -89,8 +90,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "lateral_resolution": _length(
         ("camera", "distance"),
-        "size of the smallest detail on the object that the camera resolves, without diffraction; for a focus stack "
-        "whose images are spaced for a blur of 1 px; NaN where the camera forms no image",
+        "size of the smallest detail on the object that the camera resolves, without diffraction; if the camera takes "
+        "a focus stack, its images are assumed to be spaced for a blur of 1 px; NaN where the camera forms no image",
         "r",
         "the larger of pixel (or microlens) and geometric blur, both projected to the object; see "
         "tradestudy.optics.lateral_resolution",
@@ -122,8 +123,9 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range in which the camera resolves depth_of_field.equal_resolution, without diffraction; for "
-        "a focus stack whose images are spaced for this resolution; NaN beyond the last range",
+        "near end of a range in which the camera resolves depth_of_field.equal_resolution, without diffraction; if the "
+        "camera takes a focus stack, its images are assumed to be spaced for this resolution; NaN beyond the last "
+        "range",
         reference="",
     ),
     "resolved_far": _length(

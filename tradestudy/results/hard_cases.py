@@ -34,7 +34,7 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "outcome": Variable(
         dims=_CASE,
         units="1",
-        long_name="whether the right answer is a refusal, a sign or a count rather than a measured number",
+        long_name="whether the right answer is an error message, a sign or a count rather than a computed number",
     ),
     "naive_error": _error("relative error of the textbook formula"),
     "our_error": _error("relative error of this program"),

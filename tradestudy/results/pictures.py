@@ -48,8 +48,8 @@ PICTURES: Final[Mapping[str, Variable]] = {
         dims=_OF,
         units="1",
         long_name="root-mean-square difference from a picture with 16 times as many rays, both without noise, relative "
-        "to that picture; for a picture by waves, also the difference from one with twice as many point-spread "
-        "functions along each axis",
+        "to that picture; for a picture rendered by waves, also the difference from one with twice as many "
+        "point-spread functions along each axis",
         error="itself an error estimate, from places all over the picture",
     ),
     "by_waves": Variable(
@@ -58,9 +58,10 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "model_error": Variable(
         dims=_OF,
         units="1",
-        long_name="for a picture by rays, the relative change that diffraction would cause, in the L2 norm; for a "
-        "picture by waves, the fraction of the light that diffraction spreads beyond the area over which "
-        "point-spread functions are computed",
-        error="itself an error estimate; for a picture by rays, from places all over it, with a margin of 30 %",
+        long_name="for a picture rendered by rays, the relative change that diffraction would cause, in the L2 norm; "
+        "for a picture rendered by waves, the fraction of the light that diffraction spreads beyond the area over "
+        "which point-spread functions are computed",
+        error="itself an error estimate; for a picture rendered by rays, from places all over it, with a margin of "
+        "30 %",
     ),
 }

@@ -55,8 +55,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="distance at which the usable camera of the main pair with the lower depth uncertainty becomes the "
-        "other one, or none; NaN beyond the last change",
+        long_name="distance at which the usable camera of the main pair with the lower depth uncertainty changes: from "
+        "one camera to the other, or from or to none; NaN beyond the last change",
         error="see change_error",
     ),
     "change_error": Variable(
@@ -132,13 +132,13 @@ DECISION: Final[Mapping[str, Variable]] = {
     "cause": Variable(
         dims=("camera",),
         units="",
-        long_name="uncertain input, with its basis, that contributes most to the variance of depth, averaged over "
-        "the usable distances (all distances if none is usable); empty where no input is uncertain",
+        long_name="uncertain input, with its basis, that contributes most to the variance of inverse depth, averaged "
+        "over the usable distances (all distances if none is usable); empty where no input is uncertain",
     ),
     "cause_share": Variable(
         dims=("camera",),
         units="1",
-        long_name="fraction of the variance of depth that the input in 'cause' contributes, including its "
+        long_name="fraction of the variance of inverse depth that the input in 'cause' contributes, including its "
         "correlations with others; NaN where no input is uncertain",
         error="not estimated: inverse depth is taken as linear in the errors",
     ),
@@ -198,7 +198,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "verdict": Variable(
         dims=("claim",),
         units="",
-        long_name="verdict over all tested readings: met, not met, or cannot be decided from the paper",
+        long_name="verdict over all tested readings: met, not met, or cannot be decided from its source",
     ),
     "reason": Variable(
         dims=("claim",),
@@ -278,10 +278,11 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="relative margin: bound/value − 1 for an upper bound, value/bound − 1 for a lower one; for a "
-        "required usable or sharp range, the smaller of required near end/near end − 1 and far end/required far end "
-        "− 1; negative if the bound is missed; at most −100 s where the camera is unusable over a fraction s of the "
-        "required distances, on a logarithmic scale; NaN where 'value' is NaN",
+        long_name="relative margin in percent; for an upper bound, 100 ('bound'/'value' − 1); for a lower one, "
+        "100 ('value'/'bound' − 1); for a required usable or sharp range, 100 (q − 1), where q is the smaller of "
+        "(required near end)/(near end) and (far end)/(required far end); negative if the bound is missed; −100 s or "
+        "less where the camera is unusable, or not sharp, over a fraction s of the required distances, on a "
+        "logarithmic scale; NaN where 'value' is NaN",
         error="that of the worst value",
     ),
     "margin_sigma": Variable(
@@ -320,50 +321,53 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT,
         units="",
         long_name="what decides 'met', in words: the limit in limited_by or, where errors decide, the uncertain input "
-        "that contributes most to the variance of depth at 'place', and its basis",
+        "that contributes most to the variance of inverse depth at 'place', and its basis",
     ),
     "rests_on_share": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="fraction of the variance of depth that the input in rests_on contributes, including its "
+        long_name="fraction of the variance of inverse depth that the input in rests_on contributes, including its "
         "correlations with others; NaN where no input decides",
         error="not estimated: inverse depth is taken as linear in the errors",
     ),
     "bound_alone_met": Variable(
         dims=_OF_REQUIREMENT,
         units="1",
-        long_name="'met' if matching reached the Cramér–Rao bound; −1 also where no declared matcher affects it",
+        long_name="what 'met' would be if matching reached the Cramér–Rao bound; also −1 if the requirement depends on "
+        "no declared matcher",
     ),
     "bound_alone_camera": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="camera_deciding if matching reached the Cramér–Rao bound; empty where no declared matcher affects "
-        "it",
+        long_name="what camera_deciding would be if matching reached the Cramér–Rao bound; empty if the requirement "
+        "depends on no declared matcher",
     ),
     "bound_alone_value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="'value' if matching reached the Cramér–Rao bound, in SI units; NaN where no declared matcher "
-        "affects it",
+        long_name="what 'value' would be if matching reached the Cramér–Rao bound, in SI units; NaN if the requirement "
+        "depends on no declared matcher",
         error="see bound_alone_value_error",
     ),
     "bound_alone_value_error": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="value_error if matching reached the Cramér–Rao bound, in SI units; NaN where no declared matcher "
-        "affects it",
+        long_name="what value_error would be if matching reached the Cramér–Rao bound, in SI units; NaN if the "
+        "requirement depends on no declared matcher",
         error=ESTIMATE,
     ),
     "bound_alone_place": Variable(
         dims=_OF_REQUIREMENT,
         units="m",
-        long_name="'place' if matching reached the Cramér–Rao bound; NaN where no declared matcher affects it",
+        long_name="what 'place' would be if matching reached the Cramér–Rao bound; NaN if the requirement depends on "
+        "no declared matcher",
         error="1e-4, relative",
     ),
     "bound_alone_reason": Variable(
         dims=_OF_REQUIREMENT,
         units="",
-        long_name="'reason' if matching reached the Cramér–Rao bound; empty where no declared matcher affects it",
+        long_name="what 'reason' would be if matching reached the Cramér–Rao bound; empty if the requirement depends "
+        "on no declared matcher",
     ),
     "camera_met": Variable(
         dims=_OF_CAMERA,

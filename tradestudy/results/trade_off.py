@@ -1,4 +1,4 @@
-"""/criteria: weighed criteria, ranks over all possible weights, and Pareto-optimal designs."""
+"""/criteria: weighted criteria, ranks over all possible weights, and Pareto-optimal designs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weighed_value": Variable(
         dims=_BOTH,
         units="mixed",
-        long_name="value of the weighed criterion for a candidate, in the unit given by weighed_units; NaN where the "
+        long_name="value of the weighted criterion for a candidate, in the unit given by weighed_units; NaN where the "
         "candidate has none, for example because it is not usable",
         error="see weighed_value_error",
     ),
@@ -24,7 +24,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "weighed_units": Variable(
         dims=("weighed",), units="", long_name="unit of weighed_value, 'worst' and 'best'; '1' for plain numbers"
     ),
-    "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the weighed criterion"),
+    "weighed_says": Variable(dims=("weighed",), units="", long_name="meaning of the weighted criterion"),
     "worst": Variable(
         dims=("weighed",),
         units="mixed",
@@ -126,7 +126,7 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         dims=("candidate",),
         units="1",
         long_name="whether the candidate is feasible and Pareto-optimal: no feasible candidate of any design is at "
-        "least as good in every weighed criterion and better in one",
+        "least as good in every weighted criterion and better in at least one",
         error="none: exact for the stored values",
     ),
 }

@@ -119,7 +119,7 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         "f-number above which psf_error stays below fresnel_validity.error_limit; 0 if it does so at all values of "
         "fresnel_validity.f_numbers, infinite if it exceeds the limit even at the largest value",
         _MEASURED,
-        "1e-4, relative, plus the error of psf_error divided by the slope of psf_error over the f-number",
+        "1e-4, relative, plus the error of psf_error divided by the slope of psf_error with respect to the f-number",
     ),
     "paper_eq27_f_number": _f_number(
         (*_ELEMENT, "zero"),
@@ -138,8 +138,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     ),
     "paper_eq27_sweep": _f_number(
         (*_ELEMENT, "zero", "quarter_wave"),
-        "as paper_eq27_f_number, while a + b grows by a quarter of a wavelength; 'first' is infinite where "
-        "quarter_wave is 0",
+        "paper_eq27_f_number for values of a + b that increase through a quarter of a wavelength (along quarter_wave); "
+        "'first' is infinite where quarter_wave is 0",
         f"{PAPER}, eq. 27",
     ),
     "path_error_f_number": _f_number(
@@ -158,8 +158,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "southwell_f_number": _f_number(
         _ELEMENT,
         "smallest f-number at which the error of Fresnel's approximation on the axis is at most "
-        "fresnel_validity.error_limit for a plane wave that is diffracted by an empty hole as large as the pupil and "
-        "observed at image_distance",
+        "fresnel_validity.error_limit for a plane wave that is diffracted by a clear aperture of the size of the pupil "
+        "and observed at image_distance",
         "after Southwell (1981)",
     ),
 }
@@ -194,14 +194,14 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=("propagator",),
         units="1",
         long_name="fraction of the light on the detector that falls on pixels that the method 'geometric' leaves dark",
-        error="at most κ times numerical_error, with κ as for power",
+        error="at most κ times numerical_error, with κ as for 'power'",
     ),
     "difference": Variable(
         dims=("propagator", "against"),
         units="1",
         long_name="L1 difference Σ|I − J|/Σ J of two images over their pixels: I by the method along 'propagator', "
         "J by the method along 'against'",
-        error="at most (1 + difference) times the sum of κ numerical_error over both images, with κ as for power; "
+        error="at most (1 + 'difference') times the sum of κ numerical_error over both images, with κ as for 'power'; "
         "less where they share errors",
     ),
     "difference_l2": Variable(
@@ -221,8 +221,8 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "chosen_image": Variable(
         dims=("row", "column"),
         units="1",
-        long_name="as 'image', by the models that accuracy.pixel_intensity requires; the attributes of the group "
-        "that begin with 'chosen_' say which models these are",
+        long_name="as 'image', by the models that accuracy.pixel_intensity requires; the group's attributes whose "
+        "names begin with 'chosen_' say which models these are",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
         error="see chosen_error; omitted effects add joint_change of /effects",
     ),

@@ -20,11 +20,13 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
         Name of the study, at most 80 characters: letters, digits and ``_``; after the first character also ``.``,
         ``+`` and ``-``.
     kind
-        ``stereo`` or ``plenoptic`` for two cameras of this kind. Default: a plenoptic camera and a stereo rig.
+        ``stereo`` or ``plenoptic`` for two cameras of this kind. Default: a plenoptic camera and a stereo rig. It has
+        no effect with ``calibration_files``.
     calibration_files
         Calibration files of one camera, which replaces the example cameras.
     said
-        Further keys of this camera, each as a line ``key: value``.
+        With ``calibration_files``: further keys of the imported camera, each as a line ``key: value``. It has no effect
+        otherwise.
 
     Returns
     -------

@@ -47,8 +47,8 @@ class Spread:
     median
         Median, shape (…).
     standard_deviation
-        Standard deviation of the outputs, shape (…). It grows with the number of draws if the distribution's
-        own is infinite or undefined.
+        Standard deviation of the outputs, shape (…). If the standard deviation of the distribution is infinite or
+        undefined, this value grows with the number of draws.
     low
         Lower ends of the intervals, shape (m, …). An interval is central: values below and above it are equally
         probable.
@@ -56,11 +56,12 @@ class Spread:
         Upper ends of the intervals, shape (m, …).
     error
         For each interval, the greater of the standard errors of its two ends, estimated from the scatter between
-        independent replicates and, at the edge of a discrete value, from the step to its neighbour; shape (m, …).
+        independent replicates; shape (m, …). If the output takes discrete values and an end lies where one value gives
+        way to the next, the step between these values is included.
     draws
         Total number of draws.
     converged
-        Whether the error of every end of every interval is within the tolerance, at 95 % confidence.
+        Whether every end of every interval is known to within the tolerance, at 95 % confidence.
     values
         Outputs for all draws, shape (…, draws).
     """
@@ -94,9 +95,9 @@ def propagate_through(
     """Propagate the distributions of inputs through a function by the Monte Carlo method (JCGM 101:2008).
 
     The draws are scrambled Sobol points in 16 independent replicates; the scatter between the replicates gives the
-    errors of the intervals. The first round has enough draws that at least 10 of each replicate lie beyond every end of
-    an interval. Their number is doubled until the error of every end of every interval is within the tolerance at 95 %
-    confidence, but not beyond ``most_draws``.
+    errors of the intervals. In the first round, about 10 or more draws of each replicate lie beyond either end of every
+    interval. The number of draws is then doubled until every end is known to within the tolerance at 95 % confidence,
+    or until another doubling would exceed ``most_draws``.
 
     Parameters
     ----------
@@ -104,15 +105,17 @@ def propagate_through(
         Function that takes each input as a keyword argument, an array of shape (draws,), and returns an array of real
         numbers, of shape (draws,) or (draws, …).
     inputs
-        Distribution of each input, at least one, under the name of the argument, such as
+        Distributions of the inputs, at least one, by the name of the function's argument, such as
         ``{"gap": Uniform(low=-0.03, high=0.03)}``.
     correlation
-        Correlations of pairs of inputs, such as ``{("block", "gap"): 0.5}``; all other pairs are uncorrelated. A
-        Gaussian copula joins inputs that are not normal; the correlations are then those of its normal scores.
+        Correlations of pairs of inputs, such as ``{("block", "gap"): 0.5}``; all other pairs are uncorrelated. Inputs
+        that are not normal are joined by a Gaussian copula; the correlations are then those of the standard normal
+        variables from which it generates the inputs.
     coverage
         Probability of the interval that is reported, between 0 and 1; or one probability for each of several intervals.
     tolerance
-        Largest error of each end of an interval, as a fraction of half the width of the interval, between 0 and 1.
+        Largest error of each end of an interval at 95 % confidence, as a fraction of half the width of the interval,
+        between 0 and 1. (The attribute ``error`` of the result is a standard error, and thus smaller.)
     most_draws
         Largest number of draws. It must be at least 16384, and more for coverages above about 98 %.
     seed

@@ -35,7 +35,7 @@ def properties_of(
         ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
         ("total covering plane, where |virtual depth| is 2", pretty(plane, LENGTH, 4)),
         (
-            "distances at which two or more microlenses, of any type, see every point",
+            "distances, exact for this lattice, at which two or more microlenses of any type see every point",
             _covered_from(lens, array, mla_distance),
         ),
         ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),

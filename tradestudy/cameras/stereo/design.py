@@ -401,7 +401,7 @@ class StereoRig(DepthCamera):
             ("focal length", pretty(lens.focal_length, LENGTH, 4)),
             ("principal distance", pretty(self.principal_distance, LENGTH, 4)),
             (
-                "image distance of a thin lens, as focused",
+                "thin-lens image distance at the declared focus",
                 "varies with focus" if focus is None else pretty(self.sensor_distance(focus), LENGTH, 4),
             ),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
@@ -435,8 +435,8 @@ class StereoRig(DepthCamera):
                 implied=f"{show(focused, LENGTH)} when focused at {show(focus, LENGTH)}: longer by "
                 f"{pretty(magnification, FRACTION)}, more than the {pretty(tolerance, FRACTION)} tolerance on depth",
                 used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur. If the focal length does not "
-                f"come from a calibration in pixels, set principal_distance: focused to use {show(focused, LENGTH)} "
-                "for both",
+                "come from a camera calibration that gives it in pixels, set principal_distance: focused to use "
+                f"{show(focused, LENGTH)} for both",
             ),
         ]
 

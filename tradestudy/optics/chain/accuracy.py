@@ -28,7 +28,7 @@ _KNOBS = (
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class ChainAccuracy:
-    """Tolerance of an image by `chain_image`, and factors on its sampling.
+    """Tolerance of an image computed by `chain_image`, and factors that scale its sampling.
 
     The tolerance determines the sampling of a computation. Each factor, > 0, changes one part of this sampling; a
     larger one makes it finer or wider.
@@ -38,19 +38,21 @@ class ChainAccuracy:
     tolerance
         Relative L2 error over the pixels that the sampling should achieve [1], in 1e-6 … 0.2.
     pupil_nodes
-        Factor on the phase variation from which the number of quadrature nodes in the pupil of the main lens follows.
+        Factor by which the phase variation is multiplied before the number of quadrature nodes in the pupil of the main
+        lens is derived from it.
     microlens_nodes
-        Factor on the phase variation from which the number of quadrature nodes on a microlens follows.
+        As ``pupil_nodes``, for the quadrature nodes on a microlens.
     field_sampling
-        Factor on the density of the samples of the main lens's field on the array.
+        Factor that scales the density of the samples of the main lens's field on the array.
     diffraction_reach
-        Factor on the distance from the geometric image up to which diffracted light is followed (`fresnel_lengths`).
+        Factor that scales the distance from the geometric image up to which diffracted light is followed
+        (`fresnel_lengths`).
     pixel_sampling
-        Factor on the number of samples of the field along a pixel.
+        Factor that scales the number of samples of the field along a pixel.
     source_sampling
-        Factor on the density of the points that represent a disc source, and on the number of distances from the axis
-        at which the main lens's field is computed for such a source. If both legs are ``geometric``, it is a factor on
-        the density of the rays.
+        Factor that scales the density of the points that represent a disc source, and the number of distances from the
+        axis at which the main lens's field is computed for such a source. If both legs (see `Legs`) are ``geometric``,
+        it scales the density of the rays.
     memory_limit
         Memory that the arrays of one computation may take [bytes]. The error estimate (`compared`) needs a second
         computation at the same time, which may take as much again.
@@ -105,8 +107,8 @@ class ChainAccuracy:
     def compared(self) -> ChainAccuracy:
         """Settings of a second computation, whose difference from the first gives the stated error.
 
-        `tolerance` (up to 0.2) and `diffraction_reach` become larger; `pupil_nodes`, `microlens_nodes` and
-        `field_sampling` become smaller, or 1 if they are below 1.
+        `tolerance` (up to 0.2) and `diffraction_reach` are increased. `pupil_nodes`, `microlens_nodes` and
+        `field_sampling` are reduced, but set to 1 if they are below 1.
 
         Returns
         -------
@@ -127,7 +129,9 @@ class ChainAccuracy:
         )
 
     def unstarved(self) -> ChainAccuracy:
-        """Settings for checks at single points: a tenth of the tolerance, at least 1e-6, and no factor below 1.
+        """Settings for the checks at single points, fine enough even if factors are below 1.
+
+        They have a tenth of the tolerance, but at least 1e-6; factors below 1 are set to 1.
 
         Returns
         -------

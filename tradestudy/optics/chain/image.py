@@ -58,8 +58,8 @@ def chain_image(
     path
         Main lens, microlenses, the distances between them and the detector, and the pixels.
     source
-        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
-        phase over the disc (coherent disc).
+        A `PointSource` or a `DiscSource`. The intensities of the points of an incoherent disc add up; a coherent disc
+        emits one wave, with the same phase at every point.
     wavelength
         Wavelength λ [m], > 0.
     legs
@@ -80,9 +80,9 @@ def chain_image(
     done
         Function called, for an incoherent disc, with the completed fraction of the propagation behind the array.
     compute
-        Function ``compute(parts, progress)`` that calls each of the functions ``parts``, returns their results in
-        order, and calls ``progress`` with the completed fraction. Each part computes the light from some points
-        of an incoherent disc, and may run in any process. Default: one part after another in this process.
+        Function ``compute(parts, progress)``. It calls each of the functions in the list ``parts``, returns their
+        results in order, and calls ``progress`` with the completed fraction. Each part computes the light from some
+        points of an incoherent disc, and may run in any process. Default: one part after another in this process.
 
     Returns
     -------
@@ -93,10 +93,10 @@ def chain_image(
     Raises
     ------
     OutOfRangeError
-        The wavelength exceeds an aperture or a distance; a leg uses rays or a boundary wave although the source is a
-        coherent disc or a lens has a `Pupil`; the leg to the detector uses a boundary wave although the microlenses are
-        square; the main lens has a pupil without rotational symmetry although the source is an incoherent disc; or only
-        one leg uses rays although the main lens images the source on the array or close to it.
+        The wavelength exceeds an aperture or a distance; rays or a boundary wave are combined with a coherent disc or
+        with a `Pupil`; a boundary wave to the detector is combined with square microlenses; an incoherent disc is
+        combined with a main-lens pupil that is not rotationally symmetric; or only one leg uses rays while the image of
+        the source lies on the array or close to it.
     UnaffordableError
         The computation needs more memory than ``accuracy`` allows, or would divide the source into more
         than about a million points.
@@ -204,8 +204,8 @@ def spectral_image(
     path
         Main lens, microlenses, the distances between them and the detector, and the pixels.
     source
-        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
-        phase over the disc (coherent disc).
+        A `PointSource` or a `DiscSource`. The intensities of the points of an incoherent disc add up; a coherent disc
+        emits one wave, with the same phase at every point.
     wavelengths
         Wavelengths λ [m], > 0, shape (n,).
     weights
@@ -314,8 +314,8 @@ def separate_image(
     path
         Main lens, microlenses, the distances between them and the detector, and the pixels.
     source
-        A `PointSource`; or a `DiscSource`, whose points add as intensities (incoherent disc) or form one wave with one
-        phase over the disc (coherent disc).
+        A `PointSource` or a `DiscSource`. The intensities of the points of an incoherent disc add up; a coherent disc
+        emits one wave, with the same phase at every point.
     wavelength
         Wavelength λ [m], > 0.
     legs
@@ -327,9 +327,9 @@ def separate_image(
     done
         Function called after each microlens with the fraction of microlenses completed.
     compute
-        Function ``compute(parts, progress)`` that calls each of the functions ``parts``, returns their results in
-        order, and calls ``progress`` with the completed fraction. Each part computes the light from one microlens,
-        and may run in any process. Default: one part after another in this process.
+        Function ``compute(parts, progress)``. It calls each of the functions in the list ``parts``, returns their
+        results in order, and calls ``progress`` with the completed fraction. Each part computes the light from one
+        microlens, and may run in any process. Default: one part after another in this process.
 
     Returns
     -------

@@ -29,10 +29,10 @@ class KirchhoffKernel:
       factors and waves, it is an approximation.
     * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), which is exact if the field in the aperture is known exactly.
 
-    The differences are small. In the image plane of an f/3.8 microlens, the intensity by ``textbook`` differs from that
-    by ``paper`` by 1e-5, and the intensity by ``rayleigh-sommerfeld-1`` by 1e-7 (relative L2 difference). At 1.25
-    times the image distance, the differences are 5e-4 and 2e-7. The phase by ``rayleigh-sommerfeld-1`` differs from
-    that by ``paper`` by 1/(k s), here 2e-4 rad.
+    The differences are small. In the image plane of an f/3.8 microlens, the intensity with ``textbook`` deviates by
+    1e-5 from that with ``paper``, and the intensity with ``rayleigh-sommerfeld-1`` by 1e-7 (relative L2 difference). At
+    1.25 times the image distance, the differences are 5e-4 and 2e-7. The phases with ``rayleigh-sommerfeld-1`` and
+    ``paper`` differ by 1/(k s), which is 2e-4 rad for this microlens.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class KirchhoffKernel:
     def path_and_spreading(
         self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array
     ) -> tuple[Array, Array]:
-        """Path from a node to a target minus that from the aperture's centre, and the factor C/s of `spreading`.
+        """Path from a node to a target minus that from the aperture's centre, and the ratio C/s.
 
         The difference of the paths is computed without cancellation.
 
@@ -161,11 +161,11 @@ class KirchhoffKernel:
         dy: Array,
         dz: Array,
     ) -> tuple[Array, Array]:
-        """Nonlinear change of the path when the target moves, and `spreading` at the target's new position.
+        """Change of the path when the target moves, without its terms linear in dx and dy, and the new `spreading`.
 
         The target moves from `base` by d = (dx, dy, dz), so that its path from the node changes from s to t. With the
-        unit vector e from the node to `base`, the nonlinear change is t − s − e_x dx − e_y dy: the terms linear in dx
-        and dy are left out. It is computed without cancellation, as (|d|² − (e·d)(t − s))/(s + t) + e_z dz.
+        unit vector e from the node to `base`, the returned change is t − s − e_x dx − e_y dy; the term linear in dz is
+        kept. It is computed without cancellation, as (|d|² − (e·d)(t − s))/(s + t) + e_z dz.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class KirchhoffKernel:
         Returns
         -------
         tuple
-            Nonlinear change of the path [m], and C/t [1/m].
+            Change of the path without these two terms [m], and C/t [1/m].
         """
         a, b, c = base[0] - u, base[1] - v, base[2]
         s = np.sqrt(a * a + b * b + c * c)
@@ -205,7 +205,7 @@ class KirchhoffKernel:
         return rest, self._spreading(cosine, to_node, c + dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Factor that multiplies the field and exp(i k s) at a node in the integral: C/(iλ s).
+        """Factor by which the field at a node and exp(i k s) are multiplied in the integral: C/(iλ s).
 
         Parameters
         ----------
@@ -349,7 +349,7 @@ class FresnelKernel:
         dy: Array,
         dz: Array,
     ) -> tuple[Array, Array]:
-        """Nonlinear change of the path when the target moves [m], and 1/z at its new position [1/m].
+        """Change of the path when the target moves, without its terms linear in dx and dy [m], and the new 1/z [1/m].
 
         The arguments are as in `KirchhoffKernel.beyond_linear`.
         """
@@ -359,7 +359,7 @@ class FresnelKernel:
         return np.asarray(rest), self.spreading(u, v, cosine, base[0] + dx, base[1] + dy, c + dz)
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Factor that multiplies the field and exp(i k s) at a node in the integral: 1/(iλ z) [1/m²].
+        """Factor by which the field at a node and exp(i k s) are multiplied in the integral: 1/(iλ z) [1/m²].
 
         The arguments are as in `KirchhoffKernel.amplitude`.
         """

@@ -210,7 +210,7 @@ class CircularLens:
             )
 
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:
-        """Quadrature nodes of the aperture without its obscuration.
+        """Quadrature nodes for integrals over the clear part of the aperture: the obscured disc is subtracted.
 
         Parameters
         ----------

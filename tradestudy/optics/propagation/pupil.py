@@ -41,8 +41,8 @@ class Pupil:
     Parameters
     ----------
     zernikes
-        Zernike coefficients of W, by Noll's index from 1 to 153 [m rms], each smaller than R in magnitude. The
-        polynomials have unit variance over the disc.
+        Zernike coefficients of W, by Noll's index from 1 to 153 [m rms]. Each must be smaller in magnitude than the
+        radius R of the lens that gets the pupil. The polynomials have unit variance over the disc.
     path
         Further part of W [m], as a function of (x/R, y/R) or an array. Default: 0.
     amplitude
@@ -138,7 +138,8 @@ class Pupil:
         zernikes
             Zernike coefficients of W, by Noll's index from 1 to 153 [waves rms].
         wavelength
-            Length of one wave [m], > 0. The path that follows from it is the same for light of every wavelength.
+            Wavelength that converts waves to metres [m], > 0. The resulting path in metres does not depend on the
+            wavelength of the light.
         path
             Further part of W [waves], as a function of (x/R, y/R) or an array. Default: 0.
         amplitude
@@ -185,7 +186,7 @@ class Pupil:
 
     @property
     def round(self) -> bool:
-        """Whether `path` and `amplitude` are absent, and every nonzero Zernike coefficient has azimuthal order 0."""
+        """Whether the pupil is rotationally symmetric: neither `path` nor `amplitude`, and Zernike terms of order 0."""
         even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
         return even and self.path is None and self.amplitude is None
 

@@ -64,7 +64,7 @@ class Limits:
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
-    """Number of rings of quadrature nodes on a disc, and of nodes that a ring at the edge would have.
+    """Numbers of quadrature nodes on a disc: how many rings, and how many nodes on a ring at the edge.
 
     Rings nearer to the centre have fewer nodes, because the phase varies less along them.
 
@@ -106,8 +106,9 @@ class NodeCounts:
     def on_rings(self) -> IndexArray:
         """Number of nodes on each ring, from the innermost, shape (radial,).
 
-        A ring along which the phase completes t turns gets t + 10 t^⅓ + 3 nodes, rounded up. t is proportional to the
-        radius of the ring, and such that the formula gives `angular` at the edge of the disc.
+        A ring along which the phase completes t turns gets t + 10 t^⅓ + 3 nodes, rounded up. The number t is
+        proportional to the radius of the ring; its value at the edge of the disc is the one for which the formula gives
+        `angular`.
         """
         relative = np.sqrt(gauss_legendre(self.radial)[0])
         turns = _turns(self.angular)

@@ -188,7 +188,8 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """The inputs on which the answers rest, with the basis of each."""
     if inputs := rests_on(tree):
-        yield say("**This rests on** {inputs}.", inputs=listed([f"the {one.removeprefix('the ')}" for one in inputs]))
+        named = ", and on ".join(f"the {one.removeprefix('the ')}" for one in inputs)
+        yield say("**The answers rest on** {inputs}.", inputs=named)
 
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
@@ -210,7 +211,7 @@ def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
             yield (
                 say("**Measure that first.**")
                 if len(named) == 1
-                else say("**Measure first** the {what}.", what=rest.partition(", assumed ")[0] if alike else short)
+                else say("**Measure the {what} first.**", what=rest.partition(", assumed ")[0] if alike else short)
             )
         else:
             yield say("**{head}:** {rest}.", head=head, rest=rest) if rest else say("{head}.", head=head)
@@ -230,19 +231,22 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
         names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
         says = readings_in_words(decision)
         counts = sorted({len(reversed_by[one.place]) for one in turned})
-        by = "under the reading “{only}”" if len(names) == 1 else "under {counts} of the {all} other readings"
+        who = "the reading “{only}” **reverses**" if len(names) == 1 else "other readings **reverse**"
+        count = str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
         yield say(
-            "The verdict between {first} and {second} is **reversed** at {places} " + by + " ([](#verdict-table)).",
+            "In [](#verdict-table), " + who + " the choice between {first} and {second} {places}{counts}.",
+            places="at every distance"
+            if len(turned) == len(found)
+            else f"only at {listed([distance(one.place) for one in turned])}",
+            only=says[names[0]],
+            counts=f" ({count} of {max(one.alternatives for one in found)})" if len(names) > 1 else "",
             first=first,
             second=second,
-            places=listed([distance(one.place) for one in turned]),
-            only=says[names[0]],
-            counts=str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}",
-            all=str(max(one.alternatives for one in found)),
         )
     else:
         yield say(
-            "No other reading changes which of {first} and {second} is better at these distances ([](#verdict-table)).",
+            "No other reading changes which of {first} and {second} is better at the declared distances "
+            "([](#verdict-table)).",
             first=first,
             second=second,
         )
@@ -322,7 +326,7 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     decision, titles = group(tree, "decision").sel(error_source="both"), camera_titles(tree)
     first, second = (with_article(titles[decision.attrs[end]]) for end in ("first", "second"))
     handed = [list(handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
-    own = "at " + " and ".join(distance_with_error(*place) for place in handed[0]) if handed[0] else "nowhere"
+    own = "at " + " and ".join(distance_with_error(*place) for place in handed[0]) if handed[0] else "at no distance"
     others = [place for row in handed[1:] for place, _ in row]
     alone = sum(not row for row in handed[1:])
     if len(handed) == 1:  # other bullets say it already
@@ -332,10 +336,10 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     count = len(handed) - 1
     among = f"{count - alone} of the {count} other" if alone else "the other"
     readings = "readings (sets of assumptions)," if count > 1 else "reading (set of assumptions),"
-    nowhere = f"; under the other{'s' * (alone > 1)}, nowhere" if alone else ""
+    nowhere = f"; under the remaining {alone if alone > 1 else 'one'}, never" if alone else ""
     moved = f"; under {among} {readings} {'there too' if where == own else where}{nowhere}" if others else ""
     yield say(
-        "Of {first} and {second}, the better usable camera changes directly **{own}**{moved}.",
+        "The better usable camera switches between {first} and {second} **{own}**{moved}.",
         first=first,
         second=second,
         own=own,

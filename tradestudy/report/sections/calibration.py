@@ -121,8 +121,8 @@ def _averaging(tree: xr.DataTree) -> Table:
     notes = " ".join(says for sign, says in meanings.items() if any(sign in row[1:] for row in rows))
     return Table(
         name="averaging-table",
-        caption="How many measurements of one point to average until the noise of their mean equals the calibration "
-        "error. Averaging more gains little, because calibration errors do not average out.",
+        caption="Number of measurements of one point whose mean has as much noise as the calibration error. Averaging "
+        "more gains little, because calibration errors do not average out.",
         columns=(
             Column(title="Camera", weight=1),
             *(Column(title=distance(float(place)), align="right") for place in places),

@@ -22,9 +22,17 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
     if has(tree, "depth"):
         yield Paragraph(
-            "The errors of cameras are the numerical errors of the depth uncertainty, at the usable distances."
+            say(
+                "The error of a camera is the largest relative difference of its depth uncertainty from that of the "
+                "most complete models (the reference), at up to nine usable distances. The notes of [](#depth-table) "
+                "give the program's own estimate, which may be smaller than the error of the reference. “Linear "
+                "calibration” and “exact calibration” say how calibration errors are propagated."
+            )
         )
-    yield Paragraph("Where nothing else is said, more complete models give the same result within the error.")
+    yield Paragraph(
+        "“At most” marks an error below that of the reference itself. Where nothing else is said, more complete models "
+        "give the same result within the error."
+    )
     yield Bullets(tuple(answers(group(tree, "cost"))))
     yield from pictures_of(drawings, "cost")
 
@@ -50,7 +58,7 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     else:
         more = "; no measured set of models is ten times as accurate"
     return say(
-        "**{title}**: {seconds} for {models}, with an error of {most}{error}{more}.{left_out}",
+        "**{title}**: {seconds} for {models}; error {most}{error}{more}.{left_out}",
         title=str(problem["title"].item()),
         models=str(own["models"]),
         seconds=_seconds(own),

@@ -29,8 +29,8 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "*Temporal noise*: the same from noise alone. *Sub-pixel RMS*: standard deviation of one measured "
             "disparity. *Plane-fit RMS*: scatter about a plane fitted to a flat target, taken as the temporal "
             "noise; how calibration errors bend the plane is left out. *Fill rate*: the fraction of the picture seen "
-            "by both views, or by enough microlenses, times the fraction of measurements that do not fail; 0 where "
-            "the camera is unusable. *Field*: width and height of the area that one camera sees.{matching}",
+            "by both cameras of a rig, or by enough microlenses, times the fraction of measurements that do not fail; "
+            "0 where the camera is unusable. *Field*: width and height of the area that one camera sees.{matching}",
             matching=_of_matching(tree),
         )
     )
@@ -41,7 +41,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
         across, down = (pretty(float(one[f"{axis}_field_of_view"]), ANGLE) for axis in ("horizontal", "vertical"))
         yield Table(
             name=f"datasheet-{name}",
-            caption=f"{titles[str(name)]}: {usable}; field of view as focused, {across} × {down}.",
+            caption=f"{titles[str(name)]}: {usable}; field of view at its focus setting, {across} × {down}.",
             columns=(
                 Column(title="Value", weight=3),
                 *(Column(title=f"At {distance(place)}", align="right", weight=2) for place in places),

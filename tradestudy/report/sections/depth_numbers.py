@@ -14,7 +14,7 @@ from tradestudy.report.words import distance_with_error, interval, length, or_da
 from tradestudy.results.views.depth import nominal, shares_at, table_depth, table_distances
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, records, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared
-from tradestudy.wording import distance, in_words
+from tradestudy.wording import distance, in_words, with_article
 
 _NEGLIGIBLE_SHARE = 1e-6  # what the numerical error of a share amounts to
 _ERROR_SOURCES = ("noise", "calibration", "both")
@@ -76,10 +76,12 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         rows=tuple(rows),
         notes=(
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
-            "differ). u: half the width of the central 68.27 % interval of one measurement, for noise only, "
-            "calibration only, and both"
-            + "; ± its error, where that exceeds 1 %" * ("±" in shown)
-            + "."
+            "differ). u: depth uncertainty, half the width of the interval that contains the central 68.27 % of single "
+            "measurements, for noise only, calibration errors only, and both"
+            + "; ± its error, where that exceeds 1 %"
+            * ("±" in shown)
+            + f". Relative: u both divided by the distance. {content} interval: central {content} of single "
+            "measurements."
             + " Where u both equals u noise, the chosen models leave calibration errors out."
             * _leaves_out_calibration(tree)
             + " ∞: the interval has no far end." * ("∞" in shown)
@@ -178,8 +180,8 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
         yield table(
             "baseline-table",
             "equivalent_baseline",
-            "Equivalent baseline: the baseline of a stereo rig with the camera's focal length and disparity error "
-            "and the same u noise.",
+            "Equivalent baseline: the baseline of a stereo rig with the camera's focal length, pixel pitch and "
+            "disparity error and the same u noise.",
             length,
             _baseline_note(tree, depth),
         )
@@ -218,13 +220,14 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     if not has(tree, "decision", "uncertainty_ratio", "certainty_flips", "reading_says"):
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
-    pair = {end: titles[decision.attrs[end]] for end in ("first", "second")}
+    pair = {end: with_article(titles[decision.attrs[end]]) for end in ("first", "second")}
     others = decision.sizes["reading"] > 1
     yield Heading(text="The decision under every reading", anchor="decision")
     yield Paragraph(
         say(
             "{open} The two cameras compared are {first} and {second}.",
-            open="Each other reading changes only what its assumption names; the rest is as declared."
+            open="Each of the other readings changes only what its assumption names; the rest is as declared. Cameras "
+            "keep their names under every reading, even where it changes the value in the name."
             if others
             else "The study declares no other reading (set of assumptions).",
             **pair,
@@ -249,8 +252,8 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
     unbounded = bool(np.isposinf(both["uncertainty_ratio"]).any())
     return Table(
         name="reading-table",
-        caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, from noise and calibration errors "
-        "together, under every reading; bold where the reading reverses which camera is more certain.",
+        caption=f"Ratio of the uncertainty of {pair['first']} to that of {pair['second']}, from noise and calibration "
+        "errors together, under every reading; bold where the reading reverses which camera is more certain.",
         columns=(
             Column(title="Reading"),
             Column(title="Assumption", weight=1),
@@ -287,15 +290,17 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     )
     count, all_others = int(np.isfinite(values[1:]).any(axis=1).sum()), len(values) - 1
     if not others.size:
-        yield Paragraph(say("In the declared study, {declared}.", declared=declared))
+        yield Paragraph(say("In the study as declared, {declared}.", declared=declared))
         return
+    nearer = set(map(str, decision["crossover_nearer"].sel(error_source="both").values[1:].ravel())) - {""}
     yield Paragraph(
         say(
-            "In the declared study, {declared}. Under {under}, the curves of their uncertainties cross between "
-            "{low} and {high}. The assumptions cause this range; it is not a confidence interval.",
+            "In the study as declared, {declared}. Under {under}, the curves of their uncertainties cross between "
+            "{low} and {high}{ways}. The assumptions cause this range; it is not a confidence interval.",
             declared=declared,
             under="the other reading" if count == all_others == 1 else f"{count} of the {all_others} other readings",
             low=distance(float(others.min())),
             high=distance(float(others.max())),
+            ways=", not always in the same direction" if len(nearer) > 1 else "",
         )
     )

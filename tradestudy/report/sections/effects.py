@@ -12,7 +12,7 @@ import xarray as xr
 from tradestudy.accuracy import IN_WORDS, QUANTITIES
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, say
 from tradestudy.report.words import share
-from tradestudy.results.views.groups import group, records
+from tradestudy.results.views.groups import group, has, records
 from tradestudy.wording import NO_MICROLENSES, distance, in_words, listed
 
 _HOW: Final = {
@@ -43,9 +43,9 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="What was simulated, and what was not", anchor="effects")
     yield Paragraph(
         say(
-            "Each effect has several models, from `off` to the most complete one, named as in study files. The program "
-            "chose the cheapest models that together keep the answers within the tolerance at every distance, "
-            "under every reading and, in a sweep, in every design. {together}",
+            "Effects have several models each, from `off` to the most complete one; the tables call them by their "
+            "names in study files. The program chose the cheapest models that together keep the answers within the "
+            "tolerance at every distance, under every reading and, in a sweep, in every design. {together}",
             together=" ".join(_together(tree)),
         )
     )
@@ -57,10 +57,10 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
             caption="The model of each effect that can change an answer, and the change due to what it leaves out.",
             columns=_COLUMNS,
             rows=tuple(_grouped(matter)),
-            notes=(_EVIDENCE, *_nothing(rows)),
+            notes=(_EVIDENCE, *_nothing(tree, rows)),
         )
     else:
-        yield from (Paragraph(say(text)) for text in _nothing(rows))
+        yield from (Paragraph(say(text)) for text in _nothing(tree, rows))
 
 
 def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
@@ -133,7 +133,7 @@ def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
     return in_words(str(row["slot"])), model, change, quantity, known
 
 
-def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
+def _nothing(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
     """Name the effects without a choice of models, in one sentence for each reason."""
     by_reason: dict[str, dict[str, list[str]]] = {}
     everything = {str(row["title"]) for row in rows}
@@ -141,10 +141,12 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
         if row["reason"] and row["reason"] != NO_MICROLENSES and not row["forced"]:
             of = by_reason.setdefault(str(row["reason"]), {})
             of.setdefault(str(row["title"]), []).append(in_words(str(row["slot"])))
+    focus = has(tree, "depth", "limit_met") and bool((tree["depth/limit_met"].sel(limit="focus") >= 0).any())
     for reason, of in by_reason.items():
         effects = ", ".join(dict.fromkeys(effect for names in of.values() for effect in names))
         whom = f" ({'; '.join(of)})" if set(of) != everything else ""
-        yield f"Not simulated, because {reason}: {effects}{whom}."
+        blur = " The limit “focus” uses the geometric blur nevertheless." if focus and "defocus blur" in effects else ""
+        yield f"Not simulated, because {reason}: {effects}{whom}.{blur}"
 
 
 def _together(tree: xr.DataTree) -> Iterator[str]:

@@ -106,18 +106,14 @@ def _uncertainty() -> Iterator[Block]:
                 "nor calibration errors. The change to a farther distance can be infinite."
             ),
             say(
-                "**Depth uncertainty**: half the width of the central 68.27 % interval of one measured depth, under "
-                "noise and the errors that calibration leaves. It is stated for matching noise only, "
-                "calibration errors only, and both."
+                "**Depth uncertainty**: half the width of the interval that contains the central 68.27 % of single "
+                "measurements of depth, given noise and the errors that remain after calibration. It is stated for "
+                "matching noise only, calibration errors only, and both."
             ),
             say(
                 "**Quantiles, not standard deviations.** Depth is the inverse of a quantity that can reach zero, so "
                 "its variance may not exist. Errors are propagated to inverse depth; quantiles are taken there and "
                 "mapped back. An inverse depth of zero or below counts as a depth of ∞."
-            ),
-            say(
-                "**What decides the uncertainty**: the error source with the largest share of the variance of "
-                "inverse depth. Shares are Shapley shares: they sum to 100 %, for correlated errors too."
             ),
         )
     )
@@ -135,14 +131,23 @@ def _uncertainty() -> Iterator[Block]:
     )
     yield Paragraph(
         say(
+            "**What decides the uncertainty** is the error source with the largest share of the variance of inverse "
+            "depth. Shares are Shapley shares: variance due to correlated errors is divided fairly among them, so that "
+            "the shares sum to 100 % (Owen and Prieur 2017)."
+        )
+    )
+    yield Paragraph(
+        say(
             "**Linear** propagation takes the covariance of all errors through the derivatives of that model at each "
             "distance; a comparison with random draws through the model gives the error of this approximation. "
-            "**Exact** propagation sends eight independently scrambled Sobol sequences of draws through the model "
-            "itself and reuses them at every distance. A result is *converged* when the eight sequences "
+            "**Exact** propagation sends eight independently randomised sets of evenly spread (Sobol) draws through "
+            "the model itself and reuses them at every distance. A result is *converged* when the eight sets "
             "determine every reported half-width to within the tolerance (95 % *t*-interval); where an interval has "
             "no far end, the fraction of failed measurements is judged instead. The program uses linear propagation "
-            "where a trial shows that its error stays within the tolerance. The numerical error of a result is that "
-            "of this computation with the chosen models; what these leave out is stated apart."
+            "where a trial shows that its error stays within the tolerance. The numerical error of a result is the "
+            "standard error over the eight sets or, under linear propagation, the estimated error of linearising at "
+            "that distance. What the chosen models leave out is stated separately, in “What was simulated, and what "
+            "was not”: the largest change over all distances, with a safety margin where it is not computed."
         )
     )
     yield Paragraph(

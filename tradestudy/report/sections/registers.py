@@ -127,7 +127,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     )
     yield Table(
         name="assumption-register",
-        caption="Assumptions register. A value that several cameras take from one line of a file is listed once.",
+        caption="Assumptions register. A value that several cameras share is listed once.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Input", weight=4),
@@ -208,9 +208,9 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Claims", anchor="claims")
     yield Table(
         name="claim-verdicts",
-        caption="The claims and their verdicts. In brackets: where the claim was published. Expected: the value "
-        "that meets the claim; the notes in “Claims under every reading” say of which quantity. A reading is one set "
-        "of assumptions.",
+        caption="The claims and their verdicts. In brackets: where the claim was published. Expected: the value or "
+        "bound that would confirm the claim; the section “Claims under every reading” names the quantity. A reading is "
+        "one set of assumptions.",
         columns=(
             Column(title="Claim"),
             Column(title="Says", weight=4),
@@ -295,7 +295,7 @@ def _under_other_readings(tree: xr.DataTree) -> Iterator[Table]:
     if changed:
         yield Table(
             name="requirement-readings-table",
-            caption="Readings that change the verdict on a requirement from that on the study as declared.",
+            caption="Readings under which the verdict on a requirement differs from that for the study as declared.",
             columns=(
                 Column(title="Requirement", weight=2),
                 Column(title="Reading", weight=3),
@@ -347,9 +347,9 @@ def requirement_table(rows: Iterable[Mapping[str, Any]], titles: Mapping[str, st
 
 def _bound_over(row: Mapping[str, Any], titles: Mapping[str, str]) -> str:
     """The cameras that must meet a requirement, its bound, and the distances over which it must hold."""
-    who = {ANY: "one camera", ALL: "every camera"}.get(str(row["of"]), titles.get(str(row["of"]), ""))
+    who = {ANY: "any one camera", ALL: "every camera"}.get(str(row["of"]), titles.get(str(row["of"]), ""))
     text, near, far = str(row["bound_text"]), float(row["over_near"]), float(row["over_far"])
-    return f"{who}: {text}" + ("" if math.isnan(near) else f" from {span(near, far)}")
+    return f"{who}: {text}" + ("" if math.isnan(near) else f", at all distances from {span(near, far)}")
 
 
 def _times_the_error(margin: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.results.views.depth import least_broken, nominal
 from tradestudy.results.views.groups import group, has, titles_in
@@ -16,8 +16,8 @@ from tradestudy.wording import distance, in_words
 
 _NOWHERE = "nowhere"
 _MISSING = (
-    " For a camera that is usable nowhere, the table names the limits that it misses at the distance where it misses "
-    "the fewest."
+    " For a camera that is usable nowhere, the table names the limits that it misses where it misses the fewest, and "
+    "the nearest such distance."
 )
 
 
@@ -77,7 +77,10 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Where each camera is usable", anchor="usable-range", level=2)
     yield Table(
         name="usable-range-table",
-        caption="Usable distances, and the limit that sets each end." + (_MISSING if nowhere else ""),
+        caption=say(
+            "Usable distances, and the limit that sets each end (explained in section [](#method-usable)).{missing}",
+            missing=_MISSING if nowhere else "",
+        ),
         columns=(
             Column(title="Camera", weight=3),
             Column(title="From", align="right"),
@@ -94,4 +97,4 @@ def _what_is_missing(camera: xr.Dataset) -> str:
     broken = camera["limit_met"].transpose("distance", "limit").values == 0
     best = least_broken(broken)
     names = camera["limit"].values[broken[best]]
-    return f"{', '.join(map(in_words, names))} (even at {distance(float(camera['distance'].values[best]))})"
+    return f"{', '.join(map(in_words, names))} (at {distance(float(camera['distance'].values[best]))})"

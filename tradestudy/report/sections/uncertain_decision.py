@@ -28,8 +28,9 @@ def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Paragraph(
         say(
-            "From {near} to {far}, the probability that one specimen of **{first}** errs less than one of {second} is "
-            "**{rig}** if all noise is averaged out, and **{reading}** in a single measurement.",
+            "From {near} to {far}, the probability that a given unit of **{first}** has a smaller depth error than a "
+            "given unit of {second} is **{rig}** if all noise is averaged out, and **{reading}** in a single "
+            "measurement.",
             first=first,
             second=second,
             rig=between("calibration"),
@@ -64,8 +65,8 @@ def _rank_table(tree: xr.DataTree) -> Table:
             rows.append((*names, *(cell(there, place) for place in places)))
     return Table(
         name="rank-table",
-        caption="Probability that the depth error of the first camera is smaller than that of the second, with twice "
-        "its standard error. A camera that does not see the point loses.",
+        caption="Probability that the depth error of the first camera is smaller than that of the second; ± twice the "
+        "standard error of this probability. A camera that does not see the point loses.",
         columns=(
             Column(title="First", weight=1),
             Column(title="Second", weight=1),

@@ -24,38 +24,41 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
-    """Say which camera noise alone and calibration alone favour, and at how many declared distances."""
+    """Say which camera matching noise and calibration errors favour, each alone, and at how many distances."""
     if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
-    pair = [str(decision.attrs[end]) for end in ("first", "second")]
+    pair, declared = [str(decision.attrs[end]) for end in ("first", "second")], decision.isel(reading=0)
     yield say(
         "Between {first} and {second}, {noise}; {calibration}.",
         first=with_article(titles[pair[0]]),
         second=with_article(titles[pair[1]]),
-        noise=_favoured(decision.isel(reading=0).sel(error_source="noise"), pair, titles, "noise"),
-        calibration=_favoured(decision.isel(reading=0).sel(error_source="calibration"), pair, titles, "calibration"),
+        noise=f"matching noise alone {_favoured(declared.sel(error_source='noise'), pair, titles, 's')}",
+        calibration=f"calibration errors alone {_favoured(declared.sel(error_source='calibration'), pair, titles, '')}",
     )
 
 
-def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], error_source: str) -> str:
-    """Count the wins, ties and undecided distances of one error source; equal uncertainties are ties."""
+def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], s: str) -> str:
+    """Count the wins, ties and undecided distances of one error source; `s` ends the verbs of one in the singular.
+
+    Equal uncertainties are ties.
+    """
     names = [str(name) for name in decision["more_certain"].values]
     neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
     undecided = int(np.isnan(neither).sum())
     wins = {key: names.count(key) for key in pair}
     parts = [
-        f"favours {with_article(titles[key])} at {wins[key]}"
+        f"favour{s} {with_article(titles[key])} at {wins[key]}"
         for key in sorted(pair, key=lambda key: -wins[key])
         if wins[key] > 0
     ]
-    parts += [f"leaves a tie at {neither.size - undecided}"] if neither.size > undecided else []
-    parts += [f"decides nothing at {undecided}"] if undecided else []
+    parts += [f"leave{s} a tie at {neither.size - undecided}"] if neither.size > undecided else []
+    parts += [f"decide{s} nothing at {undecided}"] if undecided else []
     if len(parts) == 1 and len(names) > 1:
         parts = [f"{parts[0].rpartition(' at ')[0]} at all {len(names)} declared distances"]
     else:
         parts[0] += f" of {counted(len(names), 'declared distance')}"
-    return f"{error_source} alone {', '.join(parts)}"
+    return ", ".join(parts)
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:
@@ -66,7 +69,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
     titles, decision = camera_titles(tree), group(tree, "decision")
     says = readings_in_words(decision)
     others = any(one.alternatives for one in found)  # readings
-    pair = f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}"
+    pair = f"{titles[decision.attrs['first']]} against {with_article(titles[decision.attrs['second']])}"
     changed = ", and the other readings that change this, each with the camera that is then better" if others else ""
     yield Table(
         name="verdict-table",

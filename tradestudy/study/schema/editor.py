@@ -126,7 +126,5 @@ def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
 
 def _shareable(camera: Mapping[str, Any]) -> dict[str, Any]:
     """Let a camera name a file or another camera instead of being written in full."""
-    shared = [
-        {"type": "object", "properties": {key: written}, "required": [key]} for key, written in _SHARING.items()
-    ]
+    shared = [{"type": "object", "properties": {key: written}, "required": [key]} for key, written in _SHARING.items()]
     return {"anyOf": [dict(camera), *shared]}
