@@ -41,7 +41,7 @@ class ChainAccuracy:
         Factor by which the phase variation is multiplied before the number of quadrature nodes in the pupil of the main
         lens is derived from it.
     microlens_nodes
-        As ``pupil_nodes``, for the quadrature nodes on a microlens.
+        The corresponding factor for the number of quadrature nodes on a microlens.
     field_sampling
         Factor that scales the density of the samples of the main lens's field on the array.
     diffraction_reach

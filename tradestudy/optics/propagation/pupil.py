@@ -186,7 +186,7 @@ class Pupil:
 
     @property
     def round(self) -> bool:
-        """Whether the pupil is rotationally symmetric: neither `path` nor `amplitude`, and Zernike terms of order 0."""
+        """Whether there is no `path` and no `amplitude`, and every Zernike term has azimuthal order 0."""
         even = all(noll_order(index)[1] == 0 for index, coefficient in self.zernikes.items() if coefficient)
         return even and self.path is None and self.amplitude is None
 
