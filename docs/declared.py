@@ -59,8 +59,9 @@ A *point* is a pixel of the depth map that a camera computes; where the camera h
 pixel counts only if it lies behind the type that is sharpest at its depth. A point is *seen* if nothing hides it, its
 true depth lies within the distances that the estimator searches, and at least two of the pictures that the estimator
 compares show it. The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is
-the depth uncertainty from matching noise alone, at the true depth of the point. The *standard deviation of depth due to
-noise* follows, to first order, from the texture in the matching window of the point. Standard errors by *a jackknife*
+the depth uncertainty from matching noise alone, at the true depth of the point, for a texture with the declared
+statistics. The *standard deviation of depth due to noise* follows, to first order, from the texture that the matching
+window of the point actually shows. Standard errors by *a jackknife*
 follow from leaving out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where
 the quantity itself is NaN, and where fewer than three parts have measured points.
 """,

@@ -811,7 +811,8 @@ such files; [Import a calibration](../../../how-to/import-a-calibration.md) list
 
 | key | meaning | example |
 |---|---|---|
-| `from` | File of a camera, or one or more calibration files; of two cameras, the left one first. Paths are relative \
+| `from` | A camera file, or one or more calibration files; if the two cameras of a rig have separate files, \
+that of the left one first. Paths are relative \
 to the study. A camera file contains the keys of one camera, without `from` and `like`. \
 | `from: cameras/raytrix-r5.yaml`, `from: [left.yaml, right.yaml]` |
 | `like` | Instead of `from`: name of another camera of the study. | `like: stereo-50mm` |

@@ -235,8 +235,8 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="How `from`, or the command `new --from`, interpreted the calibration file of this camera: a "
-        "convention for each name. The program writes this key.",
+        description="How `from`, or the command `new --from`, interpreted the calibration file of this camera: for "
+        "each question of interpretation, such as `format`, the answer that it used. The program writes this key.",
     )
     kind: str
 

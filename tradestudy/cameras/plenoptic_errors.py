@@ -62,7 +62,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "field_curvature": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Field curvature: the image distance of a flat object in the corner of the sensor, minus that on the "
+        meaning="Field curvature, for a flat object: the image distance in the corner of the sensor, minus that on the "
         "axis. The difference grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(

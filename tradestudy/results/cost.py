@@ -21,9 +21,9 @@ COST: Final[Mapping[str, Variable]] = {
     "relative_error": Variable(
         dims=_ENTRY,
         units="1",
-        long_name="relative difference from 'reference': for a camera, of the depth uncertainty, the largest over "
-        "distances; for a light path, of the image, in the L2 norm over pixels; at least reference_error; infinite "
-        "where the entry has no answer",
+        long_name="relative difference from 'reference', but at least reference_error: for a camera, the largest "
+        "difference in depth uncertainty over all distances; for a light path, the difference in the image, in the L2 "
+        "norm over pixels; infinite where the entry has no answer",
         error="see reference_error",
     ),
     "seconds": Variable(

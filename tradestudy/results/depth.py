@@ -241,11 +241,11 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="side of the square matching window: scene.picture.matching_window or, if smaller, the side of the "
-        "largest square part of the object that the compared pictures all show; for an estimator that compares several "
-        "pairs of pictures, the side of the window with which a single pair would give the same information; 0 where "
+        "largest square of the object that all compared pictures show, in pixels; for an estimator that compares "
+        "several pairs of pictures, the side of the window that would give a single pair the same information; 0 where "
         "the pictures share nothing, NaN where the camera forms no image",
         symbol="W",
-        error="rounding only; for a least-squares estimator, the value may be up to 8 % too small",
+        error="for a least-squares estimator, the value may be up to 8 % too small; otherwise rounding only",
     ),
     "electrons": Variable(
         dims=("camera", "distance"),
@@ -317,7 +317,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "brightest_camera": Variable(
         dims=("distance",),
         units="",
-        long_name="camera of this group whose pixels collect the most electrons without saturating; empty where all "
+        long_name="of the cameras of this group of results, the one whose pixels collect the most electrons without "
+        "saturating; empty where all "
         "saturate or fewer than two form an image",
     ),
 }

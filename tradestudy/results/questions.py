@@ -55,8 +55,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="distance at which the usable camera of the main pair with the lower depth uncertainty changes: from "
-        "one camera to the other, or from or to none; NaN beyond the last change",
+        long_name="distance at which the answer to this question changes: which usable camera of the main pair has the "
+        "lower depth uncertainty (one of the two, or none); NaN beyond the last change",
         error="see change_error",
     ),
     "change_error": Variable(

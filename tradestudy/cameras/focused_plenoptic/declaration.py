@@ -47,8 +47,8 @@ class MicrolensesPart(Part):
     )
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
-        description="Focal length of each microlens type. By default, they are chosen so that the depths of field of "
-        "the types, for one pixel of blur, adjoin, starting at the total covering plane.",
+        description="Focal lengths of the types of microlenses. By default, the depths of field of the types, for one "
+        "pixel of blur, follow one another without a gap, starting at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of each microlens; default: the pitch."
@@ -139,7 +139,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: PlenopticDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="Field curvature: the image distance of a flat object in the corner of the sensor, minus that on "
+        description="Field curvature, for a flat object: the image distance in the corner of the sensor, minus that on "
         "the axis. Measured depths are corrected for it.",
     )
     calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)

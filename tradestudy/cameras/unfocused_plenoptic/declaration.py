@@ -95,7 +95,7 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     depth: UnfocusedDepthPart
     field_curvature: Length = Field(
         default=0.0,
-        description="Field curvature: the image distance of a flat object in the corner of the sensor, minus that on "
+        description="Field curvature, for a flat object: the image distance in the corner of the sensor, minus that on "
         "the axis. Measured depths are corrected for it.",
     )
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)

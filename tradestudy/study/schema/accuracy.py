@@ -92,8 +92,8 @@ _MODELS = {
 class _EffectsPart(Part):
     """The model of each effect.
 
-    The program chooses the model of an effect that is left out, and refuses a model that applies to nothing in the
-    study.
+    The program chooses the models of the effects that this part does not name, and refuses a model that applies to
+    nothing in the study.
     """
 
     def forced(self) -> dict[SlotName, str]:

@@ -229,7 +229,7 @@ class SpectrumPart(Part):
 
 
 class PublishedTimePart(Part):
-    """A published computing time for the same picture."""
+    """A published computing time for the picture that `light_spot` declares."""
 
     method: MethodName = Field(description="Method that was timed; see light_spot.methods.")
     says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="The time in the words of its source.")

@@ -188,7 +188,7 @@ class PicturePart(Part):
     lens_phase: Literal["perfect", "parabolic"] = Field(
         default="perfect",
         description="Phase of the lens when diffraction is computed by Kirchhoff's integral: that of a well-corrected "
-        "lens (`perfect`), or the parabolic phase of a thin lens in Fresnel's approximation (`parabolic`).",
+        "lens (`perfect`), or the parabolic phase that Fresnel's approximation gives a thin lens (`parabolic`).",
     )
 
     def noise(self, sensor: Sensor | None) -> SensorNoise:

@@ -35,8 +35,8 @@ class UsableRangePart(Part):
     )
     availability: Share | None = Field(
         default=None,
-        description="Smallest fraction of object points for which the estimator of a focused plenoptic camera finds "
-        "the micro-images that it compares; default: any above 0 %.",
+        description="Smallest availability of a focused plenoptic camera: the fraction of object points that are seen "
+        "by enough of the microlenses that its estimator uses; default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None,
@@ -112,7 +112,7 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """The values of an input that exactly give a required result.
+    """The values of an input at which an answer is as required.
 
     At these values, two cameras have the same depth uncertainty, one camera has a given depth uncertainty, or a
     requirement begins or ceases to be met.

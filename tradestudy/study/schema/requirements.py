@@ -133,7 +133,8 @@ class CriterionPart(Part):
 class GuardBandPart(Part):
     """Margin that a value must keep from its bound, as a number of standard errors of the computation or as a risk.
 
-    It affects only depth_uncertainty and failed_fraction; depth_of_field and `criterion` do not accept it.
+    It affects depth_uncertainty and failed_fraction, and has no effect on `usable`, `overlap` and lateral_resolution;
+    depth_of_field and `criterion` do not accept it.
     """
 
     standard_errors: PositiveNumber | None = Field(
@@ -171,7 +172,7 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
-    """A requirement on one quantity. One camera, at least one camera, or every camera must meet it."""
+    """A requirement on one quantity, which a named camera, at least one camera, or every camera must meet."""
 
     says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(

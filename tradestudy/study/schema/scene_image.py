@@ -174,13 +174,14 @@ class MosaicPart(Part):
 class SceneImagePart(Part):
     """Surfaces, and how `python -m tradestudy render` makes pictures of them.
 
-    Texture, light, noise, fill factor and stop separation are those of scene.picture; its other keys (window, matcher,
-    field angle, spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
+    Texture, light, the noise of the sensor, fill factor and stop separation are those of scene.picture; the key `noise`
+    chooses which kinds of noise the pictures have. The other keys of scene.picture (window, matcher, field angle,
+    spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
 
-    The program renders pictures with rays. It adds diffraction by wave optics, at the wavelength scene.wavelength, if
-    effects.main_lens_diffraction or effects.microlens_diffraction is `fresnel`, and adds none if one of them is `off`;
-    other models of diffraction do not apply to pictures. Without such a setting, it adds diffraction if this changes a
-    picture by more than accuracy.pixel_intensity.
+    The program renders pictures with rays. If diffraction changes a picture by more than accuracy.pixel_intensity, it
+    adds diffraction by wave optics, at the wavelength scene.wavelength and at all lenses. In `effects`,
+    main_lens_diffraction or microlens_diffraction prescribes diffraction (`fresnel`) or rays (`off`) for all lenses of
+    a picture; contradictory settings of the two are refused, and other models do not apply to pictures.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(

@@ -74,7 +74,7 @@ class ElementPart(Part):
     title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="Name of the lens in the report.")
     focal_length: FocalLength = Field(description="Focal length of the lens.")
     object_distance: ObjectDistance = Field(
-        description="Distance from the lens to the object point, beyond the focal length."
+        description="Distance from the lens to the object point; it must exceed the focal length."
     )
     f_number: FNumber = Field(description="F-number at which the camera uses the lens.")
     published_error: PublishedErrorPart | None = Field(
