@@ -24,8 +24,8 @@ There is one *interval of depths* for the central 68.27 % of measured depths, an
 
 `side` is the direction in which the true depth changes: `nearer` to the camera or `farther` from it. `part` names
 groups of errors, such as `noise` or `relative rotation`. `quantile` lists the probabilities of the quantiles: 0.5, and
-those of both ends of every interval of depths. `interval` is the index of a usable interval of a camera, counted from
-the nearest.
+those of both ends of every interval of depths. The
+dimension `interval`, by contrast, counts the ranges of distance in which a camera is usable, from the nearest.
 
 `limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
 `total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
@@ -56,24 +56,24 @@ Depth measured in rendered pictures of planes, compared with the true depth and 
 `contrast` and `electrons` list the values of `depth_loop.contrasts` and `depth_loop.electrons`.
 
 A *point* is a pixel of the depth map that a camera computes; where the camera has several types of microlenses, a
-pixel counts only if it lies behind the type that is sharpest at its depth. A point is *seen* if nothing hides it, its
-true depth lies within the distances that the estimator searches, and at least two of the pictures that the estimator
-compares show it. The *depth error* is measured minus true depth, at seen points. The *predicted depth uncertainty* is
-the depth uncertainty from matching noise alone, at the true depth of the point, for a texture with the declared
-statistics. The *standard deviation of depth due to noise* follows, to first order, from the texture that the matching
-window of the point actually shows. Standard errors by *a jackknife*
-follow from leaving out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where
-the quantity itself is NaN, and where fewer than three parts have measured points.
+pixel counts only if it lies behind a microlens of the type that is sharpest at the depth of the point. A point is
+*seen* if nothing hides it, its true depth lies within the distances that the estimator searches, and at least two of
+the pictures that the estimator compares show it. The *depth error* is measured minus true depth, at seen points. The
+*predicted depth uncertainty* is the depth uncertainty from matching noise alone, at the true depth of the point, for
+a texture with the declared statistics. The *standard deviation of depth due to noise* follows, to first order, from
+the texture that the matching window of the point actually shows. Standard errors by *a jackknife* follow from leaving
+out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where the quantity itself
+is NaN, and where fewer than three parts have measured points.
 """,
     "depth_of_field": """
 Where each camera is sharp, and how finely it resolves the object. `sharp` names the blur criteria of
-`depth_of_field.criteria`. A *slice* is one image of a focus stack, one type of microlens, or the lens; it is sharp over
-one range of distances, or nowhere. `stretch`, `gap`, `overlap` and `resolved` are indices of ranges of distance,
-counted from the nearest.
+`depth_of_field.criteria`. A *slice* is what is sharp at one setting: one picture of a focus stack, what one type of
+microlens sees or, for any other camera, everything that it sees. It is sharp over one range of distances, or nowhere.
+`stretch`, `gap`, `overlap` and `resolved` are indices of ranges of distance, counted from the nearest.
 """,
     "criteria": """
-Criteria besides depth by which the study compares cameras (along `criterion`), and the ranks of the candidates for all
-possible weights of the criteria in `trade_off.criteria` (along `weighed`).
+Criteria besides depth by which the study compares cameras (along `criterion`); the weighted criteria of
+`trade_off.criteria` (along `weighed`), and the ranks of the candidates for all possible weights of these.
 """,
     "decision": """
 Which camera is best at which distance and under which reading, and where that changes. The *main pair* is the two
@@ -88,7 +88,8 @@ compared. `design_place` and `design_crossing` are `place` and `crossing` for th
 """,
     "calibration": """
 Calibrations that the program fits to the corners of a calibration board (stereo rigs) or to a simulated target, by
-Markov-chain Monte Carlo, which draws values of the parameters from the posterior. `posterior` names the cameras.
+Markov-chain Monte Carlo, which draws values of the parameters from the posterior. The labels of the
+dimension `posterior` are the names of the cameras.
 Parameters are in SI units or, if their names end in `_px`, in pixels.
 
 An *ensemble* is a group of chains that is independent of the other groups; `ensemble` is its index. *R-hat* is near 1
@@ -112,10 +113,10 @@ relative to the integral of the intensity; and `largest`, the largest difference
 intensity. `window` is the radius of the window about the thin-lens image point, in Airy radii. `lens_phase` says how
 the lens delays the wave: `parabolic`, `stigmatic` or `perfect`, as listed in `fresnel_validity.lens_phases`.
 
-In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Eq. 27 of
-the paper has two solutions (along `zero`): the `first`, with the smaller aperture and the larger f-number, and the
-`second`. `quarter_wave` is the fractional part of 4 (a + b)/λ. `path_error` lists the values of
-`fresnel_validity.path_errors`.
+In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Of the
+solutions of eq. 27 of the paper, `zero` lists the two with the smallest apertures: the `first`, with the smallest
+aperture and thus the largest f-number, and the `second`, which the paper takes. `quarter_wave` is the fractional part
+of 4 (a + b)/λ. `path_error` lists the values of `fresnel_validity.path_errors`.
 """,
     "images": """
 The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods` or, without that
@@ -136,8 +137,9 @@ the study with models of its own: a camera, its pictures, a light path, the poin
 `accuracy`.
 """,
     "cost": """
-Error and computing time of the sets of models with which the answers of a study can be computed, as measured by the
-command [`cost`](#command-cost); only a run with `--with-cost` stores this group. A *problem* is a camera or a light
+Error and computing time of the sets of models with which the answers of a study can be computed, as the
+command [`cost`](#command-cost) also measures them. Only `run --with-cost` stores this group; `cost` writes `cost.json`
+and `cost.svg` instead. A *problem* is a camera or a light
 path; an *entry* is one set of models for a problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
@@ -162,8 +164,9 @@ without the errors of a declared matcher.
     "value_of_information": """
 How much knowing each assumption would improve the choice of a camera. The values of all assumptions are drawn at random
 together. The *utility* of a camera is minus its relative depth uncertainty, averaged over the distances of
-`value_of_information.at` (along `place`). Where that uncertainty exceeds `value_of_information.unusable` or the camera
-is not usable, the value of that key replaces it. The attribute `draws` of the group is the number of draws.
+`value_of_information.at` (along `place`). At a distance where a camera is not usable, or where its relative depth
+uncertainty exceeds `value_of_information.unusable`, the value of this key counts instead. The attribute `draws` of
+the group is the number of draws.
 """,
     "assumptions": """
 Every value of the study with its basis. `path` is the place of the value in the study file; for values of cameras, it
@@ -295,7 +298,7 @@ title.
 
 | error | means |
 |---|---|
-| see `name` | the variable of this name holds the error, in the same unit |
+| see `name` | the variable of this name holds the error, in the same unit unless its entry says that it is relative |
 | see `name` of `/group` | the same, but the variable is in another group |
 | rounding only | the value follows from the inputs in closed form |
 | none | nothing is uncertain; the text says why, for example because the value is declared or a count |

@@ -806,8 +806,9 @@ _FROM_FILES = """
 ## Cameras from other files
 
 A camera may start from a file or from another camera, instead of being declared in full. Further keys then replace its
-values or add to them. The last four keys say how to read calibration files, and stand only beside a `from` that names
-such files; [Import a calibration](../../../how-to/import-a-calibration.md) lists their formats.
+values or add to them. The last four keys in the table below say how to read calibration files. They are allowed only
+beside a `from` that names such files; [Import a calibration](../../../how-to/import-a-calibration.md) lists their
+formats.
 
 | key | meaning | example |
 |---|---|---|
@@ -822,6 +823,6 @@ to the study. A camera file contains the keys of one camera, without `from` and 
 Default: the first two cameras of a Kalibr file, or the stereo pair that a DepthAI file names. | `pair: [cam0, cam2]` |
 | `pictures` | Whether depth is measured in the pictures as taken (`raw`, the default) or in rectified ones \
 (`rectified`); for OpenCV and ROS files. | `pictures: rectified` |
-| `lens_model` | `fisheye` if the lenses are fisheyes although an OpenCV, ROS or Kalibr file does not say so. \
+| `lens_model` | `fisheye` if the lenses are fisheyes and the OpenCV, ROS or Kalibr file does not say so. \
 | `lens_model: fisheye` |
 """

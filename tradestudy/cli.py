@@ -53,8 +53,8 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help="Replace the value at PATH, which is the keys that lead to it, joined by dots, for this command only, as "
-        "in stereo-short.baseline='50 mm'; may be repeated.",
+        help="For this command only, replace the value at PATH, as in stereo-short.baseline='50 mm'. PATH consists of "
+        "the keys that lead to the value, joined by dots. May be repeated.",
     ),
 ]
 ToleranceOption = Annotated[

@@ -58,7 +58,7 @@ class CalibratedAtPart(Part):
 
 
 class StabilityPart(Part):
-    """Changes in the air and in the camera since the calibration; by default, none."""
+    """What differs from the calibration: the air, the camera, or the colour of the object; by default, nothing."""
 
     temperature: TemperatureDistribution | None = Field(
         default=None, description="Change of the air temperature since the calibration."
@@ -79,18 +79,18 @@ class StabilityPart(Part):
     )
     housing_expansion: ThermalExpansion | None = Field(
         default=None,
-        description="Coefficient of linear thermal expansion of the housing; needed with "
-        "`temperature`, and only with it.",
+        description="Coefficient of linear thermal expansion of the housing; required with "
+        "`temperature`, and not accepted without it.",
     )
     focal_length_expansion: ThermalExpansion | None = Field(
         default=None,
         description="Relative change of the focal length per kelvin, without that due to the air; "
-        "needed with `temperature`, and only with it.",
+        "required with `temperature`, and not accepted without it.",
     )
     glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
         default=None,
         description="Refractive index of the lens, treated as a single glass. It determines how the surrounding "
-        "air changes the focal length; needed with `temperature` or `pressure`.",
+        "air changes the focal length; required with `temperature` or `pressure`, and not accepted without them.",
     )
 
     @model_validator(mode="after")
@@ -128,8 +128,8 @@ class CornersPart(Part):
     """Stereo rigs only: a calibration from the measured corners of a board that both cameras saw."""
 
     file: Text = Field(
-        description="CSV file of the corners; needed unless the key `from` of the camera names the corner file. Its "
-        "columns are `view`, `corner`, `board_x_mm`, `board_y_mm`, `left_x_px`, `left_y_px`, `right_x_px` and "
+        description="CSV file of the corners. If the key `from` of the camera names the corner file, leave this key "
+        "out. Its columns are `view`, `corner`, `board_x_mm`, `board_y_mm`, `left_x_px`, `left_y_px`, `right_x_px` and "
         "`right_y_px`. The path is relative to the file that contains this key."
     )
     lens_model: FittedLensModel | None = Field(
@@ -144,7 +144,8 @@ class CornersPart(Part):
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0,
-        description="Relative standard deviation of the side of the board's squares; corners cannot determine it.",
+        description="Relative standard deviation of the side of the board's squares, a length that the corners in the "
+        "pictures cannot determine.",
     )
     max_steps: MostSteps = Field(
         default=20_000,

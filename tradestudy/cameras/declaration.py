@@ -150,8 +150,8 @@ class DisparityPart(Part):
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="Errors that a real matcher adds to a derived disparity error (only with `derived`); default: "
-        "those of scene.picture.matcher.",
+        description="By how much the errors of a real matcher exceed the Cramér–Rao bound; only with `derived`; "
+        "default: those of scene.picture.matcher.",
     )
 
     @model_validator(mode="after")

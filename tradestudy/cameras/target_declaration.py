@@ -61,11 +61,13 @@ class PosePart(Part):
 
 
 class TargetPart(Part):
-    """A simulated calibration with views of a board; `errors` gives independent normal or uniform priors.
+    """A simulated calibration with views of a board.
 
-    Give either `poses` or all of `views`, `distances`, `half_field_angle` and `tilt`. From these four keys, the program
-    spreads the positions of the board evenly over inverse distance and direction, and its rotations according to a
-    normal distribution.
+    The priors are the distributions in calibration.errors, which must be independent, and normal or uniform.
+
+    Give either `poses` or all of `views`, `distances`, `half_field_angle` and `tilt`. With these four keys, the program
+    generates the views: the positions of the board are spread evenly over inverse distance and direction, and its
+    rotations are normally distributed.
     """
 
     views: Annotated[int, Field(ge=3, le=MOST_VIEWS, strict=True)] | None = Field(

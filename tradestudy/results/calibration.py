@@ -40,9 +40,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="fraction of the draws that remains effective after reweighting: the chains integrate over the poses "
-        "of the board or target approximately; to check this, the poses are fitted anew for each draw, and the draws "
-        "reweighted; near 1 if the approximation is good",
+        long_name="effective fraction of the draws after a check; the chains integrate only approximately over the "
+        "poses of the board or target, so the poses are fitted anew for each draw and the draws are reweighted "
+        "accordingly; the fraction is near 1 if the approximation is good",
     ),
     "posterior_evaluations": Variable(
         dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"
@@ -102,8 +102,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_best": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="best-fit value of a parameter, with which a stereo rig calibrated from corners measures depth; NaN "
-        "for other cameras and parameters",
+        long_name="best-fit value of a parameter; a stereo rig calibrated from corners computes depth with these "
+        "values; NaN for other cameras, and for parameters that are not used to compute depth",
         error="see posterior_deviation",
     ),
     "posterior_lens_model": Variable(
@@ -188,8 +188,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation of a parameter if motion of the board between the two exposures is fitted as "
-        "well, divided by that if it is not; NaN where the parameter is not fitted",
+        long_name="ratio of two standard deviations of a parameter: from a fit in which the board may move between "
+        "the left and the right exposure of a view, to that from a fit in which it may not; NaN where the parameter is "
+        "not fitted",
     ),
 }
 

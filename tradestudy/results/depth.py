@@ -71,7 +71,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
         long_name="quantile of single measurements of depth; infinite where it lies at or beyond infinity, NaN where "
         "the camera does not see the point",
         symbol="a_p",
-        error="see depth_uncertainty_by_error_source_error, the error of half the width of the interval of depths",
+        error="not stored; depth_uncertainty_by_error_source_error, the error of half the width of the interval of "
+        "depths, indicates its size",
     ),
     "failed_fraction": Variable(
         dims=("camera", "distance", "error_source"),
@@ -116,8 +117,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "disparity_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="disparity error: as declared, or derived from scene.picture with the errors of a declared matcher; "
-        "for an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or the "
+        long_name="disparity error: as declared, or derived from scene.picture, including what a declared matcher "
+        "adds; for an unfocused plenoptic camera, 1 px is one microlens; NaN where the camera forms no image or the "
         "compared pictures share no texture",
         symbol="σ_d",
         reference=_MATCHING,
@@ -240,8 +241,8 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="side of the square matching window: scene.picture.matching_window or, if smaller, the side of the "
-        "largest square of the object that all compared pictures show, in pixels; for an estimator that compares "
+        long_name="side, in pixels, of the square matching window: scene.picture.matching_window or, if it is smaller, "
+        "the largest square on the object that appears in all compared pictures; for an estimator that compares "
         "several pairs of pictures, the side of the window that would give a single pair the same information; 0 where "
         "the pictures share nothing, NaN where the camera forms no image",
         symbol="W",

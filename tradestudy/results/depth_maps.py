@@ -127,8 +127,8 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_hidden": Variable(
         dims=_MAP,
         units="1",
-        long_name="of the points in a block that show a surface, the fraction that is not seen; NaN where no point "
-        "shows one",
+        long_name="fraction of points that are not seen (as defined for /depth_loop) among the points of a block at "
+        "which a surface appears; NaN where there are none",
         error=EXACT,
     ),
     "map_sharp": Variable(

@@ -101,8 +101,8 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         "full width at half maximum of the diffraction spot, projected to the object; NaN where the "
         "camera forms no image",
         "1.03 λ N_w/m",
-        "Airy pattern for the wavelength λ, the working f-number N_w and the magnification m of the "
-        "limiting aperture: the pupil, a microlens, or the part of the pupil that one view uses",
+        "Airy pattern for the wavelength λ, the working f-number N_w of the limiting aperture (the pupil, a microlens, "
+        "or the part of the pupil that one view uses) and the magnification m from object to sensor",
     ),
     "scene_resolution": _length(("camera",), "largest lateral_resolution within depth_of_field.range", "r", ""),
     "scene_diffraction": _length(("camera",), "largest diffraction_width within depth_of_field.range", reference=""),

@@ -55,72 +55,72 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="distance at which the answer to this question changes: which usable camera of the main pair has the "
-        "lower depth uncertainty (one of the two, or none); NaN beyond the last change",
+        long_name="distance at which another usable camera of the main pair begins to have the lower depth "
+        "uncertainty, or at which neither is usable any more; NaN for indices after the last change",
         error="see change_error",
     ),
     "change_error": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
         long_name="standard error of change_distance over scrambles; infinite where a scramble lacks this change, "
-        "NaN beyond the last change",
+        "NaN for indices after the last change",
         error=ESTIMATE,
     ),
     "change_nearer": Variable(
         dims=("reading", "error_source", "change"),
         units="",
         long_name="usable camera of the main pair with the lower depth uncertainty just below change_distance; empty "
-        "if none is usable, and beyond the last change",
+        "if none is usable, and for indices after the last change",
     ),
     "change_farther": Variable(
         dims=("reading", "error_source", "change"),
         units="",
         long_name="usable camera of the main pair with the lower depth uncertainty just above change_distance; empty "
-        "if none is usable, and beyond the last change",
+        "if none is usable, and for indices after the last change",
     ),
     "crossover_distance": Variable(
         dims=("reading", "error_source", "crossing"),
         units="m",
         long_name="crossover of the main pair: distance at which both cameras have the same depth uncertainty; NaN "
-        "beyond the last crossover",
+        "for indices after the last crossover",
         error="see crossover_error",
     ),
     "crossover_error": Variable(
         dims=("reading", "error_source", "crossing"),
         units="m",
         long_name="standard error of crossover_distance over scrambles; infinite where a scramble lacks this "
-        "crossover, NaN beyond the last crossover",
+        "crossover, NaN for indices after the last crossover",
         error=ESTIMATE,
     ),
     "crossover_nearer": Variable(
         dims=("reading", "error_source", "crossing"),
         units="",
-        long_name="camera with the lower depth uncertainty just below crossover_distance; empty beyond the last "
-        "crossover",
+        long_name="camera with the lower depth uncertainty just below crossover_distance; empty for indices after the "
+        "last crossover",
     ),
     "design_best_camera": Variable(
         dims=("design_place",),
         units="",
-        long_name="best_camera, for the error source 'both', of each design in a sweep, at the distances of "
-        "'decision.at', to which depth uncertainties are interpolated",
+        long_name="best_camera of each design in a sweep, for the error source 'both', at the distances of "
+        "'decision.at'; the depth uncertainties there are interpolated",
     ),
     "design_best_camera_along": Variable(
         dims=("distance",),
         units="",
-        long_name="best_camera, for the error source 'both', of each design in a sweep, at the distances of /depth",
+        long_name="best_camera of each design in a sweep, for the error source 'both', at the distances of /depth",
     ),
     "design_crossover_distance": Variable(
         dims=("design_crossing",),
         units="m",
         long_name="crossover of the main pair in each design, interpolated between the distances of /depth; NaN "
-        "beyond the last crossover",
+        "for indices after the last crossover",
         error="see design_crossover_error",
     ),
     "design_crossover_error": Variable(
         dims=("design_crossing",),
         units="m",
         long_name="error of design_crossover_distance, from the errors of both depth uncertainties and from "
-        "interpolation; NaN beyond the last crossover",
+        "interpolation; NaN for indices after the last crossover",
         error=ESTIMATE,
     ),
     "design_crossover_nearer": Variable(
@@ -278,12 +278,12 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="relative margin in percent; for an upper bound, 100 ('bound'/'value' − 1); for a lower one, "
-        "100 ('value'/'bound' − 1); for a required usable or sharp range, 100 (q − 1), where q is the smaller of "
-        "(required near end)/(near end) and (far end)/(required far end); negative if the bound is missed; −100 s or "
-        "less where the camera is unusable, or not sharp, over a fraction s of the required distances, on a "
-        "logarithmic scale; NaN where 'value' is NaN",
-        error="that of the worst value",
+        long_name="relative margin in percent; for an upper bound, 100 ('bound'/'value' − 1); for a lower one, 100 "
+        "('value'/'bound' − 1); for a required usable or sharp range, 100 (q − 1), where q is the smaller of (required "
+        "near end)/(near end) and (far end)/(required far end); negative if the bound is missed; where the camera is "
+        "unusable, or not sharp, over a fraction p of the required distances (on a logarithmic scale), at most −100 p; "
+        "NaN where 'value' is NaN",
+        error="follows from value_error",
     ),
     "margin_sigma": Variable(
         dims=_OF_REQUIREMENT,
@@ -434,7 +434,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=("requirement", "stretch"),
         units="mixed",
         long_name="larger of the errors of met_from and met_to, each half the width of the last interval of a "
-        "bisection; 0 at an end of the sweep and for whole numbers; NaN beyond the last range",
+        "bisection, or 0 if it is an end of the sweep or a whole number; NaN for indices after the last range",
         error=ESTIMATE,
     ),
     "met_camera": Variable(

@@ -96,8 +96,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
         units="1",
         symbol="w_i^c",
         reference=_SMAA,
-        long_name="mean weight of a criterion over the draws in which the candidate ranks first; NaN for the reason in "
-        "central_weight_reason",
+        long_name="mean weight of a criterion over the draws in which the candidate ranks first; where it is NaN, "
+        "central_weight_reason says why",
         error="see central_weight_error",
     ),
     "central_weight_error": Variable(
@@ -118,8 +118,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether every requirement of priority 'must' is met; a requirement with camera: any counts as "
-        "met only if this candidate meets it",
+        long_name="whether every requirement of priority 'must' is met; one that any camera may meet counts "
+        "as met only if this candidate meets it",
         error=EXACT,
     ),
     "on_pareto_front": Variable(

@@ -241,14 +241,13 @@ IMAGES: Final[Mapping[str, Variable]] = {
     "microlens_x": Variable(
         dims=("microlens",),
         units="m",
-        long_name="coordinate of the centre of a microlens along the rows of the array, from the optical axis",
+        long_name="position of the centre of a microlens along the rows of the array, relative to the optical axis",
         error=ROUNDING,
     ),
     "microlens_y": Variable(
         dims=("microlens",),
         units="m",
-        long_name="coordinate of the centre of a microlens perpendicular to the rows of the array, from the optical "
-        "axis",
+        long_name="position of the centre of a microlens across the rows of the array, relative to the optical axis",
         error=ROUNDING,
     ),
     "microlens_focal_length": Variable(
@@ -315,13 +314,14 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "chosen": Variable(
         dims=("propagator",),
         units="1",
-        long_name="whether accuracy.psf_width requires this method",
+        long_name="whether the program chose this method for the tolerance accuracy.psf_width, or effects prescribe it",
         error=EXACT,
     ),
     "varied_units": Variable(
         dims=("varied",),
         units="",
-        long_name="SI unit of the varied input; for defocus 'wave', which is one wavelength of optical path",
+        long_name="SI unit of the varied input, except for defocus, whose unit is 'wave': one wavelength of optical "
+        "path",
     ),
     "standing": Variable(
         dims=("element", "varied"),

@@ -39,8 +39,8 @@ class ReferenceScalePart(Part):
 class FocusStackPart(Part):
     """A range of distances that a focus stack must make sharp.
 
-    The program takes as few pictures as this needs. If it needs more than `images`, the program spreads that many
-    evenly over the range.
+    The program takes the smallest number of pictures that makes the range sharp. If that number exceeds `images`, it
+    takes `images` pictures, spread evenly over the range of image distances on a logarithmic scale, and leaves gaps.
     """
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")

@@ -48,7 +48,7 @@ _OF_BOTH: Final[ErrorVocabulary] = {
         unit="m",
         part=INTERIOR,
         meaning="Difference between the positions of the two principal points along the baseline, right minus left. "
-        "Each principal point moves by half of the error, in opposite directions.",
+        "The two principal points move in opposite directions, each by half of the error.",
     ),
 }
 
@@ -78,8 +78,8 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             ErrorParameter(
                 unit="1",
                 part=INTERIOR,
-                meaning=f"Coefficient {name} of the {side} camera's lens model, which must have k1 and k2; without a "
-                "declared model, that of the rational model.",
+                meaning=f"Coefficient {name} of the {side} camera's lens model. The model must have the coefficients "
+                "k1 and k2; if none is declared, the rational model is assumed.",
             ),
         )
 

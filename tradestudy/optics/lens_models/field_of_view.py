@@ -19,8 +19,8 @@ class FieldOfView(LensModel):
     Parameters
     ----------
     w
-        Coefficient w [rad]: the field of view of an ideal fisheye lens, whose image radius is proportional to the
-        angle from the axis; above 0° and below 180°.
+        Coefficient w [rad], above 0° and below 180°: the larger, the stronger the distortion. It need not equal the
+        field of view of the lens.
 
     Notes
     -----

@@ -57,8 +57,8 @@ class DepthLoopPart(Part):
     )
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=64,
-        description="Number of rays traced from each pixel through each lens from which light reaches it. With too "
-        "few, the noise of rendering looks like an error of the matcher.",
+        description="Number of rays traced from each pixel through each lens or microlens that sends light to this "
+        "pixel. With too few, the noise of rendering looks like an error of the matcher.",
     )
 
     @model_validator(mode="after")

@@ -253,11 +253,11 @@ class LightSpotPart(Part):
     )
     methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
         default=(),
-        description="Methods whose pictures are compared, besides the one that the program chooses: paraxial rays "
-        "(`geometric`); rays without the paraxial approximation (`exact-rays`); rays and the wave diffracted at the "
-        "edge of the aperture (`boundary-wave`); Fresnel's approximation (`fresnel`); Kirchhoff's integral "
-        "(`kirchhoff`). A pair of names, such as `kirchhoff-fresnel`, gives the method up to the microlens array and "
-        "the method behind it.",
+        description="Methods whose pictures are compared; the one that the program chooses is always included. The "
+        "names mean: paraxial rays (`geometric`); rays without the paraxial approximation (`exact-rays`); rays and the "
+        "wave diffracted at the edge of the aperture (`boundary-wave`); Fresnel's approximation (`fresnel`); "
+        "Kirchhoff's integral (`kirchhoff`). A pair of names, such as `kirchhoff-fresnel`, gives the method up to the "
+        "microlens array and the method behind it.",
     )
     tolerance: ImageTolerance = Field(
         default=0.01,

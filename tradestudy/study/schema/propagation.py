@@ -17,7 +17,7 @@ _SAME_COVERAGE = 1e-4  # of a standard deviation's, 68.27 %, which studies round
 
 
 class PropagationPart(Part):
-    """The random draws that propagate errors to depth, the field positions, and the intervals of depth to report."""
+    """Field positions at which depth is computed, intervals of depth to report, and the draws that propagate errors."""
 
     seed: Seed = Field(
         default=0,

@@ -35,8 +35,8 @@ class UsableRangePart(Part):
     )
     availability: Share | None = Field(
         default=None,
-        description="Smallest availability of a focused plenoptic camera: the fraction of object points that are seen "
-        "by enough of the microlenses that its estimator uses; default: any above 0 %.",
+        description="Smallest availability of a focused plenoptic camera. Availability is the fraction of object "
+        "points that are seen by at least two of the microlenses that its estimator uses. Default: any above 0 %.",
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None,
@@ -137,7 +137,7 @@ class SolvePart(Part):
         default=None, description="Instead of `relative`: the depth uncertainty that the camera must reach."
     )
     requirement: CameraName | None = Field(
-        default=None, description="Instead of `equal`: name of the requirement to meet."
+        default=None, description="Instead of `equal` or `camera`: name of the requirement to meet."
     )
     at: ObjectDistance | None = Field(
         default=None,
@@ -233,9 +233,9 @@ class LimitDistanceClaim(_ClaimPart):
     ] = Field(
         description="Limit that the claim is about. Some names differ from those in usable_range: "
         "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on "
-        "disparity_step. Two apply only to a derived disparity error. `saturation` is met where no pixel saturates. "
-        "`matching` is met where a matcher can reach the Cramér–Rao bound on the disparity error: where that bound is "
-        "at most 0.25 px and the window is large enough."
+        "disparity_step. The limits `saturation` and `matching` apply only to a derived disparity error: `saturation` "
+        "is met where no pixel saturates, and `matching` where a matcher can reach the Cramér–Rao bound on the "
+        "disparity error: where that bound is at most 0.25 px and the window is large enough."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(
         description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."
@@ -375,9 +375,9 @@ class CriterionFNumberClaim(_ClaimPart):
     quantity: Literal["criterion_f_number"]
     element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
-        description="Criterion: the zero of equation 27 of the paper with the smaller aperture, and thus the larger "
-        "f-number (`paper-eq27-first-zero`), or the one with the larger aperture (`paper-eq27-second-zero`); a bound "
-        "on the optical path that the approximation neglects (`path-error`); or Goodman's condition (`goodman`)."
+        description="Criterion: of the solutions of equation 27 in the paper, the one with the smallest aperture, and "
+        "thus the largest f-number (`paper-eq27-first-zero`), or the next one (`paper-eq27-second-zero`); a bound on "
+        "the optical path that the approximation neglects (`path-error`); or Goodman's condition (`goodman`)."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     path_error: PositiveWaves | None = Field(

@@ -57,7 +57,8 @@ class StairsPart(Part):
     near: ObjectDistance = Field(description="Distance of the nearest tread.")
     far: ObjectDistance = Field(description="Distance of the farthest tread.")
     treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(
-        default=2, description="Number of treads: 2 for a step (the default), 3 or more for a staircase."
+        default=2,
+        description="Number of treads. A step has 2, the default; a staircase needs this key, with 3 or more.",
     )
     tread_width: DetailSize | None = Field(
         default=None,
@@ -211,9 +212,9 @@ class SceneImagePart(Part):
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters in front of the pixels; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] | None = Field(
         default=None,
-        description="Number of rays traced from each pixel through each lens from which light reaches it. The file "
-        "camera.json beside the pictures states the resulting error. Default: 12 for unfocused plenoptic cameras, 8 "
-        "for others.",
+        description="Number of rays traced from each pixel through each lens or microlens that sends light to this "
+        "pixel. The file camera.json beside the pictures states the resulting error. Default: 12 for unfocused "
+        "plenoptic cameras, 8 for others.",
     )
     depth_maps: bool = Field(
         default=False,

@@ -111,7 +111,7 @@ class OffAxisPart(Part):
 class FresnelValidityPart(Part):
     """The error of point-spread functions computed by Fresnel's approximation, relative to Kirchhoff's integral.
 
-    The report compares the smallest f-number at which the error is acceptable with the f-numbers that closed-form
+    The error is acceptable from some f-number on; the report compares this f-number with those that closed-form
     criteria give.
     """
 
