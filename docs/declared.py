@@ -120,14 +120,14 @@ of 4 (a + b)/λ. `path_error` lists the values of `fresnel_validity.path_errors`
 """,
     "images": """
 The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods` or, without that
-key, by the method that the program chooses: both `propagator` and `against` list the methods. `row` and `column` are
-the coordinates of the pixel centres on the detector. `benchmark` names the computations whose duration
-`light_spot.benchmarks` measures; `run.json` contains the times.
+key, by the one method that the program chooses. The dimensions `propagator` and `against` both run over these
+methods. `row` and `column` are the coordinates of the pixel centres on the detector. `benchmark` names the
+computations whose duration `light_spot.benchmarks` measures; `run.json` contains the times.
 """,
     "point_spread": """
-The image of a point behind each lens (along `element`), by each method (along `propagator`). One input at a time
-varies: `varied` names it, and `step` is the index of its value. Circles, discs and the *computed square*, declared by
-`point_spread.window`, are centred on the thin-lens image.
+The image that each lens (along `element`) forms of a point, as computed by each method (along `propagator`). One
+input at a time varies: `varied` names it, and `step` is the index of its value. Circles, discs and the *computed
+square*, declared by `point_spread.window`, are centred on the thin-lens image.
 """,
     "hard_cases": "Cases in which textbook formulas lose precision, and what this program computes in each.",
     "effects": """

@@ -82,6 +82,8 @@ def plain_span(start: float, end: float) -> str:
     return span(start, end).replace("\N{NO-BREAK SPACE}", " ")
 
 
+DECLARED_VALUE: Final = "; declared: "  # in answers to inverse questions, before the declared value of the input
+
 _LIMITS: Final[Mapping[str, str]] = {
     "real_image": "no real image",
     "overlap": "too little overlap",

@@ -13,7 +13,7 @@ import pytest
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.analysis.inverse_questions import Solved
-from tradestudy.analysis.required_values import _nearest, _Trial, solve_requirement
+from tradestudy.analysis.required_values import _beside_the_nearest, _nearest, _Trial, solve_requirement
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.errors import StudyError
 from tradestudy.units import LENGTH
@@ -176,6 +176,36 @@ def test_a_missed_guard_band_is_not_reported_as_a_missed_bound() -> None:
     reported = _nearest([_Trial(value=1.0, answer=kept), _Trial(value=2.0, answer=replace(kept, margin=0.5))], LENGTH)
     assert re.search(r"at 1 m, .*guard band", reported)
     assert "%" not in reported
+
+
+def missed(margin: float) -> RequirementAnswer:
+    return RequirementAnswer(
+        camera="a", met=False, value=2.0, bound=1.0, place=1.0, error=0.0, margin=margin, unusable=0.0, reason="missed"
+    )
+
+
+def test_among_equally_close_values_the_declared_one_is_named() -> None:
+    trials = [_Trial(value=value, answer=missed(margin)) for value, margin in ((1.0, -0.2), (2.0, -0.2), (3.0, -0.5))]
+    assert "at 1 m" in _nearest(trials, LENGTH)
+    assert "at 2 m" in _nearest(trials, LENGTH, {2.0})
+    assert "at 1 m" in _nearest(trials, LENGTH, {3.0})
+
+
+def test_a_value_without_influence_is_said_to_have_none() -> None:
+    words = _nearest([_Trial(value=value, answer=missed(-0.2)) for value in (1.0, 2.0, 3.0)], LENGTH)
+    assert "depend" in words
+    assert " m " not in words
+
+
+def test_the_closest_value_is_found_between_the_places_that_are_tried_first() -> None:
+    """The margin of this requirement is largest at 4.66 and falls to both sides."""
+    known = {value: missed(-abs(np.log(value / 4.66)) - 0.09) for value in np.geomspace(2.0, 12.0, 17)}
+    first = max(known, key=lambda value: known[value].margin)
+    for _ in range(4):
+        for value in _beside_the_nearest(known):
+            known[value] = missed(-abs(np.log(value / 4.66)) - 0.09)
+    best = max(known, key=lambda value: known[value].margin)
+    assert abs(np.log(best / 4.66)) < 0.01 < abs(np.log(first / 4.66))
 
 
 def test_an_impossible_value_is_refused_when_the_study_is_read(tmp_path: Path) -> None:

@@ -56,9 +56,10 @@ def test_a_small_omission_is_stated_with_its_number(close_plan: Plan) -> None:
     change = declared.choice.changes["depth_uncertainty"].relative
     assert 0.0 < change < 1e-5
     line = str(close_plan).split("pair-declared")[1].splitlines()[0].replace("\N{NO-BREAK SPACE}", " ")
-    assert "geometry only (the disparity error is declared as 0.1 px)" in line
+    assert "geometry only (the disparity error is fixed at 0.1 px)" in line
     assert (
-        f"leaving out the nonlinearity of depth changes the depth uncertainty by about {1e6 * change:.2g} ppm" in line
+        f"leaving out nonlinear and non-normal errors changes the depth uncertainty by about {1e6 * change:.2g} ppm"
+        in line
     )
 
 
@@ -68,8 +69,8 @@ def test_a_plan_that_leaves_nothing_out_says_which_omission_it_refused(tmp_path:
     study.write_text(UNIFORM_YAW, encoding="utf-8")
     line = str(tradestudy.load(study).plan()).splitlines()[0].replace("\N{NO-BREAK SPACE}", " ")
     said = re.search(
-        r"exact calibration; nothing left out, because leaving out the nonlinearity of depth would change the depth "
-        r"uncertainty by about (\S+) % \(trial at a few distances; 1 % allowed\)",
+        r"exact calibration; nothing left out, because leaving out nonlinear and non-normal errors would change the "
+        r"depth uncertainty by about (\S+) % \(trial at a few distances; 1 % allowed\)",
         line,
     )
     assert said is not None, line
@@ -130,7 +131,7 @@ def test_the_verbose_plan_lists_every_decision_and_every_step(close_plan: Plan) 
 def test_a_declared_disparity_error_leaves_the_picture_out_and_says_why(close_plan: Plan) -> None:
     declared = next(one for one in close_plan.problems if one.name == "pair-declared")
     assert set(declared.models.values()) - {declared.models["calibration"]} == {"off"}
-    assert declared.reasons["main_lens_diffraction"].startswith("the disparity error is declared as 0.1 px")
+    assert declared.reasons["main_lens_diffraction"].startswith("the disparity error is fixed at 0.1 px")
 
 
 def test_a_hand_lens_that_asks_for_noise_simulates_diffraction(close_plan: Plan) -> None:

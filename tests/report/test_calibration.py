@@ -206,14 +206,17 @@ def test_the_largest_share_decides(make_tree: MakeTree) -> None:
     depth = tree["depth"].to_dataset()
     near = int(np.argmin(np.abs(depth["distance"].values - 1.0)))
     cameras = depth["camera"].values.tolist()
-    assert [largest_parts(depth)[0, cameras.index(key), near] for key in ("r5", RIG)] == ["noise", "relative rotation"]
+    assert [largest_parts(depth)[0][0, cameras.index(key), near] for key in ("r5", RIG)] == [
+        "noise",
+        "relative rotation",
+    ]
     rows = table(report_of(tree), "parts-table")
     yaw, noise = 0.0349, 6.9e-4
     share = 0.9 * yaw**2 / (yaw**2 + noise**2)
     assert rows[2][1:] == [f"relative rotation, {100 * share:.3g} %"] * 3
     unknown = depth.copy(deep=True)
     unknown["variance_share"][0] = np.nan
-    assert set(largest_parts(unknown)[0, 0]) == {None}
+    assert set(largest_parts(unknown)[0][0, 0]) == {None}
 
 
 def with_ranks(tree: xr.DataTree) -> xr.DataTree:

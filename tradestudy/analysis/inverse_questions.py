@@ -22,7 +22,7 @@ from tradestudy.study.expectations import question_ends
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
 from tradestudy.units import FRACTION, LENGTH, Dimension, pretty, pretty_with_error, significant
-from tradestudy.wording import listed
+from tradestudy.wording import DECLARED_VALUE, listed
 
 _ROOT_TOLERANCE: Final = 1e-10
 _ROUNDING: Final = 1e-12
@@ -270,4 +270,4 @@ def with_declared_value(definition: StudyDefinition, question: SolvePart, answer
     path = question.paths[0]
     if definition.document.entry(path) is None:
         return answer
-    return f"{answer}; declared: {definition.document.text_of(path)}"
+    return f"{answer}{DECLARED_VALUE}{definition.document.text_of(path)}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,6 +22,7 @@ from tradestudy.units import Dimension, pretty, pretty_with_error, rounded_down,
 from tradestudy.wording import listed
 
 _PLACES: Final = 17  # values tried between the ends of a question
+_REFINEMENTS: Final = 4  # halvings of the steps beside the largest margin, if the requirement is met at none of them
 _CLOSE: Final = 1e-4  # relative width of the bracket around the value where a requirement ceases to be met
 
 
@@ -61,6 +62,9 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
     places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _PLACES)}
     for value in places | varying.declared(definition):
         is_met(value)
+    for _ in range(_REFINEMENTS):
+        for value in _beside_the_nearest(known):
+            is_met(varying.possible(value))
     trials = [_Trial(value=value, answer=answer) for value, answer in sorted(known.items())]
     if undecided := [one.answer.reason for one in trials if one.answer.met is None]:
         reason = undecided[0]
@@ -74,7 +78,7 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
         # A count has no values between neighbouring integers.
         error = 0.0 if varying.is_counted else _error(known[ends[0]], abs(ends[1] - ends[0]), before, after)
         solutions.append(Solution(value=ends[0], error=error))
-    answer = _answer(trials, solutions, dimension)
+    answer = _answer(trials, solutions, dimension, varying.declared(definition))
     if definition.file.requirements[name].camera == ANY:
         answer += _by_others(definition, question, trials)
     return Solved(
@@ -89,7 +93,23 @@ def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Tr
     return math.hypot(bracket / 2.0, own / slope if slope > 0.0 and math.isfinite(slope) else 0.0)
 
 
-def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: Dimension) -> str:
+def _beside_the_nearest(known: Mapping[float, RequirementAnswer]) -> list[float]:
+    """Values halfway to the neighbours of that with the largest margin, if it is met nowhere and margins differ."""
+    values, margins = sorted(known), [known[value].margin for value in sorted(known)]
+    if any(answer.met is not False for answer in known.values()) or _alike(margins):
+        return []
+    nearest = int(np.argmax(margins))
+    beside = {max(nearest - 1, 0), min(nearest + 1, len(values) - 1)} - {nearest}
+    return [math.sqrt(values[nearest] * values[k]) for k in beside]
+
+
+def _alike(margins: Sequence[float]) -> bool:
+    return max(margins) - min(margins) <= 1e-9 * max(map(abs, margins))
+
+
+def _answer(
+    trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: Dimension, declared: Container[float]
+) -> str:
     """The values for which it is met; if there are none, how close it comes and whether it may be met beyond an end."""
     ends = [pretty(trials[k].value, dimension) for k in (0, -1)]
     if not solutions:
@@ -97,7 +117,7 @@ def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: 
         return (
             f"met everywhere {between}"
             if trials[0].answer.met
-            else f"met nowhere {between}: {_nearest(trials, dimension)}"
+            else f"met nowhere {between}: {_nearest(trials, dimension, declared)}"
         )
     met = trials[0].answer.met
     changes: list[str | None] = [None] if met else []
@@ -123,9 +143,14 @@ def _by_others(definition: StudyDefinition, question: SolvePart, trials: Sequenc
     return f" by {' or '.join(titles)}, because any camera may meet it"
 
 
-def _nearest(trials: Sequence[_Trial], dimension: Dimension) -> str:
+def _nearest(trials: Sequence[_Trial], dimension: Dimension, declared: Container[float] = ()) -> str:
+    """Where it comes closest to being met and how close; among values that are equally close, at the declared one."""
     margins = np.array([one.answer.margin for one in trials])
-    nearest = int(np.argmax(margins))
+    if _alike(margins.tolist()):
+        at = next((k for k, one in enumerate(trials) if one.value in declared), 0)
+        return f"it does not depend on this value ({trials[at].answer.reason})"
+    closest = np.flatnonzero(margins >= margins.max() - 1e-9 * abs(margins.max())).tolist()
+    nearest = next((k for k in closest if trials[k].value in declared), closest[0])
     words = f"closest at {pretty(trials[nearest].value, dimension)}"
     if margins[nearest] > 0.0:
         words += ", where only its guard band is violated"

@@ -235,8 +235,9 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="How `from`, or the command `new --from`, interpreted the calibration file of this camera: for "
-        "each question of interpretation, such as `format`, the answer that it used. The program writes this key.",
+        description="How the program interpreted the calibration file of this camera, which the key `from` or the "
+        "command `new --from` imported: for each question of interpretation, such as `format`, the answer that the "
+        "program used. The program writes this key.",
     )
     kind: str
 

@@ -37,7 +37,7 @@ _LEFT_OUT: Final[Mapping[str, str]] = {
     "airy": "defocus and diffraction acting together",
     "boundary_wave": "all but the leading term of the wave from the rim",
     "fresnel": "the exact path (Kirchhoff)",
-    "linear": "the nonlinearity of depth",
+    "linear": "nonlinear and non-normal errors",
     "shot": "read and rounding noise",
     "shot+read": "rounding noise",
 }

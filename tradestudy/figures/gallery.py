@@ -203,7 +203,7 @@ def _largest_shares(tree: xr.DataTree) -> str:
     depth = nominal(tree)
     distances = np.asarray(depth["distance"].values, dtype=np.float64).tolist()
     sentences = []
-    largest = dict(zip(map(str, depth["camera"].values), largest_parts(depth)[0], strict=True))
+    largest = dict(zip(map(str, depth["camera"].values), largest_parts(depth)[0][0], strict=True))
     for camera in traces(tree):
         places = zip(distances, largest[camera.key], strict=True)
         groups = itertools.groupby(places, key=lambda one: one[1])

@@ -18,12 +18,13 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_verdict": Variable(
         dims=("posterior",),
         units="",
-        long_name="checks that the chains fail; empty where they pass all",
+        long_name="names of the checks that the chains failed; empty where they passed all",
     ),
     "posterior_kind": Variable(
         dims=("posterior",),
         units="",
-        long_name="what the calibration was fitted to: 'simulated target' or 'corners of a board'",
+        long_name="what the calibration was fitted to: simulated views of a board ('simulated target') or corners "
+        "found in real pictures of one ('corners of a board')",
     ),
     "posterior_lengths": Variable(
         dims=("posterior",),
@@ -40,9 +41,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="effective fraction of the draws after a check; the chains integrate only approximately over the "
-        "poses of the board or target, so the poses are fitted anew for each draw and the draws are reweighted "
-        "accordingly; the fraction is near 1 if the approximation is good",
+        long_name="effective number of draws after reweighting, as a fraction of all draws; the chains integrate only "
+        "approximately over the poses of the board, and to check this, the poses are fitted anew for each draw, and "
+        "the draws are reweighted accordingly; near 1 if the approximation is good",
     ),
     "posterior_evaluations": Variable(
         dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"

@@ -24,10 +24,10 @@ _ESTIMATES: Final = {
     ),
     "filled": ("1", "fill rate: number of measured points, divided by the number of seen points"),
     "available": ("1", "number of seen points, divided by the number of points that show a surface"),
-    "bias_px": ("px", "median of the depth errors, converted to disparity"),
+    "bias_px": ("px", "median of the depth errors, each converted to disparity"),
     "spread_px": (
         "px",
-        "half the width of the central 68.27 % interval of the depth errors, converted to disparity",
+        "half the width of the central 68.27 % interval of the depth errors, each converted to disparity",
     ),
     "over_bound": (
         "1",

@@ -201,8 +201,8 @@ IMAGES: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="L1 difference Σ|I − J|/Σ J of two images over their pixels: I by the method along 'propagator', "
         "J by the method along 'against'",
-        error="at most (1 + 'difference') times the sum of κ numerical_error over both images, with κ as for 'power'; "
-        "less where they share errors",
+        error="at most (1 + 'difference') times the sum, over both images, of κ times numerical_error, with κ as for "
+        "'power'; less where they share errors",
     ),
     "difference_l2": Variable(
         dims=("propagator", "against"),
@@ -224,7 +224,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
         long_name="as 'image', by the models that accuracy.pixel_intensity requires; the group's attributes whose "
         "names begin with 'chosen_' say which models these are",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
-        error="see chosen_error; omitted effects add joint_change of /effects",
+        error="see chosen_error; the effects left out add a further error, joint_change of /effects",
     ),
     "chosen_error": Variable(
         dims=(),
@@ -314,7 +314,8 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     "chosen": Variable(
         dims=("propagator",),
         units="1",
-        long_name="whether the program chose this method for the tolerance accuracy.psf_width, or effects prescribe it",
+        long_name="1 if the program uses this method, because the tolerance accuracy.psf_width requires it or the key "
+        "effects prescribes it; 0 otherwise",
         error=EXACT,
     ),
     "varied_units": Variable(

@@ -154,10 +154,9 @@ def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:
         pitch = definition.document.entry((*inside, "sensor", "pixel_pitch"))
         if not isinstance(pitch, ScalarEntry) or NOMINAL_PITCH not in str(pitch.annotation and pitch.annotation.note):
             continue
-        if definition.document.entry((*inside, "lenses", "f_number")) is None:
-            continue
         derived = isinstance(camera, DepthCameraDeclaration) and camera.depth.declared_error_px is None
-        if derived or definition.file.usable_range.blur is not None:
+        refocused = definition.document.entry((*inside, "focus_distance")) is None  # and so never blurred
+        if derived or (definition.file.usable_range.blur is not None and not refocused):
             path = (*inside, "from")
             what = f"the file gives no pixel pitch; {pitch.text} is assumed, but blur and diffraction depend on it"
             yield definition.document.locate(path).problem(path, f"{what}; give sensor: {{pixel_pitch: ...}}")

@@ -19,7 +19,7 @@ class DoubleSphere(LensModel):
     Parameters
     ----------
     xi
-        Distance ξ [1], in radii, from the centre of the first sphere back to that of the second; above −1 and at most
+        How far the centre of the second sphere lies behind that of the first: ξ [1], in radii; above −1 and at most
         1. If it is negative, the second sphere lies in front of the first.
     alpha
         Parameter α [1], from 0 to 1: the pinhole lies α/(1 − α) radii behind the centre of the second sphere.

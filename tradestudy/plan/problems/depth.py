@@ -353,7 +353,7 @@ def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
     if pictured:
         return ""
     if isinstance(camera.disparity_error_px, float | int):
-        return f"the disparity error is declared as {declared_disparity_error(camera):.3g} px"
+        return f"the disparity error is fixed at {declared_disparity_error(camera):.3g} px"
     return "the camera forms no picture at any distance of the study"
 
 

@@ -22,13 +22,14 @@ from tradestudy.report.document import (
     with_subscripts,
 )
 from tradestudy.report.words import distance_with_error, length, part_words, share
-from tradestudy.results.views.conclusions import best_ranges, measure_first, question_words, rests_on
+from tradestudy.results.views.conclusions import best_ranges, measure_first, never_usable, question_words, rests_on
 from tradestudy.results.views.decision import answer_title, flips, handovers, readings_in_words, solved_questions, tied
 from tradestudy.results.views.depth import least_broken
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
 from tradestudy.results.views.measured_depth import measured_words
+from tradestudy.results.views.off_axis import off_axis_words
 from tradestudy.results.views.one_design import BestCameras, best_cameras
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
@@ -37,7 +38,7 @@ from tradestudy.results.views.requirement_conclusions import (
 )
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import significant
-from tradestudy.wording import distance, limit_words, listed, span, with_article
+from tradestudy.wording import DECLARED_VALUE, distance, limit_words, listed, span, with_article
 
 _MOST_REASONS = 3
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
@@ -57,7 +58,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
     yield Callout(
         title=_which(titles_in(tree, "depth")) + (_DECLARED if designs else ""),
-        blocks=(Bullets((*_stretches(best_cameras(tree)), *_changes(tree), *_solved(tree))),),
+        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_usable(tree), *_changes(tree), *_solved(tree))),),
         tone="answer",
         name="answer-cameras",
     )
@@ -65,6 +66,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     if measured := tuple(_measured(tree)):
         yield Callout(title="Depth measured in rendered pictures", blocks=(Bullets(measured),))
     sentences = [
+        *_off_axis(tree),
         *_weighed(tree),
         *_taken_as_perfect(tree),
         *_doubted(tree),
@@ -112,13 +114,12 @@ def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
     """The inverse questions with their answers."""
     for says, answer in solved_questions(tree):
-        value, _, more = answer.partition("; ")
-        beside = f" ({more})" if more else ""
+        value, also, declared = answer.partition(DECLARED_VALUE)
         yield say(
             "{question} **{value}**{beside}.",
             question=with_subscripts(question_words(says)),
             value=value,
-            beside=beside,
+            beside=also + declared,
         )
 
 
@@ -137,6 +138,18 @@ def _designs(tree: xr.DataTree) -> Iterator[Spans]:
     ]
     for sentence in filter(None, sentences):
         yield say("{sentence}.", sentence=sentence)
+
+
+def _never_usable(tree: xr.DataTree) -> Iterator[Spans]:
+    """Candidates that are usable nowhere, and why."""
+    for title, why in never_usable(tree):
+        yield say("**{title} is usable nowhere** ({why}).", title=title, why=why)
+
+
+def _off_axis(tree: xr.DataTree) -> Iterator[Spans]:
+    """The cameras that measure much less certainly off the axis, for which alone the answers hold."""
+    if worse := off_axis_words(tree):
+        yield say("**All answers hold on the optical axis.** Off it, {worse}.", worse=listed(worse))
 
 
 def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
@@ -314,9 +327,11 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     logs = (np.log(best.distance[known]), np.log(depth.uncertainty[known]))  # interpolated along a smooth curve
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
-    first, last = (part_words(depth.parts[best.nearest(place)] or "nothing") for place in places)
+    ends_at = [best.nearest(place) for place in places]
+    first, last = (part_words(depth.parts[index] or "nothing") for index in ends_at)
     cause = first if first == last else f"{first} at the near end and {last} at the far end"
-    return f"±{near} to ±{far}, mostly from {cause}"
+    mostly = all(depth.largest_shares[index] > 0.5 for index in ends_at)
+    return f"±{near} to ±{far}, {'mostly' if mostly else 'the largest part'} from {cause}"
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:

@@ -10,7 +10,7 @@ from typing import Final
 import xarray as xr
 
 from tradestudy.results.views.decision import answer_title, candidates, reported_winners, solved_questions
-from tradestudy.results.views.depth import nominal, nominal_is_declared, where_usable
+from tradestudy.results.views.depth import least_broken, nominal, nominal_is_declared, where_usable
 from tradestudy.results.views.designs import (
     feasible_designs,
     feasible_words,
@@ -18,11 +18,12 @@ from tradestudy.results.views.designs import (
 )
 from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, records
 from tradestudy.results.views.measured_depth import measured_words
+from tradestudy.results.views.off_axis import off_axis_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.results.views.wave_conclusions import wave_words
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import counted, distance, listed, plain_span, with_unit_symbols
+from tradestudy.wording import counted, distance, limit_words, listed, plain_span, with_unit_symbols
 
 _SEVERAL: Final = 2
 _ASSUMED: Final = ", assumed "
@@ -176,13 +177,19 @@ def question_words(says: str) -> str:
     return says if says.endswith("?") else f"{says}:"
 
 
-def _never_usable(tree: xr.DataTree) -> Iterator[str]:
-    """Name the candidates that are usable nowhere, unless none is usable anywhere."""
-    usable = usable_words(tree)
-    among = [camera_titles(tree)[name] for name in candidates(tree)] or list(usable)
-    nowhere = [title for title in among if usable.get(title) == "nowhere"]
-    if nowhere and len(nowhere) < len(among):
-        yield f"{listed(nowhere)} {'is' if len(nowhere) == 1 else 'are'} usable nowhere"
+def never_usable(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
+    """Titles of the candidates that are usable nowhere, each with what prevents it, unless none is usable anywhere."""
+    if not has(tree, "depth", "usable_near") or not nominal_is_declared(tree):
+        return
+    depth, titles = nominal(tree), camera_titles(tree)
+    among = candidates(tree) or tuple(map(str, depth["camera"].values))
+    nowhere = [name for name in among if not where_usable(depth, name)]
+    if len(nowhere) == len(among):
+        return
+    for name in nowhere:
+        broken = depth["limit_met"].sel(camera=name).transpose("distance", "limit").values == 0
+        fewest = depth["limit"].values[broken[least_broken(broken)]]
+        yield titles[name], listed([limit_words(str(one)) for one in fewest])
 
 
 def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
@@ -205,8 +212,9 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     lines = []
     if ranges:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
+        nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
         head = "Best" if len(camera_titles(tree)) >= _SEVERAL else "Usable"
-        lines.append(f"{head}{designs}: {'; '.join([*_range_words(ranges), *_never_usable(tree)])}")
+        lines.append(f"{head}{designs}: {'; '.join([*_range_words(ranges), *nowhere])}")
     # For one swept parameter and one requirement, the sentence of the requirement already says this.
     feasible = feasible_designs(tree)
     if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):
@@ -225,6 +233,8 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         last = [f"Rests on (measure first): {'; '.join(rests)}"]
     else:
         last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
+    if worse := off_axis_words(tree):
+        last.append(f"On the optical axis; off it, {listed(worse)}")
     if perfect := perfectly_calibrated(tree):
         last.append(f"Assumed perfect: the calibration of {listed(perfect)}")
     room = max(most - len(last), needed + 1)

@@ -104,12 +104,16 @@ def by_design(depth: xr.Dataset, variable: xr.DataArray, *dims: str) -> npt.NDAr
     return variable.transpose(*swept(depth), *dims).values.reshape(-1, *sizes)
 
 
-def largest_parts(depth: xr.Dataset) -> npt.NDArray[np.object_]:
-    """The part with the largest share of the variance, if known, over (designs, cameras, distances)."""
+def largest_parts(depth: xr.Dataset) -> tuple[npt.NDArray[np.object_], FloatArray]:
+    """The part with the largest share of the variance and this share, over (designs, cameras, distances).
+
+    Where no share is known, the part is None and its share −∞.
+    """
     shares = by_design(depth, depth["variance_share"], "camera", "distance", "part")
-    largest = depth["part"].values.astype(object)[np.argmax(np.where(np.isnan(shares), -np.inf, shares), axis=-1)]
+    shares = np.where(np.isnan(shares), -np.inf, shares)
+    largest = depth["part"].values.astype(object)[np.argmax(shares, axis=-1)]
     largest[~np.isfinite(shares).any(axis=-1)] = None
-    return np.asarray(largest)
+    return np.asarray(largest), np.asarray(shares.max(axis=-1))
 
 
 def shares_at(depth: xr.Dataset, camera: str, distance: float) -> xr.DataArray:

@@ -41,8 +41,8 @@ class CameraDepth:
     ----------
     uncertainty
         Depth uncertainty [m].
-    parts
-        The part with the largest share of its variance, if known.
+    parts, largest_shares
+        The part with the largest share of its variance, if known, and this share.
     broken
         Which limits of the usable range it violates, shape (distance, limit).
     usable
@@ -51,6 +51,7 @@ class CameraDepth:
 
     uncertainty: FloatArray
     parts: tuple[str | None, ...]
+    largest_shares: FloatArray
     broken: npt.NDArray[np.bool_]
     usable: tuple[tuple[float, float], ...]
 
@@ -134,12 +135,13 @@ def camera_depths(depth: xr.Dataset) -> list[dict[str, CameraDepth]]:
     uncertainty = by_design(depth, depth["depth_uncertainty"], "camera", "distance")
     broken = by_design(depth, depth["limit_met"], "camera", "distance", "limit") == 0
     near, far = (by_design(depth, depth[name], "camera", "interval") for name in ("usable_near", "usable_far"))
-    parts = largest_parts(depth)
+    parts, shares = largest_parts(depth)
     return [
         {
             str(key): CameraDepth(
                 uncertainty=uncertainty[design, k],
                 parts=tuple(parts[design, k].tolist()),
+                largest_shares=shares[design, k],
                 broken=broken[design, k],
                 usable=ranges_of(near[design, k], far[design, k]),
             )

@@ -375,9 +375,10 @@ class CriterionFNumberClaim(_ClaimPart):
     quantity: Literal["criterion_f_number"]
     element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
-        description="Criterion: of the solutions of equation 27 in the paper, the one with the smallest aperture, and "
-        "thus the largest f-number (`paper-eq27-first-zero`), or the next one (`paper-eq27-second-zero`); a bound on "
-        "the optical path that the approximation neglects (`path-error`); or Goodman's condition (`goodman`)."
+        description="Criterion that gives the f-number: the solution of equation 27 in the paper with the smallest "
+        "aperture, and thus the largest f-number (`paper-eq27-first-zero`); its solution with the next larger aperture "
+        "(`paper-eq27-second-zero`); a bound on the optical path that the approximation neglects (`path-error`); or "
+        "Goodman's condition (`goodman`)."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     path_error: PositiveWaves | None = Field(

@@ -180,9 +180,10 @@ class SceneImagePart(Part):
     spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
 
     The program renders pictures with rays. If diffraction changes a picture by more than accuracy.pixel_intensity, it
-    adds diffraction by wave optics, at the wavelength scene.wavelength and at all lenses. In `effects`,
-    main_lens_diffraction or microlens_diffraction prescribes diffraction (`fresnel`) or rays (`off`) for all lenses of
-    a picture; contradictory settings of the two are refused, and other models do not apply to pictures.
+    adds diffraction by wave optics, at the wavelength scene.wavelength and at all lenses. Each of the
+    keys main_lens_diffraction and microlens_diffraction of `effects` acts on all lenses of a picture: `fresnel`
+    prescribes diffraction, `off` prescribes rays. If the two contradict each other, the study is refused. Other models
+    of these effects are ignored for pictures.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(

@@ -1,0 +1,40 @@
+"""How depth off the optical axis compares with that on it, in words."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.views.depth import field_words, nominal, nominal_is_declared, of_camera, where_usable
+from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.units import significant
+from tradestudy.wording import distance, with_article
+
+_CLEARLY_WORSE: Final = 1.1  # times the depth uncertainty on the axis
+
+
+def off_axis_words(tree: xr.DataTree) -> list[str]:
+    """How much less certain depth is off the axis, where it is most so; cameras that it hardly affects are left out."""
+    if not has(tree, "depth_field", "depth_uncertainty") or not nominal_is_declared(tree):
+        return []
+    depth, off, titles = nominal(tree), group(tree, "depth_field"), camera_titles(tree)
+    distances = np.asarray(depth["distance"].values, dtype=np.float64)
+    found = []
+    for camera in map(str, depth["camera"].values):
+        usable = np.zeros(distances.shape, dtype=bool)
+        for near, far in where_usable(depth, camera):
+            usable |= (near <= distances) & (distances <= far)
+        there = off["depth_uncertainty"].sel(camera=camera).transpose("field", "distance").values
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(usable, there / of_camera(depth, "depth_uncertainty", camera), np.nan)
+        if not np.any(ratio > _CLEARLY_WORSE):
+            continue
+        field, place = np.unravel_index(np.nanargmax(ratio), ratio.shape)
+        worst = float(ratio[field, place])
+        times = f"up to {significant(worst, 2)} times as uncertain" if math.isfinite(worst) else "unbounded"
+        where = f"{field_words(float(off['field'].values[field]))}, at {distance(float(distances[place]))}"
+        found.append(f"depth by {with_article(titles[camera])} is {times} ({where})")
+    return found
