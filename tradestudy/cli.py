@@ -54,7 +54,8 @@ SetOption = Annotated[
         "--set",
         metavar="PATH=VALUE",
         help="For this command only, replace the value at PATH, as in stereo-short.baseline='50 mm'. PATH consists of "
-        "the keys that lead to the value, joined by dots. May be repeated.",
+        "the keys that lead to the value, joined by dots; keys in braces are merged into those of the study, and null "
+        "removes a value. May be repeated.",
     ),
 ]
 ToleranceOption = Annotated[

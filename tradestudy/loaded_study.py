@@ -126,7 +126,7 @@ class Study:
             (0 if file.light_spot is None else 1, "light spot"),
         ]
         words = ", ".join(counted(count, word) + ends * (word == "distance") for count, word in sizes if count)
-        return f"{self.name}: {words or 'no mistakes'}"
+        return f"{self.name}: {words}{'; ' * bool(words)}no mistakes"
 
     def check(self) -> str:
         """Check that the declared tolerances can be met, with the models that the study prescribes (key `effects`).

@@ -48,6 +48,7 @@ _SHAPES = {
 }
 _NAME = "a letter, digit or _ followed by letters, digits and _ . + -"
 _MOST_KEYS = 4
+_SPREAD = "standard_deviation"  # the commonest key of distributions
 _LIMITS = {
     "greater_than": ("gt", "more than"),
     "greater_than_equal": ("ge", "at least"),
@@ -315,7 +316,9 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
         return head, expected, ""
     if kind in _SHAPES:
         keys = keys_of_value(finding.alignment.kind) if _SHAPES[kind] == "a mapping" else []
-        return f"{shown} is given", _with_keys(keys) or _SHAPES[kind], ""
+        scalar = isinstance(finding.entry, ScalarEntry)
+        example = f", for example {{{_SPREAD}: {shown.strip(chr(39))}}}," if _SPREAD in keys and scalar else ""
+        return f"{shown} is given", (_with_keys(keys) or _SHAPES[kind]) + example, ""
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
         if not choices:
