@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tradestudy import unit_registry, units
 from tradestudy.errors import nearest
-from tradestudy.units import Dimension, UnitError, parse, pretty, rounded_down, rounded_up, significant
+from tradestudy.units import Dimension, UnitError, parse, pretty, pretty_with_error, rounded_inwards, significant
 
 PINT = pint.UnitRegistry(cache_folder=None)
 
@@ -263,16 +263,27 @@ def test_an_infinite_number_is_written_as_infinite() -> None:
     assert units.significant(float("-inf"), 2) == "−∞"
 
 
-@given(st.floats(1e-6, 1e3))
-def test_an_end_rounded_into_its_range_lies_within_it(value: float) -> None:
-    up, down = (parse(words(value, units.LENGTH), units.LENGTH) for words in (rounded_up, rounded_down))
-    assert down * (1.0 - 1e-8) <= value <= up * (1.0 + 1e-8)
-    assert up - down < 1.0101e-2 * value + 1e-15
+@given(st.floats(1e-6, 1e3), st.floats(1e-7, 0.5))
+def test_the_written_ends_of_a_range_lie_within_it(low: float, share: float) -> None:
+    """However narrow it is, down to a ten-millionth of its ends."""
+    high = low * (1.0 + share)
+    first, last = (parse(words, units.LENGTH) for words in rounded_inwards(low, high, units.LENGTH))
+    assert low * (1.0 - 1e-8) <= first <= last <= high * (1.0 + 1e-8)
+    assert first - low <= 1.0101e-2 * low
+    assert high - last <= 1.0101e-2 * high
 
 
-def test_ends_of_three_digits_stay() -> None:
-    assert rounded_up(62.42e-3, units.LENGTH) == "62.5 mm"
-    assert rounded_down(62.48e-3, units.LENGTH) == "62.4 mm"
-    assert rounded_up(62.4e-3, units.LENGTH) == rounded_down(62.4e-3, units.LENGTH) == "62.4 mm"
-    assert rounded_up(8.0, units.NUMBER) == "8"
-    assert rounded_up(math.inf, units.LENGTH) == "∞"
+def test_ends_have_three_digits_or_as_many_as_a_narrow_range_needs() -> None:
+    def written(*ends: float, error: float = 0.0) -> tuple[str, str]:
+        return rounded_inwards(*ends, units.LENGTH, error)
+
+    assert written(62.42e-3, 80.08e-3) == ("62.5 mm", "80 mm")
+    assert written(62.4e-3, 62.4e-3) == ("62.4 mm", "62.4 mm")
+    assert written(191.5e-3, 191.994e-3) == ("191.5 mm", "191.9 mm")
+    assert written(999.7e-6, 2e-3) == ("1 mm", "2 mm")
+    assert written(0.1, 191.995e-3, error=9e-6) == ("100 mm", "192 mm")
+    assert written(0.1, math.inf) == ("100 mm", "∞")
+
+
+def test_an_error_is_shown_beside_the_digits_of_the_unit_not_of_kelvins() -> None:
+    assert pretty_with_error(293.2, 0.1, units.TEMPERATURE).startswith("20.1 °C ± 0.1")

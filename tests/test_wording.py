@@ -6,7 +6,16 @@ import math
 
 import pytest
 
-from tradestudy.wording import counted, distance, in_words, limit_words, listed, span, with_unit_symbols
+from tradestudy.wording import (
+    counted,
+    distance,
+    in_words,
+    limit_words,
+    listed,
+    span,
+    with_article,
+    with_unit_symbols,
+)
 
 
 @pytest.mark.parametrize(
@@ -14,6 +23,12 @@ from tradestudy.wording import counted, distance, in_words, limit_words, listed,
 )
 def test_one_is_singular(number: int, text: str) -> None:
     assert counted(number, "reading") == text
+
+
+def test_only_a_title_without_an_article_gets_one() -> None:
+    titles = ("8 mm stereo rig", "Raytrix R5", "a stereo rig", "the old rig")
+    articles = ["the 8 mm stereo rig", "Raytrix R5", "a stereo rig", "the old rig"]
+    assert list(map(with_article, titles)) == articles
 
 
 def test_units_are_written_with_their_symbols() -> None:

@@ -276,33 +276,43 @@ def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
     return significant((value - unit.zero) / unit.size, digits) + unit.label
 
 
-def rounded_up(value: float, dimension: Dimension, digits: int = 3) -> str:
-    """As `pretty`, but never less than the value: 62.42 mm is ``62.5 mm``."""
-    return _rounded(value, dimension, digits, math.ceil)
+def rounded_inwards(low: float, high: float, dimension: Dimension, error: float = 0.0) -> tuple[str, str]:
+    """Write the ends of a range as `pretty` does, but so that the written values lie within it: 62.42 mm is 62.5 mm.
+
+    They have three digits, or as many more as a narrow range needs. An end that is a written value to within its
+    `error` is that value.
+    """
+    for digits in range(3, 9):
+        first, last = (
+            _on_grid(low, dimension, digits, math.ceil, error),
+            _on_grid(high, dimension, digits, math.floor, error),
+        )
+        if first <= last:
+            break
+    return pretty(first, dimension, digits), pretty(last, dimension, digits)
 
 
-def rounded_down(value: float, dimension: Dimension, digits: int = 3) -> str:
-    """As `pretty`, but never more than the value: 62.48 mm is ``62.4 mm``."""
-    return _rounded(value, dimension, digits, math.floor)
-
-
-def _rounded(value: float, dimension: Dimension, digits: int, to: Callable[[float], int]) -> str:
+def _on_grid(value: float, dimension: Dimension, digits: int, to: Callable[[float], int], error: float) -> float:
+    """The SI value of a value rounded to significant digits of its display unit."""
     if not math.isfinite(value) or value == 0.0:
-        return pretty(value, dimension, digits)
+        return value
     unit = display_unit(value, dimension)
     number = (value - unit.zero) / unit.size
     step = 10.0 ** (math.floor(math.log10(abs(number))) - digits + 1) if number else 1.0
     whole = round(number / step)
-    steps = whole if abs(number / step - whole) < _ROUNDING else to(number / step)
-    return significant(steps * step, digits) + unit.label
+    is_whole = abs(number / step - whole) < max(_ROUNDING, error / unit.size / step)
+    return (whole if is_whole else to(number / step)) * step * unit.size + unit.zero
 
 
-def pretty_with_error(
-    value: float, error: float, dimension: Dimension, rounded: Callable[[float, Dimension], str] = pretty
-) -> str:
+def shows_error(value: float, error: float, dimension: Dimension) -> bool:
+    """Whether an error is visible at three digits of its value."""
+    return error > _SHOWN_ERROR * abs(value - display_unit(value, dimension).zero)
+
+
+def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:
     """Write an SI value as far as the one digit of its error; omit an error that is invisible at three digits."""
-    if not error > _SHOWN_ERROR * abs(value):
-        return rounded(value, dimension)
+    if not shows_error(value, error, dimension):
+        return pretty(value, dimension)
     unit = display_unit(value, dimension)
     number, deviation = to_digit_of_error((value - unit.zero) / unit.size, error / unit.size)
     return f"{number}{unit.label} ± {deviation}{unit.label}"

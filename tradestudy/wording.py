@@ -28,8 +28,9 @@ def with_unit_symbols(text: str) -> str:
 
 
 def with_article(title: str) -> str:
-    """Write the title of a camera within a sentence: "the 8 mm stereo rig", but "Raytrix R5"."""
-    return title if title[:1].isupper() else f"the {title}"
+    """Write the title of a camera within a sentence: "the 8 mm stereo rig", but "Raytrix R5" and "a stereo rig"."""
+    has_own = title[:1].isupper() or title.startswith(("a ", "an ", "the "))
+    return title if has_own else f"the {title}"
 
 
 def listed(items: Sequence[str]) -> str:

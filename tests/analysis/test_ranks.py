@@ -90,3 +90,9 @@ def test_a_measurement_beyond_infinity_loses_and_two_rank_neither() -> None:
     found = rank(sure, noisy, np.array([F * B / noise]), "both")
     assert found.first[0] > 0.99
     assert found.neither[0] == 0.0
+
+
+def test_neither_of_two_perfect_cameras_errs_less_if_all_noise_is_averaged_out() -> None:
+    perfect = stereo(calibration=Calibration(groups=()))
+    found = rank(perfect, perfect, np.array([1.0, 3.0]), "calibration")
+    np.testing.assert_array_equal(found.neither, 1.0)

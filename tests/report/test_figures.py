@@ -146,11 +146,23 @@ def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree
 
 def test_a_required_uncertainty_far_below_all_curves_lies_on_the_panel(tree: xr.DataTree) -> None:
     strict = tree.copy()
-    strict["requirements"] = xr.DataTree(tree["requirements"].to_dataset().assign(bound=("requirement", [1e-9, 1e-9])))
+    strict["requirements"] = xr.DataTree(tree["requirements"].to_dataset().assign(bound=("requirement", [1e-5, 1e-5])))
     axes = figures.figure(strict, "whole_range").axes[0]
     lines = [line.get_ydata() for line in axes.lines if line.get_marker() == "|"]
     assert lines
     assert axes.get_ylim()[0] < np.min([np.min(line) for line in lines])
+
+
+def test_a_requirement_beyond_the_computed_distances_is_not_drawn(tree: xr.DataTree) -> None:
+    far = tree.copy()
+    ends = {name: ("requirement", [20.0, 20.0]) for name in ("over_near", "over_far")}
+    far["requirements"] = xr.DataTree(tree["requirements"].to_dataset().assign(ends))
+    drawing = figures.build(far)["whole_range"]
+    assert "requirement" not in drawing.caption
+    assert not [line for line in drawing.draw().axes[0].lines if line.get_marker() == "|"]
+    plain = tree.copy()
+    del plain["requirements"]
+    assert drawing.draw().axes[0].get_ylim() == figures.figure(plain, "whole_range").axes[0].get_ylim()
 
 
 def test_a_requirement_that_ends_between_computed_distances_is_named_on_its_line(tree: xr.DataTree) -> None:

@@ -43,7 +43,8 @@ def test_accepts_studies_as_they_are_written(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("files", "fits"), [("left.yaml", True), (["left.yaml", "right.yaml"], True), ([1.0], False), (2.0, False)]
+    ("files", "fits"),
+    [("left.yaml", True), (["left.yaml", "right.yaml"], True), ([1.0], False), (2.0, False), ([], False)],
 )
 def test_a_camera_comes_from_one_file_or_several(files: Any, fits: bool) -> None:
     content: Any = YAML(typ="safe", pure=True).load((STUDIES / "robot.yaml").read_text(encoding="utf-8"))

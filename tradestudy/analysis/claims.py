@@ -96,11 +96,8 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
             with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
                 ratio = first / second
             # Where both are unbounded, neither is larger; where a camera forms no image, nothing can be compared.
-            return (
-                float(np.max(ratio, initial=-math.inf, where=~np.isnan(ratio)))
-                if np.isfinite(ratio).any()
-                else math.nan
-            )
+            known = ratio[~np.isnan(ratio)]
+            return float(known.max()) if known.size else math.nan
         case ShareBetterClaim():
             return _share_better(claim, case)
         case RelativeUncertaintyDistanceClaim():
@@ -140,14 +137,28 @@ def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
 
 
 def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case: Case) -> float:
-    camera = case.cameras[claim.camera]
+    """The last distance from which on the relative uncertainty exceeds the threshold.
+
+    If it exceeds it at all distances of the study, or at none, the distance is traced beyond them as in
+    `_limit_distance`; the result is 0 or infinity if it still does so there.
+    """
+    camera, first, last = case.cameras[claim.camera], float(case.distance[0]), float(case.distance[-1])
 
     def above(points: FloatArray) -> FloatArray:
         difference = depth_uncertainty(camera, points, claim.errors) - claim.threshold * points
         return margin(difference > 0.0, difference)
 
-    begins = [end.distance for end in boundaries(above, case.distance) if end.begins]
-    return begins[-1] if begins else math.nan
+    def begins(points: FloatArray) -> list[float]:
+        return [end.distance for end in boundaries(above, points) if end.begins]
+
+    if found := begins(case.distance):
+        return found[-1]
+    uncertainty = depth_uncertainty(camera, case.distance, claim.errors)
+    if np.isnan(uncertainty).all():
+        return math.nan
+    if np.any(uncertainty > claim.threshold * case.distance):
+        return next(iter(begins(np.geomspace(min(_NEAREST, first / 10.0), first, _POINTS))[::-1]), 0.0)
+    return next(iter(begins(np.geomspace(last, max(_FARTHEST, 10.0 * last), _POINTS))), math.inf)
 
 
 def _share_better(claim: ShareBetterClaim, case: Case) -> float:

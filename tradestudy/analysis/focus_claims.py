@@ -21,11 +21,9 @@ def depth_of_field_value(claim: DepthOfFieldClaim, case: Case) -> float:
 
 
 def depth_of_field_ratio(claim: DepthOfFieldRatioClaim, case: Case) -> float:
-    """Ratio of the depths of field of two cameras; NaN if the second has none."""
+    """Ratio of the depths of field of two cameras; NaN if the second has none, or both are infinite."""
     first, second = (_extent(claim, case, name) for name in (claim.camera, claim.against))
-    if not 0.0 < second < math.inf:
-        return math.nan
-    return first / second
+    return math.nan if second == 0.0 or first == second == math.inf else first / second
 
 
 def _extent(claim: DepthOfFieldRatioClaim, case: Case, name: str) -> float:

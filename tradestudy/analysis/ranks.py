@@ -13,14 +13,20 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import SESSION_PARAMETERS
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.decision import Draws, RankProbability, rank_probability
+from tradestudy.uncertainty.distributions import Normal
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome
 from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.sources import Group, Sources
+from tradestudy.uncertainty.sources import Group, Source, Sources
 
 RANK_ERROR_SOURCES: Final = ("calibration", "both")
 """Calibration errors alone, as after averaging all noise away, and single measurements."""
 _DRAWS, _SCRAMBLES = 2**11, 8
 _PREFIXES: Final = ("first/", "second/")
+# Drawn for two cameras without errors, which both ignore it: draws need a source.
+_NOTHING: Final = Source(
+    name="nothing", distribution=Normal(mean=0.0, standard_deviation=1.0), error_class=ErrorClass.RIG
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +69,8 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_so
         point="rank",
         batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
     )
-    return rank_probability(models[0], models[1], Sources(groups=(*own, *shared)), distance, draws)
+    drawn = (*own, *shared) or (_NOTHING,)
+    return rank_probability(models[0], models[1], Sources(groups=drawn), distance, draws)
 
 
 def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance: FloatArray) -> Model:

@@ -18,7 +18,7 @@ from tradestudy.analysis.requirements import ANY, Judge
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
-from tradestudy.units import Dimension, pretty, pretty_with_error, rounded_down, rounded_up
+from tradestudy.units import Dimension, pretty, pretty_with_error, rounded_inwards, shows_error
 from tradestudy.wording import listed
 
 _PLACES: Final = 17  # values tried between the ends of a question
@@ -119,17 +119,19 @@ def _answer(
             if trials[0].answer.met
             else f"met nowhere {between}: {_nearest(trials, dimension, declared)}"
         )
-    met = trials[0].answer.met
-    changes: list[str | None] = [None] if met else []
-    for one in solutions:  # rounded inwards, so that the written values lie within the range
-        changes.append(pretty_with_error(one.value, one.error, dimension, rounded_down if met else rounded_up))
-        met = not met
+    changes = [None, *solutions] if trials[0].answer.met else solutions
     parts = []
-    for first, last in itertools.zip_longest(changes[::2], changes[1::2]):
-        if first is None:
+    for low, high in itertools.zip_longest(changes[::2], changes[1::2]):
+        near, far = (low.value if low else trials[0].value), (high.value if high else trials[-1].value)
+        first, last = rounded_inwards(near, far, dimension)
+        if low and shows_error(near, low.error, dimension):
+            first = pretty_with_error(near, low.error, dimension)
+        if high and shows_error(far, high.error, dimension):
+            last = pretty_with_error(far, high.error, dimension)
+        if low is None:
             parts.append(f"up to {last} (searched from {ends[0]})")
         else:
-            parts.append(f"from {first} on (searched up to {ends[1]})" if last is None else f"from {first} to {last}")
+            parts.append(f"from {first} to {last}" if high else f"from {first} on (searched up to {ends[1]})")
     return f"met {listed(parts)}"
 
 

@@ -16,7 +16,7 @@ from tradestudy.study.definition import Case
 from tradestudy.study.schema.criteria import criterion_dimension
 from tradestudy.study.schema.requirements import CriterionPart, SharpPart
 from tradestudy.units import LENGTH, parse, pretty
-from tradestudy.wording import plain_span
+from tradestudy.wording import listed, plain_span
 
 _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
 _LEAST_MISS: Final = 1e-9  # share of a range: a miss within rounding is still a miss
@@ -71,18 +71,20 @@ def _check_range(found: SharpRange, over: tuple[float, float], name: str) -> Req
         return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
     clipped = np.clip(found.union.covered, near, far)
     unsharp = 1.0 - float(np.sum(np.log(clipped[:, 1] / clipped[:, 0]))) / math.log(far / near)
-    place, end = _first_gap(found.union.covered, near, far)
+    gaps = _gaps(found.union.covered, near, far)
+    place = gaps[0][0]
     why = f": {found.reason}" if found.extent == 0.0 and found.reason else ""
-    reason = f"not sharp from {plain_span(place, end)}{why}"
+    reason = f"not sharp from {listed([plain_span(*gap) for gap in gaps])}{why}"
     margin = -max(unsharp, _LEAST_MISS)
     miss = _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
     return replace(miss, limit="focus")
 
 
-def _first_gap(covered: FloatArray, near: float, far: float) -> tuple[float, float]:
-    """The nearest range of distance [m] in which the scene is not sharp."""
-    start = next((float(last) for first, last in covered if first <= near * _MORE and last > near), near)
-    return start, min([far, *(float(first) for first, _ in covered if first > start)])
+def _gaps(covered: FloatArray, near: float, far: float) -> list[tuple[float, float]]:
+    """The ranges of distance [m] in which the scene is not sharp, from near to far; the first if all vanish."""
+    ends = [near, *(end for one in np.clip(covered, near, far).tolist() for end in one), far]
+    gaps = list(zip(ends[::2], ends[1::2], strict=True))
+    return [(start, end) for start, end in gaps if end > start * _MORE] or gaps[:1]
 
 
 def _exact(

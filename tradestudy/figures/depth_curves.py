@@ -38,10 +38,11 @@ from tradestudy.figures.style import (
 )
 from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_measured, where_usable
-from tradestudy.results.views.groups import FloatArray, records
+from tradestudy.results.views.groups import FloatArray, group, records
 from tradestudy.wording import distance as distance_words
 
 MM = 1e3
+_WIDEST = 1e3  # factor by which bounds may extend the axis of the depth uncertainty beyond its curves
 _UNUSABLE_WIDTH, _USABLE_WIDTH, _WIDER = 0.8, 1.7, 1.2  # points: wider by this much for each curve on top
 _LETTERS_ACROSS: Final = 62  # of a name written into the bar of the best camera
 _LETTER: Final = 0.62  # mean width of a letter, of its size
@@ -172,13 +173,11 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
     bounds = list(required_uncertainties(tree))
     low, high = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
-    ends = [
-        low,
-        high,
-        *(0.7 * MM * bound.min() for _, bound in bounds),
-        *(1.4 * MM * bound.max() for _, bound in bounds),
-    ]
-    curves.set(ylim=(min(ends), max(ends)), ylabel="depth uncertainty (68 %)")
+    lowest, highest = (MM * ends([bound for _, bound in bounds]) if bounds else np.nan for ends in (np.min, np.max))
+    # An absurd bound, far below or above all curves, is not worth flattening them.
+    low = max(np.fmin(low, 0.5 * lowest), _WIDEST**-1 * low)
+    high = min(np.fmax(high, 2.0 * highest), _WIDEST * high)
+    curves.set(ylim=(low, high), ylabel="depth uncertainty (68 %)")
     draw_curves(curves, depth, shown, drawn)
     edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
     required = [np.interp(distance, over, bound, left=np.nan, right=np.nan) for over, bound in bounds]
@@ -197,11 +196,14 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
 
 
 def required_uncertainties(tree: xr.DataTree) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Requirements on the depth uncertainty: the ends of their distances, and their bounds there [m]."""
+    """Requirements on the depth uncertainty at computed distances: the ends of these, and the bounds there [m]."""
     for row in records(tree, "requirements", "requirement"):
         if row["quantity"] == "depth_uncertainty":
+            distance = group(tree, "depth")["distance"].values
             over = np.array([row["over_near"], row["over_far"]], dtype=float)
-            yield over, float(row["bound"]) * (over if row["bound_is_relative"] else np.ones(2))
+            if over[0] <= distance[-1] and over[1] >= distance[0]:
+                over = np.clip(over, distance[0], distance[-1])
+                yield over, float(row["bound"]) * (over if row["bound_is_relative"] else np.ones(2))
 
 
 def draw_relative_guides(

@@ -235,8 +235,11 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     found = tuple(flips(tree))
     if not any(one.alternatives for one in found):
         return
-    # Where neither is usable under a reading, or in the study itself, nothing is reversed.
-    reversed_by = {one.place: [name for name, winner in one.flipped if winner and one.winner] for one in found}
+    # Where neither is usable under a reading or in the study itself, or they are tied, nothing is reversed.
+    reversed_by = {
+        one.place: [name for name, winner in one.flipped if len(tied(winner)) == len(tied(one.winner)) == 1]
+        for one in found
+    }
     turned = [one for one in found if reversed_by[one.place]]
     decision, titles = group(tree, "decision"), camera_titles(tree)
     first, second = (with_article(titles[decision.attrs[one]]) for one in ("first", "second"))
@@ -256,6 +259,12 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
             first=first,
             second=second,
         )
+    elif any(one.flipped for one in found):
+        yield say(
+            "Other readings change the choice between {first} and {second}, but none reverses it ([](#verdict-table)).",
+            first=first,
+            second=second,
+        )
     else:
         yield say(
             "No other reading changes which of {first} and {second} is better at the declared distances "
@@ -269,7 +278,11 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
     """One sentence per range of distances with the same best camera."""
     for start, end, names in best.reported:
         where, camera = span(start, end), answer_title(best.titles, names)
-        if not names and len(best.cameras) == 1:
+        middle = float(np.sqrt(start * end))
+        among = [best.cameras[key] for key in best.candidates or best.cameras if key in best.cameras]
+        if not names and any(near <= middle <= far for one in among for near, far in one.usable):
+            yield say("**{where}: no depth uncertainty has a bound**.", where=where)
+        elif not names and len(best.cameras) == 1:
             yield say("**{where}: not usable**{why}.", where=where, why=_why_none(best, start, end))
         elif not names:
             yield say(

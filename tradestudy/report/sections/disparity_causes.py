@@ -220,7 +220,7 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
                 Column(title=title, align="right", weight=5)
                 for title in (("By matcher", "Bound") if real else ("Disparity error",))
             ),
-            *(Column(title=_COLUMNS[name], align="right", weight=6) for name in changes),
+            *(Column(title=_COLUMNS[name], align="right", weight=8) for name in changes),
         ),
         rows=tuple(rows),
         notes=(

@@ -43,14 +43,21 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
     """Ranges of distance with their best cameras, for the study as declared."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return ()
-    titles = camera_titles(tree)
-    nobody = f"no {'candidate' if candidates(tree) else 'camera'} is usable"
+    titles, depth = camera_titles(tree), nominal(tree)
+    among = candidates(tree) or tuple(map(str, depth["camera"].values))
+    usable = [ends for name in among for ends in where_usable(depth, name)]
+
+    def nobody(near: float, far: float) -> str:
+        if nominal_is_declared(tree) and any(start <= math.sqrt(near * far) <= end for start, end in usable):
+            return "no depth uncertainty has a bound"
+        return f"no {'candidate' if candidates(tree) else 'camera'} is usable"
+
     return tuple(
         BestRange(
             near=near,
             far=far,
             cameras=tuple(titles[name] for name in names.split(", ") if name),
-            words=f"{answer_title(titles, names, nobody)} from {plain_span(near, far)}",
+            words=f"{answer_title(titles, names, nobody(near, far))} from {plain_span(near, far)}",
         )
         for near, far, names in reported_winners(tree)
     )

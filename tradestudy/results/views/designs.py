@@ -26,8 +26,7 @@ from tradestudy.units import (
     SOLID_ANGLE,
     Dimension,
     pretty,
-    rounded_down,
-    rounded_up,
+    rounded_inwards,
     significant,
 )
 from tradestudy.wording import counted, distance, in_words, listed
@@ -219,14 +218,14 @@ def _joined(ranges: list[tuple[float, float, float]]) -> list[tuple[float, float
     return [(low, high) for low, high, _ in joined]
 
 
-def interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
+def interval_words(low: float, high: float, values: FloatArray, dimension: Dimension, error: float = 0.0) -> str:
     """A range of a swept parameter: "from 53.4 mm on" where it reaches the last value of the sweep.
 
-    Computed ends are rounded inwards, so that the written values lie within the range.
+    Computed ends are rounded inwards, so that the written values lie within the range; `error` is that of both.
     """
     begins, ends = low <= values[0], high >= values[-1]
-    first = pretty(low, dimension) if begins else rounded_up(low, dimension)
-    last = pretty(high, dimension) if ends else rounded_down(high, dimension)
+    first, last = rounded_inwards(low, high, dimension, error)
+    first, last = pretty(low, dimension) if begins else first, pretty(high, dimension) if ends else last
     if begins and ends:
         return f"anywhere from {first} to {last}"
     if ends:

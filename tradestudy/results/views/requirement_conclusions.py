@@ -355,7 +355,7 @@ def _met_ranges(tree: xr.DataTree, number: int) -> tuple[MetRange, ...] | None:
                 high=float(high),
                 error=float(error),
                 camera=titles.get(str(camera), "all cameras"),
-                words=interval_words(low, high, values, dimension_of(axis)),
+                words=interval_words(float(low), float(high), values, dimension_of(axis), float(error)),
             )
         )
     return tuple(found)

@@ -15,6 +15,7 @@ _SHARING: dict[str, dict[str, Any]] = {
     "from": {
         "type": ["string", "array"],
         "items": {"type": "string"},
+        "minItems": 1,
         "description": "File of a camera, or one or more calibration files; paths are relative to the study.",
     },
     "like": {"type": "string", "description": "Name of the camera of this study that this one starts from."},

@@ -271,7 +271,11 @@ class ShareBetterClaim(_ClaimPart):
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
-    """A claim about the distance beyond which the relative depth uncertainty exceeds a threshold."""
+    """A claim about the distance beyond which the relative depth uncertainty exceeds a threshold.
+
+    If it does so at no distance of the study, or at all of them, the distance is sought beyond these, down to 1 mm and
+    out to 100 km.
+    """
 
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
