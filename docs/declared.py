@@ -93,11 +93,11 @@ dimension `posterior` are the names of the cameras.
 Parameters are in SI units or, if their names end in `_px`, in pixels.
 
 An *ensemble* is a group of chains that is independent of the other groups; `ensemble` is its index. *R-hat* is near 1
-if the ensembles agree. The *effective sample size* is the number of independent draws that would determine the result
-equally well.
+if the ensembles, or the chains of one ensemble, agree with each other. The *effective sample size* is the number of
+independent draws that would determine the result equally well.
 
-Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. Depths in them are those of points
-midway between the two cameras, at the distances `rig_distance`.
+Variables whose names begin with `rig_` concern stereo rigs calibrated from corners. The depths in them are those of
+points straight ahead of the midpoint of the baseline, at the distances `rig_distance`.
 """,
     "sensitivity": """
 How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. `field` lists the axis
@@ -155,8 +155,8 @@ of [`/depth_loop`](#group-depth_loop), but the predicted depth uncertainty inclu
 equally many points.
 """,
     "requirements": """
-What the study requires, and whether the cameras meet it. `stretch` is the index of a range of the parameter that a
-sweep varies.
+What the study requires, and whether the cameras meet it. In a sweep, `stretch` counts the ranges of
+the varied parameter in which the same camera meets the requirement throughout.
 
 Variables whose names begin with `bound_alone_` tell what the answer would be if matching reached its Cramér–Rao bound,
 without the errors of a declared matcher.

@@ -84,8 +84,8 @@ class StabilityPart(Part):
     )
     focal_length_expansion: ThermalExpansion | None = Field(
         default=None,
-        description="Relative change of the focal length per kelvin, without that due to the air; "
-        "required with `temperature`, and not accepted without it.",
+        description="Relative change of the focal length per kelvin, not counting the change due to the air "
+        "(glass_index); required with `temperature`, and not accepted without it.",
     )
     glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
         default=None,

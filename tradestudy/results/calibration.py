@@ -12,8 +12,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         dims=("posterior",),
         units="1",
         long_name="whether the chains pass all checks: they are long enough (posterior_lengths ≥ 50, effective sample "
-        "sizes ≥ 400), agree with each other (split R-hat ≤ 1.01 between ensembles, ≤ 1.1 within one), accept 20 to "
-        "50 % of the steps, and posterior_marginal_efficiency ≥ 0.9",
+        "sizes ≥ 400), agree with each other (split R-hat ≤ 1.01 between ensembles, ≤ 1.1 within one) and accept 20 to "
+        "50 % of the steps, and posterior_marginal_efficiency is at least 0.9",
     ),
     "posterior_verdict": Variable(
         dims=("posterior",),
@@ -36,14 +36,15 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_acceptance": Variable(
         dims=("posterior", "ensemble"),
         units="1",
-        long_name="fraction of the proposed steps that the sampler accepted; NaN beyond the last ensemble",
+        long_name="fraction of the proposed steps that the sampler accepted; NaN where a calibration has fewer "
+        "ensembles",
     ),
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="effective number of draws after reweighting, as a fraction of all draws; the chains integrate only "
-        "approximately over the poses of the board, and to check this, the poses are fitted anew for each draw, and "
-        "the draws are reweighted accordingly; near 1 if the approximation is good",
+        long_name="effective number of draws after reweighting, as a fraction of all draws; near 1 if the approximate "
+        "integration of the chains over the poses of the board is good; to check this integration, the poses are "
+        "fitted anew for each draw, and the draws are reweighted by the result",
     ),
     "posterior_evaluations": Variable(
         dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"
@@ -103,15 +104,15 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_best": Variable(
         dims=("posterior", "parameter"),
         units="mixed",
-        long_name="best-fit value of a parameter; a stereo rig calibrated from corners computes depth with these "
-        "values; NaN for other cameras, and for parameters that are not used to compute depth",
+        long_name="best-fit value of a parameter, with which a stereo rig calibrated from corners computes depth; NaN "
+        "for cameras not calibrated from corners, and for parameters that are not used to compute depth",
         error="see posterior_deviation",
     ),
     "posterior_lens_model": Variable(
         dims=("posterior",),
         units="",
         long_name="lens model of both cameras: its name, its fitted coefficients, and the values from which the fit "
-        "started; empty for a pinhole with the radial coefficients k1 and k2",
+        "started; empty for the default, a pinhole model with radial distortion by k1 and k2 only",
     ),
     "posterior_pixels": Variable(
         dims=("posterior", "side"),
@@ -121,8 +122,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_draw": Variable(
         dims=("posterior", "draw", "parameter"),
         units="mixed",
-        long_name="value of a parameter in a joint draw from all chains; NaN where the parameter is not drawn, and "
-        "beyond the last draw",
+        long_name="value of a parameter in one of the draws of all parameters together, taken from all chains; NaN "
+        "where the parameter is not drawn, and for indices after the last draw",
     ),
     "posterior_trace": Variable(
         dims=("posterior", "ensemble", "step", "parameter"),
@@ -189,9 +190,9 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="ratio of two standard deviations of a parameter: from a fit in which the board may move between "
-        "the left and the right exposure of a view, to that from a fit in which it may not; NaN where the parameter is "
-        "not fitted",
+        long_name="standard deviation of a parameter from a fit in which the board may move between the left and the "
+        "right exposure of a view, divided by its standard deviation from a fit in which the board may not move; NaN "
+        "where the parameter is not fitted",
     ),
 }
 

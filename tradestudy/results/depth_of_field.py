@@ -78,9 +78,9 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images that a focus stack takes to cover the range declared for it, or that a camera "
-        "which focuses on every object needs to cover depth_of_field.range; 1 for any other camera; 0 if no number "
-        "makes the range sharp",
+        long_name="number of images: for a focus stack, as many as cover the range declared for the stack; for a "
+        "camera that focuses on every object, as many as it needs to cover depth_of_field.range; 1 for any other "
+        "camera; 0 if no number makes the range sharp",
         error=COUNTED,
     ),
     "reason": Variable(
@@ -90,10 +90,11 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "lateral_resolution": _length(
         ("camera", "distance"),
-        "size of the smallest detail on the object that the camera resolves, without diffraction; if the camera takes "
-        "a focus stack, its images are assumed to be spaced for a blur of 1 px; NaN where the camera forms no image",
+        "size of the smallest detail on the object that the camera resolves, diffraction disregarded; if the camera "
+        "takes a focus stack, its images are assumed to be spaced for a blur of 1 px; NaN where the camera forms no "
+        "image",
         "r",
-        "the larger of pixel (or microlens) and geometric blur, both projected to the object; see "
+        "the larger of the pixel pitch (or microlens pitch) and the geometric blur, both projected to the object; see "
         "tradestudy.optics.lateral_resolution",
     ),
     "diffraction_width": _length(

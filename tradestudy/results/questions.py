@@ -126,14 +126,14 @@ DECISION: Final[Mapping[str, Variable]] = {
     "design_crossover_nearer": Variable(
         dims=("design_crossing",),
         units="",
-        long_name="camera with the lower depth uncertainty just below design_crossover_distance; empty beyond the last "
-        "crossover",
+        long_name="camera with the lower depth uncertainty just below design_crossover_distance; empty for indices "
+        "after the last crossover",
     ),
     "cause": Variable(
         dims=("camera",),
         units="",
-        long_name="uncertain input, with its basis, that contributes most to the variance of inverse depth, averaged "
-        "over the usable distances (all distances if none is usable); empty where no input is uncertain",
+        long_name="uncertain input, with its basis, whose contribution to the variance of inverse depth, averaged over "
+        "the usable distances (over all distances if none is usable), is largest; empty where no input is uncertain",
     ),
     "cause_share": Variable(
         dims=("camera",),
@@ -241,9 +241,9 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="worst value of the quantity over the required distances, for camera_deciding, in SI units; for a "
-        "required usable or sharp range, the fraction of it, on a logarithmic scale, that the camera covers; NaN where "
-        "unknown",
+        long_name="worst value of the quantity over the required distances, for camera_deciding, in SI units or, if "
+        "bound_is_relative, as a fraction of the distance; for a required usable or sharp range, the fraction of it, "
+        "on a logarithmic scale, that the camera covers; NaN where unknown",
         error="see value_error",
     ),
     "value_error": Variable(
@@ -272,17 +272,19 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "place": Variable(
         dims=_OF_REQUIREMENT,
         units="m",
-        long_name="distance at which 'value' occurs; NaN where it belongs to no distance",
+        long_name="distance at which 'value' occurs; for a required usable or sharp range, the near end of the first "
+        "gap or, without a gap, the end with the smaller margin; NaN where no distance applies",
         error="1e-4, relative",
     ),
     "margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="relative margin in percent; for an upper bound, 100 ('bound'/'value' − 1); for a lower one, 100 "
-        "('value'/'bound' − 1); for a required usable or sharp range, 100 (q − 1), where q is the smaller of (required "
-        "near end)/(near end) and (far end)/(required far end); negative if the bound is missed; where the camera is "
-        "unusable, or not sharp, over a fraction p of the required distances (on a logarithmic scale), at most −100 p; "
-        "NaN where 'value' is NaN",
+        long_name="relative margin in percent, negative if the bound is missed; for an upper bound, 100 "
+        "('bound'/'value' − 1), for a lower one, 100 ('value'/'bound' − 1), or, if it is smaller, −100 p, where p is "
+        "the fraction of the required distances, on a logarithmic scale, at which the camera is unusable; for a "
+        "required usable or sharp range that is covered throughout, 100 (q − 1), where q is the smaller of (required "
+        "near end)/(near end) and (far end)/(required far end); for one that is not, −100 p, where p is the fraction "
+        "not covered; NaN where the requirement cannot be decided",
         error="follows from value_error",
     ),
     "margin_sigma": Variable(

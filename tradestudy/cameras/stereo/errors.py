@@ -79,7 +79,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
                 unit="1",
                 part=INTERIOR,
                 meaning=f"Coefficient {name} of the {side} camera's lens model. The model must have the coefficients "
-                "k1 and k2; if none is declared, the rational model is assumed.",
+                "k1 and k2; if no lens model is declared, the rational one is assumed.",
             ),
         )
 

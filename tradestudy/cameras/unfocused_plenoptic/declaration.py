@@ -28,7 +28,7 @@ from tradestudy.optics.thin_lens import image_distance
 
 
 class UnfocusedMicrolensesPart(Part):
-    """The microlens array of an unfocused plenoptic camera, one microlens focal length in front of the sensor."""
+    """The microlens array of an unfocused plenoptic camera. The sensor lies in the focal plane of the microlenses."""
 
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(

@@ -32,7 +32,8 @@ class NumericalError:
     Attributes
     ----------
     field
-        Stated relative error of the complex field.
+        Stated relative error of the complex field, without the rounding of its constant phase: about 2e-16 times this
+        phase [rad].
     intensity
         Stated relative error of the intensity.
     nodes

@@ -78,7 +78,7 @@ _MODELS = {
     "interference of the waves from all microlenses (`coherent`)",
     "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area "
     "(`square`)",
-    "source_extent": "a point of light (`off`), or a disc (`disc`)",
+    "source_extent": "for light spots: a point of light (`off`), or a disc (`disc`)",
     "spectrum": "a single wavelength (`off`), or all wavelengths with their weights (`weighted`)",
     "vignetting": "none (`off`), or the cos⁴ law and obstruction by two equal round stops, "
     "scene.picture.stop_separation apart (`cos4`)",
@@ -92,8 +92,8 @@ _MODELS = {
 class _EffectsPart(Part):
     """The model of each effect.
 
-    The program chooses the models of the effects that this part does not name, and refuses a model that applies to
-    nothing in the study.
+    For every effect that the study does not name under `effects`, the program chooses the model. It refuses a model
+    that applies to nothing in the study.
     """
 
     def forced(self) -> dict[SlotName, str]:

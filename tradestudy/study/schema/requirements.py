@@ -131,7 +131,7 @@ class CriterionPart(Part):
 
 
 class GuardBandPart(Part):
-    """Margin that a value must keep from its bound, as a number of standard errors of the computation or as a risk.
+    """How far a value must stay from its bound, as a number of standard errors of the computation or as a risk.
 
     It affects depth_uncertainty and failed_fraction, and has no effect on `usable`, `overlap` and lateral_resolution;
     depth_of_field and `criterion` do not accept it.

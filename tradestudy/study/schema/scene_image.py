@@ -51,7 +51,7 @@ class PlanePart(Part):
 
 
 class StairsPart(Part):
-    """Treads that face the camera, from near (left) to far (right), joined by risers; two treads make a step."""
+    """Treads that face the camera, near (left) to far (right), joined by risers: 2 for `step`, more for `staircase`."""
 
     shape: Literal["step", "staircase"]
     near: ObjectDistance = Field(description="Distance of the nearest tread.")
