@@ -22,10 +22,10 @@ Depth uncertainty and usable range of each camera that measures depth, for point
 There is one *interval of depths* for the central 68.27 % of measured depths, and one for each further fraction in
 `propagation.coverage`. An interval has no far end where too many measurements fail.
 
-`side` is the direction in which the true depth changes: `nearer` to the camera or `farther` from it. `part` names
-groups of errors, such as `noise` or `relative rotation`. `quantile` lists the probabilities of the quantiles: 0.5, and
-those of both ends of every interval of depths. The
-dimension `interval`, by contrast, counts the ranges of distance in which a camera is usable, from the nearest.
+`side`, a dimension of `depth_discrimination`, is the direction of the change of true depth: `nearer` to the camera or
+`farther` from it. `part` names groups of errors, such as `noise` or `relative rotation`. `quantile` lists the
+probabilities of the quantiles: 0.5, and those of both ends of every interval of depths. The dimension `interval`, by
+contrast, counts the ranges of distance in which a camera is usable, from the nearest.
 
 `limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
 `total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
@@ -101,8 +101,8 @@ points straight ahead of the midpoint of the baseline, at the distances `rig_dis
 """,
     "sensitivity": """
 How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. `field` lists the axis
-(0) and the field positions of `propagation.field_places`. `source` names independent error sources, each of which may
-change several parameters together.
+(0) and the field positions of `propagation.field_places`. `source` names independent error sources: single
+parameters, or groups of correlated parameters, each of which may change several parameters together.
 """,
     "fresnel_validity": """
 The smallest f-number at which Fresnel's approximation may replace Kirchhoff's integral, for each lens (`element`).
@@ -133,8 +133,8 @@ square*, declared by `point_spread.window`, are centred on the thin-lens image.
     "effects": """
 Which model of each effect was chosen, and how much the others would have changed the answers. A *problem* is a part of
 the study with models of its own: a camera, its pictures, a light path, the point spread or the depth of field.
-`decision` lists every model of every effect of each problem, and `quantity` the quantities that have tolerances under
-`accuracy`.
+The dimension `decision` (not the study key of this name) lists every model of every effect of each problem, and
+`quantity` the quantities that have tolerances under `accuracy`.
 """,
     "cost": """
 Error and computing time of the sets of models with which the answers of a study can be computed, as the

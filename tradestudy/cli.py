@@ -54,8 +54,9 @@ SetOption = Annotated[
         "--set",
         metavar="PATH=VALUE",
         help="For this command only, replace the value at PATH, as in stereo-short.baseline='50 mm'. PATH consists of "
-        "the keys that lead to the value, joined by dots; keys in braces are merged into those of the study, and null "
-        "removes a value. May be repeated.",
+        "the keys that lead to the value, joined by dots, without cameras. before the name of a camera. If VALUE is a "
+        "mapping in braces, its keys are merged into those of the study; if it is null, the value is removed. May be "
+        "repeated.",
     ),
 ]
 ToleranceOption = Annotated[
@@ -226,7 +227,7 @@ def export(
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera's calibration as files for other programs or, in the format posterior, for other studies."""
+    """Write a camera's calibration as files for other programs or, with --format posterior, for other studies."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 

@@ -15,7 +15,7 @@ from tests.campaigns.light_regret import measured, rows
 from tradestudy.analysis.spot_images import SpotModels, light_path, light_source, spot_picture
 from tradestudy.effects.choice import Choice, choose
 from tradestudy.effects.models import Models
-from tradestudy.errors import OutOfRangeError, StudyError
+from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.optics.chain import DiscSource
 from tradestudy.plan import light_pilot
 from tradestudy.plan.light_pilot import predicted_picture_seconds
@@ -268,3 +268,8 @@ def test_a_disc_that_blurs_many_cycles_is_not_tried_as_a_point(monkeypatch: pyte
     assert problem.changes({**problem.complete, "source_extent": "off"})["pixel_intensity"].least == math.inf
     assert choose(problem, {"pixel_intensity": 0.1}, {}).models["source_extent"] == "disc"
     assert not tried
+
+
+def test_microlenses_too_large_for_the_memory_are_refused() -> None:
+    with pytest.raises(UnaffordableError, match=r"GB \(allowed: 2 GB\); .*microlenses"):
+        tradestudy.load(STUDY, ["light_spot.microlenses.pitch=0.5 m"]).plan()

@@ -58,7 +58,7 @@ class CalibratedAtPart(Part):
 
 
 class StabilityPart(Part):
-    """What differs from the calibration: the air, the camera, or the colour of the object; by default, nothing."""
+    """What has changed since the calibration or differs from it: air, camera or colour of the object; default: none."""
 
     temperature: TemperatureDistribution | None = Field(
         default=None, description="Change of the air temperature since the calibration."

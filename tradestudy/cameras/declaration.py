@@ -150,8 +150,8 @@ class DisparityPart(Part):
     )
     matcher: MatcherPart | None = Field(
         default=None,
-        description="By how much the errors of a real matcher exceed the Cramér–Rao bound; only with `derived`; "
-        "default: those of scene.picture.matcher.",
+        description="By how much the errors of a real matcher exceed the Cramér–Rao bound; only with a derived "
+        "disparity_error. Default: the values of scene.picture.matcher.",
     )
 
     @model_validator(mode="after")

@@ -29,7 +29,8 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             name=f"depth-map-{key}",
             caption=f"Depth uncertainty of {titles[key]} over the picture, relative to that in the middle, on one "
             f"scale for all distances{_end_of_scale(tree, key)}. Blank: the point is not seen by both cameras or lies "
-            "outside the valid field of a lens model, or its uncertainty has no bound.",
+            "outside the valid field of a lens model, or its uncertainty has no bound. The map takes inverse depth as "
+            "linear in all errors, and so may differ slightly from the tables.",
             alt=map_words(tree, key),
             draw=partial(draw_uncertainty_map, tree, key),
             values=partial(_tables, tree, key),

@@ -13,8 +13,9 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "z_accuracy": Variable(
         dims=_OVER,
         units="m",
-        long_name="depth uncertainty from calibration errors alone, which averaging does not reduce; infinite where "
-        "the interval of depths has no far end, NaN where the camera does not see the point",
+        long_name="depth uncertainty from calibration errors and drift, without noise, which averaging within a "
+        "session does not reduce; infinite where the interval of depths has no far end, NaN where the camera does not "
+        "see the point",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "temporal_noise": Variable(

@@ -34,7 +34,8 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "outcome": Variable(
         dims=_CASE,
         units="1",
-        long_name="whether the right answer is an error message, a sign or a count rather than a computed number",
+        long_name="whether the right answer is in words: an error message, a sign or a count rather than a computed "
+        "number",
     ),
     "naive_error": _error("relative error of the textbook formula"),
     "our_error": _error("relative error of this program"),
@@ -42,7 +43,8 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
         dims=_CASE,
         units="1",
         long_name="largest acceptable our_error: the error that the program states or, without one, 10 machine "
-        "epsilons times condition_number, but at least 1e-12; NaN where the right answer is in words",
+        "epsilons times condition_number, but at least 1e-12; condition_number is left out where it is infinite, or "
+        "where the program computes the ill-conditioned step without rounding; NaN where the right answer is in words",
         error=EXACT,
     ),
     "condition_number": Variable(

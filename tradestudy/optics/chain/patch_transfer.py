@@ -18,12 +18,14 @@ import finufft
 import numpy as np
 import scipy.fft
 
+from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.detector_transfer import decades, fading, fading_length, real_type
 from tradestudy.optics.phasors import ComplexArray, unit_phasor
 
 _DIRECTIONS = 2 * math.pi * np.arange(16) / 16
 _MIDDLES = 5  # distances of a patch from its microlens that are tried
+_MOST_BYTES = 2e9  # of a tabulated law
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,6 +181,7 @@ def patch_law(plan: PatchPlan, *, single: bool = False) -> PatchLaw:
         largest = math.ceil(
             float(_sine(np.array([plan.farthest / plan.distance]))[0]) / plan.wavelength / plan.frequency_step
         )
+        _refuse_large(plan.count // 2 + largest + 2)
         sine = plan.wavelength * plan.frequency_step * np.arange(plan.count // 2 + largest + 2)
         squared = (sine**2)[None, :] + (sine**2)[:, None]
         k_b = 2 * math.pi / plan.wavelength * plan.distance
@@ -190,6 +193,18 @@ def patch_law(plan: PatchPlan, *, single: bool = False) -> PatchLaw:
         half = np.concatenate([quadrant[:0:-1], quadrant])
         ratio = np.concatenate([half[:, :0:-1], half], axis=1)
     return PatchLaw(plan=plan, curvature=curvature, ratio=ratio)
+
+
+def _refuse_large(side: int) -> None:
+    """Refuse a transfer function of so many frequencies along a side of its quadrant that it exceeds the memory."""
+    needed = 4 * 16.0 * side**2
+    if needed > _MOST_BYTES:
+        raise UnaffordableError(
+            "the transfer function behind a microlens",
+            value=f"{needed / 1e9:.3g} GB",
+            limit=f"{_MOST_BYTES / 1e9:.3g} GB",
+            remedy="check the sizes of the microlenses and of the source, or raise the tolerance",
+        )
 
 
 def patch_fields(

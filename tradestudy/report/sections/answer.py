@@ -41,6 +41,7 @@ from tradestudy.units import significant
 from tradestudy.wording import DECLARED_VALUE, distance, limit_words, listed, span, with_article
 
 _MOST_REASONS = 3
+_FEW_QUESTIONS = 2  # that stand beside the cameras; more would hide the requirements below them
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
 _DECLARED: Final = " (study as declared)"
 
@@ -53,16 +54,19 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
             yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
         return
     yield Heading(text="The answer", anchor="answer")
-    designs = tuple(_designs(tree))
+    designs, solved = tuple(_designs(tree)), tuple(_solved(tree))
+    beside, apart = (solved, ()) if len(solved) <= _FEW_QUESTIONS else ((), solved)
     if designs:
         yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
     yield Callout(
         title=_which(titles_in(tree, "depth")) + (_DECLARED if designs else ""),
-        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_usable(tree), *_changes(tree), *_solved(tree))),),
+        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_usable(tree), *_changes(tree), *beside)),),
         tone="answer",
         name="answer-cameras",
     )
     yield from _requirements(requirement_conclusions(tree), _DECLARED if designs else "")
+    if apart:
+        yield Callout(title="Inverse questions", blocks=(Bullets(apart),), tone="answer")
     if measured := tuple(_measured(tree)):
         yield Callout(title="Depth measured in rendered pictures", blocks=(Bullets(measured),))
     sentences = [

@@ -45,9 +45,9 @@ class UsableRangePart(Part):
     )
     blur: PositivePixels | None = Field(
         default=None,
-        description="Largest diameter of the geometric blur, in pixels or, for an unfocused plenoptic camera, in "
-        "microlenses. With several types of microlenses, it applies to the least sharp type that the estimator "
-        "needs.",
+        description="Largest diameter of the geometric blur, in pixels; for an unfocused plenoptic camera, 1 px here "
+        "means one microlens. With several types of microlenses, this limit applies to the least sharp type that the "
+        "estimator needs.",
     )
     disparity_step: PositivePixels | None = Field(
         default=None,
@@ -112,10 +112,10 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """The values of an input at which an answer is as required.
+    """The values of an input at which a condition holds.
 
-    At these values, two cameras have the same depth uncertainty, one camera has a given depth uncertainty, or a
-    requirement begins or ceases to be met.
+    Either two cameras have the same depth uncertainty, one camera has a given depth uncertainty, or a requirement
+    begins or ceases to be met.
     """
 
     says: Text = Field(description="The question in words.")
