@@ -101,8 +101,8 @@ points straight ahead of the midpoint of the baseline, at the distances `rig_dis
 """,
     "sensitivity": """
 How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. `field` lists the axis
-(0) and the field positions of `propagation.field_places`. `source` names independent error sources: single
-parameters, or groups of correlated parameters, each of which may change several parameters together.
+(0) and the field positions of `propagation.field_places`. `source` names the error sources, which are independent of
+each other. Each is the error of a single parameter, or the joint error of a group of correlated parameters.
 """,
     "fresnel_validity": """
 The smallest f-number at which Fresnel's approximation may replace Kirchhoff's integral, for each lens (`element`).

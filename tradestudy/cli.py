@@ -54,7 +54,7 @@ SetOption = Annotated[
         "--set",
         metavar="PATH=VALUE",
         help="For this command only, replace the value at PATH, as in stereo-short.baseline='50 mm'. PATH consists of "
-        "the keys that lead to the value, joined by dots, without cameras. before the name of a camera. If VALUE is a "
+        "the keys that lead to the value, joined by dots; cameras. may be left out. If VALUE is a "
         "mapping in braces, its keys are merged into those of the study; if it is null, the value is removed. May be "
         "repeated.",
     ),

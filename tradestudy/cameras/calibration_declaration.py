@@ -90,7 +90,7 @@ class StabilityPart(Part):
     glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
         default=None,
         description="Refractive index of the lens, treated as a single glass. It determines how the surrounding "
-        "air changes the focal length; required with `temperature` or `pressure`, and not accepted without them.",
+        "air changes the focal length; required with `temperature` or `pressure`, and not accepted without either.",
     )
 
     @model_validator(mode="after")

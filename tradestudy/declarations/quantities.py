@@ -79,7 +79,7 @@ def _limits(dimension: Dimension, *, above: float, at_least: float, at_most: flo
     """The limits in words: "above 0 m", "of 0 m or more", "from 10 nm to 10 mm"."""
     low, high = pretty(at_least, dimension), pretty(at_most, dimension)
     if math.isfinite(above):
-        words = f"above {pretty(above, dimension)}"
+        words = f"above {pretty(above, dimension, digits=5)}"
         return f"{words} and up to {high}" if math.isfinite(at_most) else words
     if math.isfinite(at_least) and math.isfinite(at_most):
         return f"from {low} to {high}"

@@ -173,10 +173,10 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
     bounds = list(required_uncertainties(tree))
     low, high = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
-    lowest, highest = (MM * ends([bound for _, bound in bounds]) if bounds else np.nan for ends in (np.min, np.max))
+    required_mm = [MM * end for _, bound in bounds for end in bound.tolist()] or [np.nan]
     # An absurd bound, far below or above all curves, is not worth flattening them.
-    low = max(np.fmin(low, 0.5 * lowest), _WIDEST**-1 * low)
-    high = min(np.fmax(high, 2.0 * highest), _WIDEST * high)
+    low = max(np.fmin(low, 0.5 * min(required_mm)), low / _WIDEST)
+    high = min(np.fmax(high, 2.0 * max(required_mm)), high * _WIDEST)
     curves.set(ylim=(low, high), ylabel="depth uncertainty (68 %)")
     draw_curves(curves, depth, shown, drawn)
     edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []

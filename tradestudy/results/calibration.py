@@ -185,14 +185,15 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         dims=("posterior", "rig_side", "rig_cell_row", "rig_cell_column", "rig_axis"),
         units="px",
         long_name="mean residual along x or y of the corners in one cell of a grid over the left or right picture, "
-        "with each camera fitted alone; NaN in cells without corners and for cameras not calibrated from corners",
+        "with the left and the right camera each fitted alone; NaN in cells without corners and for rigs not "
+        "calibrated from corners",
     ),
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",
-        long_name="standard deviation of a parameter from a fit in which the board may move between the left and the "
-        "right exposure of a view, divided by its standard deviation from a fit in which the board may not move; NaN "
-        "where the parameter is not fitted",
+        long_name="standard deviation of a parameter according to a fit that lets the board move between the left and "
+        "the right exposure of a view, divided by the one according to a fit that does not; NaN where the parameter is "
+        "not fitted",
     ),
 }
 

@@ -241,7 +241,7 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "matched_window_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="side, in pixels, of the square matching window: scene.picture.matching_window or, if it is smaller, "
+        long_name="side, in pixels, of the square matching window: the smaller of scene.picture.matching_window and "
         "the largest square on the object that appears in all compared pictures; for an estimator that compares "
         "several pairs of pictures, the side of the window that would give a single pair the same information; 0 where "
         "the pictures share nothing, NaN where the camera forms no image",

@@ -124,9 +124,9 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range in which the camera resolves depth_of_field.equal_resolution, without diffraction; if the "
-        "camera takes a focus stack, its images are assumed to be spaced for this resolution; NaN beyond the last "
-        "range",
+        "near end of a range in which the camera resolves a detail of size depth_of_field.equal_resolution, "
+        "diffraction neglected; if the camera takes a focus stack, its images are assumed to be spaced for this "
+        "resolution; NaN beyond the last range",
         reference="",
     ),
     "resolved_far": _length(

@@ -132,8 +132,9 @@ DECISION: Final[Mapping[str, Variable]] = {
     "cause": Variable(
         dims=("camera",),
         units="",
-        long_name="uncertain input, with its basis, whose contribution to the variance of inverse depth, averaged over "
-        "the usable distances (over all distances if none is usable), is largest; empty where no input is uncertain",
+        long_name="the uncertain input that contributes most to the variance of inverse depth, and its basis; the "
+        "contribution is averaged over the usable distances, or over all distances if none is usable; empty where no "
+        "input is uncertain",
     ),
     "cause_share": Variable(
         dims=("camera",),

@@ -71,7 +71,8 @@ class ReliefPart(Part):
     )
     surface_tilt: NonNegativeAngle = Field(
         description="Angle between the surface and the plane perpendicular to the optical axis. The surface is tilted "
-        "along the baseline, so that the two outermost viewpoints see it foreshortened by different amounts."
+        "so that its distance changes along the baseline; the two outermost viewpoints therefore see it foreshortened "
+        "by different amounts."
     )
 
     @model_validator(mode="after")

@@ -131,7 +131,10 @@ class CriterionPart(Part):
 
 
 class GuardBandPart(Part):
-    """How far a value must stay from its bound, as a number of standard errors of the computation or as a risk.
+    """How far a value must stay from its bound.
+
+    It is given as a number of standard errors of the value, or as the largest risk that a requirement counts as met
+    although its bound is violated.
 
     It affects depth_uncertainty and failed_fraction, and has no effect on `usable`, `overlap` and lateral_resolution;
     depth_of_field and `criterion` do not accept it.

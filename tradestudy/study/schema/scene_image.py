@@ -51,7 +51,10 @@ class PlanePart(Part):
 
 
 class StairsPart(Part):
-    """Treads that face the camera, near (left) to far (right), joined by risers: 2 for `step`, more for `staircase`."""
+    """Treads that face the camera, from near (left) to far (right), joined by risers.
+
+    A `step` has two treads, a `staircase` three or more.
+    """
 
     shape: Literal["step", "staircase"]
     near: ObjectDistance = Field(description="Distance of the nearest tread.")
@@ -121,7 +124,7 @@ class RockPart(Part):
 
 
 class DepthMapPart(Part):
-    """A surface from a depth map (8- or 16-bit PNG, TIFF or NPY), with a picture or the scene's texture on it."""
+    """A surface from a depth map (PNG of 8 or 16 bits, TIFF or NPY), with a picture or the scene's texture on it."""
 
     shape: Literal["depth-map"]
     depth: FileName = Field(
