@@ -9,8 +9,8 @@ Start here:
   Metrics such as `encircled_energy` and `modulation_transfer` accept the result of `point_spread`, and that of
   `aperture_field` on a regular grid.
 * `microlens_image` computes the image of a point or a disc on the pixels behind a main lens and a microlens array, from
-  the numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`, that is, with any positions and
-  focal lengths of the microlenses.
+  the numbers in a `MicrolensCamera`. `chain_image` does the same for any `LightPath`: choose it to fix the number of
+  the microlenses, their positions or their focal lengths.
 
 Functions take and return NumPy arrays. Lengths are in metres, angles in radians. Sources, lenses, microlenses, pixels
 and targets (the points at which a field is computed) share the same x and y axes: a source at x > 0 has its real image

@@ -71,8 +71,9 @@ class LensPointSpread(PointSpread):
     centre
         Point (x, y) at which the chief ray meets the image plane [m].
     airy_radius
-        Radius of the first dark ring without aberration [m]: 1.2197 λ b/D for the wavelength λ, the distance b of the
-        image plane behind the lens, and the diameter D of the pupil.
+        Radius of the first dark ring without aberration, by Fresnel's law [m]: 1.2197 λ b/D for the wavelength λ, the
+        distance b of the image plane behind the lens, and the diameter D of the pupil. By Kirchhoff's law, the ring of
+        a fast lens is larger: by about 1 % at f/2.8.
     reference_peak
         Intensity at `centre` if the light of the whole pupil arrived there in phase [1/m²]: the peak without
         aberration.

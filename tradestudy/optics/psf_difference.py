@@ -62,7 +62,7 @@ class PsfDifference:
 
 
 def airy_radius(*, wavelength: float, image_distance: float, pupil_diameter: float) -> float:
-    """Radius of the first dark ring, 1.2197 λ b/D [m]."""
+    """Radius of the first dark ring by Fresnel's law, 1.2197 λ b/D [m]."""
     return FIRST_DARK_RING * wavelength * image_distance / pupil_diameter
 
 
