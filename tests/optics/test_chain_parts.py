@@ -263,6 +263,18 @@ def test_too_coarse_samples_are_refused() -> None:
         )
 
 
+def test_the_law_of_a_patch_keeps_to_the_memory_limit() -> None:
+    """The limit is the size of the table that NumPy reports: one byte less refuses it, with the remedy."""
+    leg = {"wavelength": WAVELENGTH, "distance": 0.3e-3}
+    reach = fresnel_reach(**leg, half_side=30e-6, node_reach=36e-6, farthest=0.0, tolerance=1e-4)
+    plan = PatchPlan(**leg, spacing=1e-6, half=30, reach=reach, farthest=0.0)
+    ratio = patch_law(plan, memory_limit=2e9).ratio
+    assert ratio is not None
+    with pytest.raises(UnaffordableError, match="memory limit"):
+        patch_law(plan, memory_limit=ratio.nbytes - 1)
+    assert patch_law(plan, memory_limit=1.1 * ratio.nbytes).ratio is not None
+
+
 @pytest.mark.parametrize("middle", [(0.0, 0.0), (90e-6, -50e-6), (200e-6, 160e-6)])
 @pytest.mark.parametrize("paraxial", [False, True])
 def test_field_on_a_patch_is_the_sum_over_the_nodes(paraxial: bool, middle: tuple[float, float]) -> None:
@@ -288,7 +300,12 @@ def test_field_on_a_patch_is_the_sum_over_the_nodes(paraxial: bool, middle: tupl
     strengths = np.stack([field * nodes.weights, 2j * field * nodes.weights])
     middles = np.array([middle, middle])
     fields = patch_fields(
-        patch_law(plan), x=nodes.x, y=nodes.y, strengths=strengths, middles=middles, tolerance=tolerance / 20
+        patch_law(plan, memory_limit=2e9),
+        x=nodes.x,
+        y=nodes.y,
+        strengths=strengths,
+        middles=middles,
+        tolerance=tolerance / 20,
     )
     rows, columns = rng.integers(0, plan.side, (2, 60))
     at = np.array(middle) + spacing * (np.column_stack([columns, rows]) - plan.half)

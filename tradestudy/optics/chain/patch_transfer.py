@@ -25,7 +25,6 @@ from tradestudy.optics.phasors import ComplexArray, unit_phasor
 
 _DIRECTIONS = 2 * math.pi * np.arange(16) / 16
 _MIDDLES = 5  # distances of a patch from its microlens that are tried
-_MOST_BYTES = 2e9  # of a tabulated law
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,8 +167,11 @@ class PatchLaw:
     ratio: ComplexArray | None
 
 
-def patch_law(plan: PatchPlan, *, single: bool = False) -> PatchLaw:
-    """Tabulate the law of a leg without its constant phase, as in `detector_transfer.response`; 32-bit if `single`."""
+def patch_law(plan: PatchPlan, *, memory_limit: float, single: bool = False) -> PatchLaw:
+    """Tabulate the law of a leg without its constant phase, as in `detector_transfer.response`; 32-bit if `single`.
+
+    A table larger than the memory limit [bytes] is refused.
+    """
     kind = np.complex64 if single else np.complex128
     area = plan.wavelength * plan.distance
     at = plan.spacing * np.arange(-(plan.count // 2), plan.count - plan.count // 2, dtype=np.float64)
@@ -181,7 +183,7 @@ def patch_law(plan: PatchPlan, *, single: bool = False) -> PatchLaw:
         largest = math.ceil(
             float(_sine(np.array([plan.farthest / plan.distance]))[0]) / plan.wavelength / plan.frequency_step
         )
-        _refuse_large(plan.count // 2 + largest + 2)
+        _refuse_large(plan.count // 2 + largest + 2, memory_limit)
         sine = plan.wavelength * plan.frequency_step * np.arange(plan.count // 2 + largest + 2)
         squared = (sine**2)[None, :] + (sine**2)[:, None]
         k_b = 2 * math.pi / plan.wavelength * plan.distance
@@ -195,15 +197,15 @@ def patch_law(plan: PatchPlan, *, single: bool = False) -> PatchLaw:
     return PatchLaw(plan=plan, curvature=curvature, ratio=ratio)
 
 
-def _refuse_large(side: int) -> None:
+def _refuse_large(side: int, memory_limit: float) -> None:
     """Refuse a transfer function of so many frequencies along a side of its quadrant that it exceeds the memory."""
     needed = 4 * 16.0 * side**2
-    if needed > _MOST_BYTES:
+    if needed > memory_limit:
         raise UnaffordableError(
             "the transfer function behind a microlens",
             value=f"{needed / 1e9:.3g} GB",
-            limit=f"{_MOST_BYTES / 1e9:.3g} GB",
-            remedy="check the sizes of the microlenses and of the source, or raise the tolerance",
+            limit=f"{memory_limit / 1e9:.3g} GB",
+            remedy="check the sizes of the microlenses and of the source, or raise the tolerance or the memory limit",
         )
 
 

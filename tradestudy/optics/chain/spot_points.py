@@ -129,7 +129,7 @@ def prepare_spot(
         plane=plane,
         cycles=patch.cycles,
         transmission=plane.transmission(source.centre),
-        law=patch_law(patch.grid, single=single)
+        law=patch_law(patch.grid, memory_limit=accuracy.memory_limit, single=single)
         if isinstance(patch.grid, PatchPlan)
         else response(patch.grid, single=single),
         half_patch=patch.half_side,
