@@ -151,7 +151,7 @@ def _never_usable(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _off_axis(tree: xr.DataTree) -> Iterator[Spans]:
-    """The cameras that measure much less certainly off the axis, for which alone the answers hold."""
+    """Say that the answers hold on the optical axis, and for which cameras depth is much less certain off it."""
     if worse := off_axis_words(tree):
         yield say("**All answers hold on the optical axis.** Off it, {worse}.", worse=listed(worse))
 
