@@ -145,7 +145,7 @@ def _by_others(definition: StudyDefinition, question: SolvePart, trials: Sequenc
     return f" by {' or '.join(titles)}, because any camera may meet it"
 
 
-def _nearest(trials: Sequence[_Trial], dimension: Dimension, declared: Container[float]) -> str:
+def _nearest(trials: Sequence[_Trial], dimension: Dimension, declared: Container[float] = ()) -> str:
     """Where it comes closest to being met and how close; among values that are equally close, at the declared one."""
     margins = np.array([one.answer.margin for one in trials])
     if _alike(margins.tolist()):
