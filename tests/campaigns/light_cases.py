@@ -62,5 +62,12 @@ def random_part(rng: np.random.Generator) -> LightSpotPart:
     )
 
 
+def large_part(rng: np.random.Generator) -> LightSpotPart:
+    """A random part with a disc 3 to 30 times as wide, so that its image has many resolved points."""
+    part = random_part(rng)
+    wider = math.exp(rng.uniform(math.log(3.0), math.log(30.0)))
+    return part.model_copy(update={"spot": part.spot.model_copy(update={"diameter": wider * part.spot.diameter})})
+
+
 def _m(metres: float) -> str:
     return f"{metres:.12g} m"

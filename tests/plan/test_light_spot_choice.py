@@ -10,19 +10,20 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tests.campaigns.light_cases import random_part
+from tests.campaigns.light_cases import large_part, random_part
 from tests.campaigns.light_regret import measured, rows
 from tradestudy.analysis.spot_images import SpotModels, light_path, light_source, spot_picture
 from tradestudy.effects.choice import Choice, choose
-from tradestudy.effects.models import Models
+from tradestudy.effects.models import OFF, Models
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.optics.chain import DiscSource
+from tradestudy.optics.chain.arriving_light import RayWave
 from tradestudy.plan import light_pilot
 from tradestudy.plan.light_pilot import predicted_picture_seconds
 from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
 from tradestudy.plan.problems.light_trial import LightTrial, probes
 from tradestudy.plan.problems.point_spread import PointSpreadProblem
-from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 SMALL = [
@@ -48,14 +49,16 @@ def relative(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def test_the_light_spot_needs_simpler_models_at_looser_tolerances() -> None:
-    found = [spot_models(chosen(spot(), asked).models) for asked in (0.2, 0.1, 0.01)]
-    assert [one.method for one in found] == ["exact-rays", "exact-rays", "kirchhoff"]
+    found = [spot_models(chosen(spot(), asked).models) for asked in (0.2, 0.1, 0.05, 0.01)]
+    assert [one.method for one in found] == ["exact-rays", "exact-rays", "exact-rays", "kirchhoff"]
     assert all(one.integrated and not one.separate and not one.point for one in found)
 
 
-@pytest.mark.xfail(strict=True, reason="Fresnel changes it by 4.1 %, but trials of laws scatter too much to show it")
-def test_the_light_spot_to_5_percent_needs_no_kirchhoff() -> None:
-    assert spot_models(chosen(spot(), 0.05).models).method in ("exact-rays", "fresnel", "fresnel-kirchhoff")
+@pytest.mark.slow
+def test_the_models_chosen_for_5_percent_change_the_light_spot_by_less() -> None:
+    complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
+    models = spot_models(chosen(spot(), 0.05).models)
+    assert relative(spot_picture(spot(), models).pixels, spot_picture(spot(), complete).pixels) < 0.05
 
 
 def test_a_disc_that_lights_a_microlens_unevenly_does_not_count_as_a_point() -> None:
@@ -141,16 +144,41 @@ def test_nothing_is_tried_that_cannot_change_the_choice(monkeypatch: pytest.Monk
     assert not tried  # a trial of a point takes as long as its picture
 
 
-def test_probes_span_the_disc_and_the_microlenses_it_lights() -> None:
-    found = probes(spot())
-    centres = {tuple(one.alone.microlenses.centres[0]) for one in found}
-    assert len(centres) == 2
-    distances = [math.hypot(one.point.x, one.point.y) for one in found]
-    assert min(distances) == 0.0
-    assert max(distances) == pytest.approx(math.hypot(0.9, 0.3) * 2e-3)
-    assert all(one.pair.microlenses.count == 2 for one in found)
-    # The spot's image fills that of the pupil: between them the microlenses see 2 R b/z.
-    assert found[0].spread == pytest.approx(12.5e-3 / 3.8 / 2 * 0.587 / 15.271, rel=0.05)
+def test_probes_lie_within_the_part_of_the_disc_that_lights_their_microlens() -> None:
+    """Three of four random discs are off the axis, and larger than what a microlens sees of them."""
+    for number in (24, 40, 73, 117):
+        part = large_part(np.random.default_rng([811, number]))
+        path, source = light_path(part), light_source(part)
+        assert isinstance(source, DiscSource)
+        for probe in probes(part):
+            centre = probe.alone.microlenses.centres[0]
+            assert probe.pair.microlenses.count == 2
+            for point in probe.points:
+                assert math.hypot(point.x - source.centre.x, point.y - source.centre.y) < source.diameter / 2
+                wave = RayWave(path=path, source=point, wavelength=part.mean_wavelength, paraxial=False)
+                reach = wave.lit.radius + part.microlenses.pitch
+                assert math.dist((wave.lit.x, wave.lit.y), centre) < reach
+
+
+def test_the_blur_of_a_probe_is_the_image_of_a_disc_that_its_microlens_sees() -> None:
+    """Both thin lenses magnify it, by 13.636/150 and by 0.587/1.635; aberrations change that by 4 %."""
+    complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
+    parts = LightTrial(spot("light_spot.spot.diameter=1 mm"))._spread(0, complete)  # the only place where it shows
+    assert parts * 5.5e-6 / 3.0 == pytest.approx(0.5e-3 * 13.636 / 150.0 * 0.587 / 1.635, rel=0.06)
+
+
+@pytest.mark.parametrize(("number", "method", "law"), [(73, "exact-rays", OFF), (24, "fresnel", "fresnel")])
+def test_trials_of_laws_bound_the_change_of_pictures_of_large_discs(number: int, method: MethodName, law: str) -> None:
+    """Against whole pictures of discs off the axis, of which a microlens sees a part."""
+    part = large_part(np.random.default_rng([811, number]))
+    problem = LightSpotProblem(part, {})
+    tried: Models = {**problem.complete, "main_lens_diffraction": law, "microlens_diffraction": law}
+    while problem.try_out(tried):
+        pass
+    complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
+    whole = spot_picture(part, complete).pixels
+    change = relative(spot_picture(part, replace(complete, method=method)).pixels, whole)
+    assert change < problem.changes(tried)["pixel_intensity"].relative < 6.0 * change
 
 
 def test_rays_act_on_both_legs_or_on_none() -> None:

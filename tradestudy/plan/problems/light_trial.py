@@ -1,13 +1,14 @@
 """Trials of the picture of a light spot: how much the images of a few source points differ between two sets of models.
 
-The image of one source point behind a few microlenses takes some hundredths of a second. Convolved with the ray image
-of the disc, it represents the picture around it, so that differences that the disc blurs away do not count.
+The image of one source point behind a few microlenses takes some hundredths of a second. Convolved with the image of
+the part of the disc that lights the microlens, it represents the picture around it, so that differences that the disc
+blurs away do not count.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -19,8 +20,8 @@ import scipy.special
 from tradestudy.analysis.spot_images import RAYS, SpotModels, legs, light_path, light_source, picture_of
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath, PixelGrid
-from tradestudy.optics.chain.arriving_light import blur_radius, point_wave, ray_reach
+from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.arriving_light import blur_radius, point_wave
 from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.sampled_rays import forward_tracer
@@ -38,66 +39,78 @@ _RAYS: Final = 2**15  # per point; disc and pixels average out their errors
 _AROUND: Final = 6  # points that represent a disc with its centre: their mean is exact to fifth order in its radius
 _PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
 _MOST_LINES: Final = 4
-_MET: Final = 0.5  # of the light by waves; if rays bring less, they miss the microlenses
-_AZIMUTHS: Final = 16
+_OUT: Final = 0.6  # where the probes lie between the middle of a lit part and its edge
+_LEAST_LIT: Final = 0.05  # microlenses lit by a smaller part of the disc than this share of the largest are left out
 
 
 @dataclass(frozen=True, kw_only=True)
 class Probe:
-    """A source point, and the part of the light path that forms its image.
+    """Source points that light a microlens, and the part of the light path that forms their images.
 
     Attributes
     ----------
     alone, pair
-        A microlens alone and with its nearest neighbour, each with the pixels that belong to it, divided into parts.
-    point
-        Source point.
-    spread
-        Radius of the ray image of the disc on the detector [m], 0 for a point.
+        The microlens alone and with its nearest neighbour, each with the pixels that belong to it, divided into parts.
+    points
+        Three source points around the middle of the part of the disc that lights the microlens; otherwise the source.
     coherent_radius
         Radius of a coherent disc about the point [m]; 0 for other sources.
-    held
-        Share of the edge of the disc's image that is the edge of the disc itself. The rest is the edge of the pupil,
-        which does not move if the rays of a source point land elsewhere.
     """
 
     alone: LightPath
     pair: LightPath
-    point: PointSource
-    spread: float
+    points: tuple[PointSource, ...]
     coherent_radius: float
-    held: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _LitPart:
+    """Part of a disc that lights a microlens: its middle, and half its widths along and across an axis [m]."""
+
+    middle: FloatArray
+    axis: FloatArray
+    along: float
+    across: float
+
+    def at(self, along: float, across: float) -> tuple[float, float]:
+        """The place at shares of half its widths."""
+        x, y = self.axis
+        found = self.middle + along * self.along * self.axis + across * self.across * np.array([-y, x])
+        return float(found[0]), float(found[1])
 
 
 def probes(part: LightSpotPart) -> tuple[Probe, ...]:
-    """The centre of the spot and points towards its edge, each with a microlens that forms its image.
+    """For every focal length, the microlens of which half the lit ones see more of the disc, with source points.
 
-    The microlenses are those nearest to the light, one of each focal length, and the last one that the spot lights.
+    For a point, and for a coherent disc, these are the nearest microlens of each focal length and the farthest lit one.
     """
     path, source = light_path(part), light_source(part)
     owner = nearest_microlens(path)
     middle = source.centre if isinstance(source, DiscSource) else source
-    radius = source.diameter / 2.0 if isinstance(source, DiscSource) else 0.0
     coherent = isinstance(source, DiscSource) and source.coherent
+    radius = source.diameter / 2.0 if isinstance(source, DiscSource) else 0.0
+    present = [int(one) for one in np.unique(owner)]
+    if coherent or radius == 0.0:
+        places = {index: [(middle.x, middle.y)] for index in _around(path, middle, present)}
+    else:
+        corners = [(_OUT * math.cos(turn), _OUT * math.sin(turn)) for turn in 2.0 * math.pi / 3.0 * np.arange(3)]
+        lit = {index: _lit_part(path, middle, radius, index) for index in present}
+        places = {
+            index: [lit[index].at(*corner) for corner in corners] for index in _typical(path.microlenses, lit, radius)
+        }
     found = []
-    for index, places in _places(path, middle, 0.0 if coherent else radius, np.unique(owner)):
+    for index, points in places.items():
         apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
-        alone, pair = (
-            _in_parts(microlenses_alone(path, [int(one) for one in np.argsort(apart, kind="stable")[:n]], owner))
-            for n in (1, 2)
-        )
-        spread, held = (0.0, 1.0) if coherent or radius == 0.0 else _ray_image(alone, middle, radius)
-        found += [
+        nearest = [int(one) for one in np.argsort(apart, kind="stable")[:2]]
+        alone, pair = (_in_parts(microlenses_alone(path, nearest[:count], owner)) for count in (1, 2))
+        found.append(
             Probe(
                 alone=alone,
                 pair=pair,
-                point=PointSource(x=middle.x + x, y=middle.y + y, distance=middle.distance),
-                spread=spread,
+                points=tuple(PointSource(x=x, y=y, distance=middle.distance) for x, y in points),
                 coherent_radius=radius if coherent else 0.0,
-                held=held,
             )
-            for x, y in places
-        ]
+        )
     return tuple(found)
 
 
@@ -107,37 +120,46 @@ def _in_parts(path: LightPath) -> LightPath:
     return replace(path, pixels=PixelGrid(pitch=grid.pitch / _PARTS, shape=shape, centre=grid.centre))
 
 
-def _places(
-    path: LightPath, middle: PointSource, radius: float, present: FloatArray
-) -> Iterator[tuple[int, list[tuple[float, float]]]]:
-    """Indices of microlenses, each with source points that light it, relative to the centre of the disc [m]."""
-    lenses = path.microlenses
-    away = lenses.centres[present] - path.chief_point(middle)
-    distance = np.linalg.norm(away, axis=1)
-    lit = distance <= blur_radius(path, middle) + radius * path.array_distance / middle.distance
-    nearest = [
-        int(present[np.argmin(np.where(lenses.focal_lengths[present] == kind, distance, math.inf))])
-        for kind in np.unique(lenses.focal_lengths[present])
-    ]
-    for index in nearest:
-        yield (
-            index,
-            [(0.0, 0.0), (0.55 * radius, 0.45 * radius), (-0.9 * radius, 0.3 * radius)][: 3 if radius > 0.0 else 1],
-        )
-    last = int(np.argmax(np.where(lit, distance, -1.0)))
-    if int(present[last]) not in nearest:
-        towards = -away[last] / distance[last] * radius
-        yield int(present[last]), [(0.85 * float(towards[0]), 0.85 * float(towards[1]))]
+def _around(path: LightPath, middle: PointSource, present: Sequence[int]) -> list[int]:
+    """The microlens of each focal length that is nearest to the light of a point, and the farthest lit one."""
+    distance = np.linalg.norm(path.microlenses.centres - path.chief_point(middle), axis=1)
+    by_distance = sorted(present, key=lambda index: float(distance[index]))
+    kinds = path.microlenses.focal_lengths
+    nearest = [next(one for one in by_distance if kinds[one] == kind) for kind in np.unique(kinds[present])]
+    lit = [one for one in by_distance if distance[one] <= blur_radius(path, middle)]
+    return list(dict.fromkeys([*nearest, *lit[-1:]]))
 
 
-def _ray_image(path: LightPath, middle: PointSource, radius: float) -> tuple[float, float]:
-    """Radius of the disc's image behind a microlens [m], and the share of its edge that the pupil does not cut off."""
-    edge = _on_circle(middle, radius, _AZIMUTHS)
-    x, y = np.array([ray_reach(path, one).image[0] for one in edge]).T
-    area = abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2.0
-    lit = blur_radius(path, middle)
-    away = [float(np.linalg.norm(path.microlenses.centres[0] - path.chief_point(one))) for one in edge]
-    return math.sqrt(area / math.pi), float(np.mean(np.asarray(away) <= lit))
+def _typical(microlenses: Microlenses, lit: Mapping[int, _LitPart], radius: float) -> list[int]:
+    """The microlens of each focal length of which half the lit ones see more of a disc."""
+    kinds = microlenses.focal_lengths
+    found = []
+    for kind in np.unique(kinds[list(lit)]):
+        size = {one: seen.along * seen.across / radius**2 for one, seen in lit.items() if kinds[one] == kind}
+        order = sorted(size, key=lambda index: -size[index])
+        order = [one for one in order if size[one] >= _LEAST_LIT * size[order[0]]]
+        found.append(order[len(order) // 2])
+    return found
+
+
+def _lit_part(path: LightPath, middle: PointSource, radius: float, index: int) -> _LitPart:
+    """The part of a disc whose light meets a microlens: two circles overlap; the whole disc if they do not.
+
+    The light of a source point covers a disc on the array. Seen from a microlens, the points that light it fill a
+    circle about the point whose chief ray meets its centre.
+    """
+    magnified = middle.distance / path.array_distance
+    own = np.array([middle.x, middle.y])
+    towards = -magnified * path.microlenses.centres[index] - own
+    reach = magnified * max(blur_radius(path, middle), path.microlenses.aperture_width / 2.0)
+    apart = float(np.linalg.norm(towards))
+    axis = towards / apart if apart > 0.0 else np.array([1.0, 0.0])
+    first, last = max(-radius, apart - reach), min(radius, apart + reach)
+    if first >= last:
+        return _LitPart(middle=own, axis=axis, along=radius, across=radius)
+    place = (first + last) / 2.0
+    across = math.sqrt(min(radius**2 - place**2, reach**2 - (place - apart) ** 2))
+    return _LitPart(middle=own + place * axis, axis=axis, along=(last - first) / 2.0, across=across)
 
 
 def _on_circle(middle: PointSource, radius: float, count: int) -> list[PointSource]:
@@ -154,39 +176,40 @@ class LightTrial:
     def __init__(self, part: LightSpotPart) -> None:
         self._part = part
         self._spots: dict[tuple[str, bool], Spot] = {}
-        self._images: dict[tuple[int, bool, SpotModels, float], FloatArray] = {}
+        self._images: dict[tuple[tuple[int, int], bool, SpotModels, float], FloatArray] = {}
 
     @cached_property
     def _probes(self) -> tuple[Probe, ...]:
         return probes(self._part)
 
     def count(self, models: SpotModels, complete: SpotModels) -> int:
-        """Number of comparisons: the probes, or one where a disc counts as a point."""
-        return 1 if self._shrinks(models, complete) else len(self._probes)
+        """Number of comparisons: the points of the probes, or one where a disc counts as a point."""
+        return 1 if self._shrinks(models, complete) else sum(len(probe.points) for probe in self._probes)
 
     def _shrinks(self, models: SpotModels, complete: SpotModels) -> bool:
         """Whether models treat an incoherent disc as a point."""
         return models.point and not complete.point and not self._part.spot.coherent
 
     def squares(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
-        """Squared L2 norms of the change of one probe's pixels by models, and of the pixels by the most complete ones.
+        """Squared L2 norms of the change of one point's pixels by models, and of the pixels by the most complete ones.
 
-        The change is infinite where the models refuse to compute the image, and where a probe's rays miss the
-        microlenses, which then see so little of the disc that its blurred image does not represent the picture.
+        The change is infinite where the models refuse to compute the image.
         """
         if self._shrinks(models, complete):
             return self._as_point(models, complete)
-        probe = self._probes[number]
+        place = divmod(number, len(self._probes[0].points))
         try:
-            fine, reference = (self._fine(number, one, pair=models.separate) for one in (models, complete))
+            radius = self._spread(place[0], complete)
+            ours, whole = (
+                _on_pixels(
+                    _spread_out(self._light(place, one, pair=models.separate), radius, point=one.point),
+                    integrated=one.integrated,
+                )
+                for one in (models, complete)
+            )
         except TradestudyError:
             return math.inf, 1.0
-        if models.method in RAYS and fine.sum() < _MET * reference.sum():
-            return math.inf, 1.0
-        whole = _on_pixels(reference, integrated=complete.integrated)
-        shifted = [fine] if probe.held == 1.0 or models.point else [fine, _aligned(fine, reference)]
-        changes = [float(np.sum((_on_pixels(one, integrated=models.integrated) - whole) ** 2)) for one in shifted]
-        return probe.held * changes[0] + (1.0 - probe.held) * changes[-1], float(np.sum(whole**2))
+        return float(np.sum((ours - whole) ** 2)), float(np.sum(whole**2))
 
     def _as_point(self, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
         """As `squares`, for a disc that models treat as a point: its centre against points that represent the disc."""
@@ -218,16 +241,30 @@ class LightTrial:
         spot, at = self._spots[key], (point.x, point.y)
         return point_light(spot, at, tables_at(spot, [at])[at]).on_pixels(spot)
 
-    def _fine(self, number: int, models: SpotModels, *, pair: bool) -> FloatArray:
-        """Light of the disc on parts of pixels, as if all its points had the same image as the probe."""
+    def _spread(self, index: int, models: SpotModels) -> float:
+        """Radius of the image of the disc's part that lights a microlens [parts of pixels].
+
+        It is that of a circle of equal area, of which the images of the three points form a triangle.
+        """
+        count = len(self._probes[index].points)
+        if count == 1:
+            return 0.0
+        images = [self._light((index, one), models, pair=False) for one in range(count)]
+        if min(float(image.sum()) for image in images) <= 0.0:
+            return 0.0
+        first, second, third = (_centre_of_light(image) for image in images)
+        (a, b), (c, d) = second - first, third - first
+        inscribed = 3.0 * math.sqrt(3.0) / 4.0 * _OUT**2  # the triangle of the points, for a circle of radius 1
+        return math.sqrt(abs(a * d - b * c) / 2.0 / inscribed)
+
+    def _light(self, place: tuple[int, int], models: SpotModels, *, pair: bool) -> FloatArray:
+        """Light of one point of one probe on parts of pixels."""
         mean = models.monochromatic or models.method in RAYS
         lines = [(self._part.mean_wavelength, 1.0)] if mean else _lines(self._part)
-        fine = sum(share * self._image(number, models, line, pair=pair) for line, share in lines)
-        probe = self._probes[number]
-        return _spread_out(np.asarray(fine), probe.spread / probe.alone.pixels.pitch, point=models.point)
+        return np.asarray(sum(share * self._image(place, models, line, pair=pair) for line, share in lines))
 
-    def _image(self, number: int, models: SpotModels, wavelength: float, *, pair: bool) -> FloatArray:
-        probe = self._probes[number]
+    def _image(self, place: tuple[int, int], models: SpotModels, wavelength: float, *, pair: bool) -> FloatArray:
+        probe = self._probes[place[0]]
         plain = replace(
             models,
             tolerance=TOLERANCE,
@@ -235,9 +272,10 @@ class LightTrial:
             monochromatic=False,
             point=models.point or probe.coherent_radius == 0.0,
         )
-        key = number, pair, plain, wavelength
+        key = place, pair, plain, wavelength
         if key not in self._images:
-            self._images[key] = _point_image(probe, probe.pair if pair else probe.alone, plain, wavelength)
+            path = probe.pair if pair else probe.alone
+            self._images[key] = _point_image(path, probe.points[place[1]], probe.coherent_radius, plain, wavelength)
         return self._images[key]
 
 
@@ -258,21 +296,23 @@ def _lines(part: LightSpotPart) -> list[tuple[float, float]]:
     return [(line, share / total) for line, share in lines]
 
 
-def _point_image(probe: Probe, path: LightPath, models: SpotModels, wavelength: float) -> FloatArray:
-    """Share of the point's light on every part of a pixel."""
+def _point_image(
+    path: LightPath, point: PointSource, coherent_radius: float, models: SpotModels, wavelength: float
+) -> FloatArray:
+    """Share of a point's light on every part of a pixel."""
     if models.separate:
         owner = nearest_microlens(path)
         total = np.zeros(owner.shape)
         for index in np.unique(owner):
             alone = replace(path, microlenses=path.microlenses.only(int(index)))
-            image = _point_image(probe, alone, replace(models, separate=False), wavelength)
+            image = _point_image(alone, point, coherent_radius, replace(models, separate=False), wavelength)
             total += np.where(owner == index, image, 0.0)
         return total
     if models.method in RAYS:
-        return forward_tracer(path, probe.point)(0, 0, _RAYS) / _RAYS
+        return forward_tracer(path, point)(0, 0, _RAYS) / _RAYS
     laws = legs(models.method)
-    coherent_radius = 0.0 if models.point else probe.coherent_radius
-    wave = point_wave(path, probe.point, wavelength=wavelength, legs=laws, coherent_radius=coherent_radius)
+    radius = 0.0 if models.point else coherent_radius
+    wave = point_wave(path, point, wavelength=wavelength, legs=laws, coherent_radius=radius)
     return compute_point(wave, laws.to_detector, ChainAccuracy(tolerance=models.tolerance)).pixels / wave.power()
 
 
@@ -296,14 +336,10 @@ def _jinc(turn: FloatArray) -> FloatArray:
     return np.asarray(2.0 * scipy.special.j1(turn) / turn)
 
 
-def _aligned(fine: FloatArray, reference: FloatArray) -> FloatArray:
-    """Shift a picture to match a reference best: first by whole parts, then by fractions of one, to first order."""
-    alike = scipy.fft.irfft2(scipy.fft.rfft2(reference) * np.conj(scipy.fft.rfft2(fine)), s=fine.shape)
-    rows, columns = np.unravel_index(np.argmax(alike), alike.shape)
-    moved = np.roll(fine, (int(rows), int(columns)), axis=(0, 1))
-    slopes = np.stack([one.ravel() for one in np.gradient(moved)], axis=1)
-    by, *_ = np.linalg.lstsq(slopes, (reference - moved).ravel(), rcond=None)
-    return np.asarray(moved + (slopes @ by).reshape(moved.shape))
+def _centre_of_light(image: FloatArray) -> FloatArray:
+    """Centroid of an image [parts of pixels], (row, column)."""
+    rows, columns = np.indices(image.shape)
+    return np.asarray([np.sum(image * rows), np.sum(image * columns)]) / float(image.sum())
 
 
 def _on_pixels(fine: FloatArray, *, integrated: bool) -> FloatArray:
