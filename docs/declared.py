@@ -20,7 +20,7 @@ Depth uncertainty and usable range of each camera that measures depth, for point
 `scene.distances`.
 
 There is one *interval of depths* for the central 68.27 % of measured depths, and one for each further fraction in
-`propagation.coverage`. An interval has no far end where too many measurements fail.
+`propagation.coverage`. An interval has no far end where too many measurements lie beyond infinity.
 
 `side`, a dimension of `depth_discrimination`, is the direction of the change of true depth: `nearer` to the camera or
 `farther` from it. `part` names groups of errors, such as `noise` or `relative rotation`. `quantile` lists the
@@ -46,8 +46,8 @@ coordinates from its middle, in units of half its width and half its height.
 """,
     "disparity_causes": """
 What makes each derived disparity error as large as it is, at the distances of `decision.at` or, without it, at up to
-four of `scene.distances`. These variables include the effects that other results leave out because they matter less
-than the tolerance. `change` names the one cause that is changed: `no blur`, `no diffraction`, `light of the brightest`
+four of `scene.distances`. These variables include even effects whose influence is below the tolerance; other results
+leave those out. `change` names the one cause that is changed: `no blur`, `no diffraction`, `light of the brightest`
 (the light that `brightest_camera` collects) or `ten times the light`. For an unfocused plenoptic camera, 1 px is one
 microlens.
 """,
@@ -55,21 +55,22 @@ microlens.
 Depth measured in rendered pictures of planes, compared with the true depth and the predicted depth uncertainty.
 `contrast` and `electrons` list the values of `depth_loop.contrasts` and `depth_loop.electrons`.
 
-A *point* is a pixel of the depth map that a camera computes; where the camera has several types of microlenses, a
-pixel counts only if it lies behind a microlens of the type that is sharpest at the depth of the point. A point is
-*seen* if nothing hides it, its true depth lies within the distances that the estimator searches, and at least two of
-the pictures that the estimator compares show it. The *depth error* is measured minus true depth, at seen points. The
-*predicted depth uncertainty* is the depth uncertainty from matching noise alone, at the true depth of the point, for
-a texture with the declared statistics. The *standard deviation of depth due to noise* follows, to first order, from
-the texture that the matching window of the point actually shows. Standard errors by *a jackknife* follow from leaving
-out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where the quantity itself
-is NaN, and where fewer than three parts have measured points.
+A *point* is a pixel of the depth map that a camera computes; where the estimator uses only microlenses of the type
+that is sharpest at the distance of the point, a pixel counts only if it lies behind a microlens of that type. A point
+is *seen* if nothing hides it, its true depth lies within the distances that the estimator searches, and at least two
+of the pictures that the estimator compares show it. The *depth error* is measured minus true depth, at seen points.
+The *predicted depth uncertainty* is the depth uncertainty from matching noise alone, at the true depth of the point,
+for a texture with the declared statistics. The *standard deviation of depth due to noise* follows, to first order,
+from the texture that the matching window of the point actually shows. Standard errors by *a jackknife* follow from
+leaving out one of 4 × 4 parts of the depth map at a time, and are good to about 20 %. They are NaN where the quantity
+itself is NaN, and where fewer than three parts have measured points.
 """,
     "depth_of_field": """
 Where each camera is sharp, and how finely it resolves the object. `sharp` names the blur criteria of
-`depth_of_field.criteria`. A *slice* is what is sharp at one setting: one picture of a focus stack, what one type of
-microlens sees or, for any other camera, everything that it sees. It is sharp over one range of distances, or nowhere.
-`stretch`, `gap`, `overlap` and `resolved` are indices of ranges of distance, counted from the nearest.
+`depth_of_field.criteria`. The sharp range is computed for each *slice* of what a camera records: one picture of a
+focus stack, what one type of microlens sees or, for any other camera, everything that it sees. A slice is sharp over
+one range of distances, or nowhere. `stretch`, `gap`, `overlap` and `resolved` are indices of ranges of distance,
+counted from the nearest.
 """,
     "criteria": """
 Criteria besides depth by which the study compares cameras (along `criterion`); the weighted criteria of
@@ -102,16 +103,18 @@ points straight ahead of the midpoint of the baseline, at the distances `rig_dis
     "sensitivity": """
 How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. `field` lists the axis
 (0) and the field positions of `propagation.field_places`. `source` names the error sources, which are independent of
-each other. Each is the error of a single parameter, or the joint error of a group of correlated parameters.
+each other. Each is matching noise, the error of a single parameter, or the joint error of a group of correlated
+parameters.
 """,
     "fresnel_validity": """
 The smallest f-number at which Fresnel's approximation may replace Kirchhoff's integral, for each lens (`element`).
 
-`metric` names three measures of the difference between two point-spread functions: `peak`, the difference at the
-thin-lens image point, relative to the intensity there; `l1`, the integral of the absolute difference over a window,
-relative to the integral of the intensity; and `largest`, the largest difference in the window, relative to the largest
-intensity. `window` is the radius of the window about the thin-lens image point, in Airy radii. `lens_phase` says how
-the lens delays the wave: `parabolic`, `stigmatic` or `perfect`, as listed in `fresnel_validity.lens_phases`.
+`metric` names three measures of the difference between the point-spread functions by Fresnel's approximation and by
+Kirchhoff's integral, relative to the latter: `peak`, the difference at the thin-lens image point, divided by the
+intensity there; `l1`, the integral of the absolute difference over a window, divided by the integral of the intensity;
+and `largest`, the largest difference in the window, divided by the largest intensity. `window` is the radius of the
+window about the thin-lens image point, in Airy radii. `lens_phase` says how the lens delays the wave: `parabolic`,
+`stigmatic` or `perfect`, as listed in `fresnel_validity.lens_phases`.
 
 In equations, f is the focal length, a the distance of the object, b that of the image, and λ the wavelength. Of the
 solutions of eq. 27 of the paper, `zero` lists the two with the smallest apertures: the `first`, with the smallest
@@ -119,8 +122,8 @@ aperture and thus the largest f-number, and the `second`, which the paper takes.
 of 4 (a + b)/λ. `path_error` lists the values of `fresnel_validity.path_errors`.
 """,
     "images": """
-The image of a light spot behind a main lens and microlenses, by each method of `light_spot.methods` or, without that
-key, by the one method that the program chooses. The dimensions `propagator` and `against` both run over these
+The image that a main lens and microlenses form of a light spot, by each method of `light_spot.methods` or, without
+that key, by the one method that the program chooses. The dimensions `propagator` and `against` both run over these
 methods. `row` and `column` are the coordinates of the pixel centres on the detector. `benchmark` names the
 computations whose duration `light_spot.benchmarks` measures; `run.json` contains the times.
 """,
@@ -137,16 +140,15 @@ The dimension `decision` (not the study key of this name) lists every model of e
 `quantity` the quantities that have tolerances under `accuracy`.
 """,
     "cost": """
-Error and computing time of the sets of models with which the answers of a study can be computed, as the
-command [`cost`](#command-cost) also measures them. Only `run --with-cost` stores this group; `cost` writes `cost.json`
-and `cost.svg` instead. A *problem* is a camera or a light
-path; an *entry* is one set of models for a problem.
+Error and computing time of the sets of models with which the answers of a study can be computed; the command
+[`cost`](#command-cost) measures the same. Only `run --with-cost` stores this group; `cost` writes `cost.json` and
+`cost.svg` instead. A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
     "datasheet": """
 Each camera in the terms of depth-camera data sheets, at up to five distances (`sheet_distance`): those of `decision.at`
-(of more than five, five spread evenly through the list); if there are fewer than three, also the ends and the middle of
-`scene.distances`.
+(of more than five, five spread evenly through the list); if there are fewer than three, also the ends of
+`scene.distances` and their geometric mean.
 """,
     "pictures": """
 Rendered pictures of the scene and, for the cameras along `mapped_camera`, depth measured in them. The terms are those
@@ -155,18 +157,18 @@ of [`/depth_loop`](#group-depth_loop), but the predicted depth uncertainty inclu
 equally many points.
 """,
     "requirements": """
-What the study requires, and whether the cameras meet it. In a sweep, `stretch` counts the ranges of
-the varied parameter in which the same camera meets the requirement throughout.
+What the study requires, and whether the cameras meet it. In a sweep, the dimension `stretch` numbers the ranges of the
+varied parameter in which the same camera meets the requirement throughout.
 
 Variables whose names begin with `bound_alone_` tell what the answer would be if matching reached its Cramér–Rao bound,
 without the errors of a declared matcher.
 """,
     "value_of_information": """
-How much knowing each assumption would improve the choice of a camera. The values of all assumptions are drawn at random
-together. The *utility* of a camera is minus its relative depth uncertainty, averaged over the distances of
-`value_of_information.at` (along `place`). At a distance where a camera is not usable, or where its relative depth
-uncertainty exceeds `value_of_information.unusable`, the value of this key counts instead. The attribute `draws` of
-the group is the number of draws.
+How much knowing the true value of each assumption would improve the choice of a camera. The values of all assumptions
+are drawn at random together. The *utility* of a camera is minus its relative depth uncertainty, averaged over the
+distances of `value_of_information.at` (the dimension `place`). At a distance where a camera is not usable, or where
+its relative depth uncertainty exceeds `value_of_information.unusable`, the value of this key counts instead. The
+attribute `draws` of the group is the number of draws.
 """,
     "assumptions": """
 Every value of the study with its basis. `path` is the place of the value in the study file; for values of cameras, it
@@ -302,16 +304,18 @@ title.
 | see `name` of `/group` | the same, but the variable is in another group |
 | rounding only | the value follows from the inputs in closed form |
 | none | nothing is uncertain; the text says why, for example because the value is declared or a count |
-| not estimated, not stored | no variable holds the error; the text says where it comes from |
-| other text | states the error itself, or what kind of estimate this is |
+| not estimated, not stored | no variable holds the error; the text says where the error comes from, how large it \
+is, or what indicates its size |
+| other text | states the error itself, or says that the value is itself an error estimate, and of what kind |
 
 A variable without *Error* is itself an error estimate, a text or a flag (1 or true for yes, 0 or false for no), or its
 error is not known.
 
 The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file. Those of
-`error_source` are `noise` (matching noise alone), `calibration` (calibration errors alone) and `both`. In a sweep, the
-variables of `/depth` and those whose names begin with `design_` also have the swept parameters as dimensions, before
-those given here; all others hold for the study as declared. Numeric labels of dimensions are in SI units.
+`error_source` are `noise` (matching noise alone), `calibration` (errors of calibration and drift together, without
+noise) and `both`. In a sweep, the variables of `/depth` and those whose names begin with `design_` also have the swept
+parameters as dimensions, before those given here; all others hold for the study as declared. Numeric labels of
+dimensions are in SI units, with exceptions such as `window` (in Airy radii) and `path_error` (in wavelengths).
 
 A *scramble* is one of several repetitions of a computation, each with its own quasi-random draws. A standard error
 *over scrambles* follows from the differences between them.

@@ -271,7 +271,7 @@ _EXAMPLES: Final = {
     "RequirementPart.says": "depth to 1 % from 0.4 to 3 m",
     "LitPixelsClaim.says": "diffraction lights more pixels than geometrical optics predicts",
     "RelativeUncertaintyDistanceClaim.says": "10 % of the distance at ≈ 1 m",
-    "SolvePart.says": "Which yaw error makes the rig with 65° of field as uncertain as the R5 at 0.5 m?",
+    "SolvePart.says": "Which yaw error makes the rig with a field of view of 65° as uncertain as the R5 at 0.5 m?",
     "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation",
     "low": "0.002 deg",
     "high": "0.05 deg",
@@ -797,7 +797,7 @@ The *path* of a value in the study consists of the keys that lead to it, joined 
 a value of a camera may begin with the name of the camera, without `cameras`: `stereo-75mm.baseline`.
 
 Each section describes one mapping. Below its heading are the paths at which it may occur, unless there are more than
-three. In them, `NAME` is a name that you choose, `PATH` is the path of a value, and `[]` is an item of a list.
+three. In these paths, `NAME` is a name that you choose, `PATH` is the path of a value, and `[]` is an item of a list.
 
 For a study of format 1, `python -m tradestudy check` says key by key what to write instead.
 """

@@ -54,9 +54,9 @@ SetOption = Annotated[
         "--set",
         metavar="PATH=VALUE",
         help="For this command only, replace the value at PATH, as in stereo-short.baseline='50 mm'. PATH consists of "
-        "the keys that lead to the value, joined by dots; cameras. may be left out. If VALUE is a "
-        "mapping in braces, its keys are merged into those of the study; if it is null, the value is removed. May be "
-        "repeated.",
+        "the keys that lead to the value, joined by dots; if the first key is cameras, it may be left out. If VALUE is "
+        "a mapping in braces, its keys are merged into the mapping at PATH; if VALUE is null, the value at PATH is "
+        "removed. May be repeated.",
     ),
 ]
 ToleranceOption = Annotated[
@@ -136,7 +136,7 @@ def run(
         typer.Option(
             "--with-cost",
             help="Also measure the error and computing time of the sets of models with which the study can be "
-            "computed; the report shows them.",
+            "computed, and show these measurements in the report.",
         ),
     ] = False,
     as_json: Annotated[
@@ -227,7 +227,10 @@ def export(
     ] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a camera's calibration as files for other programs or, with --format posterior, for other studies."""
+    """Write a camera's calibration as files for other programs and, as a posterior, for other studies.
+
+    The option --format chooses among the formats.
+    """
     with _reporting_errors(debug=debug):
         from tradestudy import api
 

@@ -157,7 +157,7 @@ def test_other_lens_values_change_the_derived_error(study: StudyDefinition) -> N
         ("scene.picture=null", "cameras.pair-f9.8.depth.disparity_error", "scene.picture (texture, window, light"),
         ("scene.picture.matching_window=9 kg", "scene.picture.matching_window", "pixels such as 9 px, or a length"),
         ("scene.picture.matching_window=0 mm", "scene.picture.matching_window", "above 0 px or 0 m"),
-        ("scene.picture.bit_depth=33", "scene.picture.bit_depth", "32"),
+        ("scene.picture.bit_depth=17", "scene.picture.bit_depth", "16"),
         ("scene.picture.stop_separation=3 mm", "scene.picture.stop_separation", "give a field_angle"),
         ("scene.picture.light=null", "scene.picture.light", ""),
         ("pair-f22.depth.error_of=coordinate", "cameras.pair-f22.depth.error_of", "leave error_of out"),

@@ -58,7 +58,10 @@ class CalibratedAtPart(Part):
 
 
 class StabilityPart(Part):
-    """What has changed since the calibration or differs from it: air, camera or colour of the object; default: none."""
+    """Changes of the air and the camera since the calibration, and a difference in colour; default: none.
+
+    The difference in colour is that between the object and the calibration target.
+    """
 
     temperature: TemperatureDistribution | None = Field(
         default=None, description="Change of the air temperature since the calibration."
@@ -89,8 +92,9 @@ class StabilityPart(Part):
     )
     glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
         default=None,
-        description="Refractive index of the lens, treated as a single glass. It determines how the surrounding "
-        "air changes the focal length; required with `temperature` or `pressure`, and not accepted without either.",
+        description="Refractive index of the lens, treated as if made of a single glass. It determines how the "
+        "surrounding air changes the focal length; required if `temperature` or `pressure` is given, and accepted only "
+        "then.",
     )
 
     @model_validator(mode="after")
@@ -128,9 +132,9 @@ class CornersPart(Part):
     """Stereo rigs only: a calibration from the measured corners of a board that both cameras saw."""
 
     file: Text = Field(
-        description="CSV file of the corners. If the key `from` of the camera names the corner file, leave this key "
-        "out. Its columns are `view`, `corner`, `board_x_mm`, `board_y_mm`, `left_x_px`, `left_y_px`, `right_x_px` and "
-        "`right_y_px`. The path is relative to the file that contains this key."
+        description="CSV file of the corners, with the columns `view`, `corner`, `board_x_mm`, `board_y_mm`, "
+        "`left_x_px`, `left_y_px`, `right_x_px` and `right_y_px`. The path is relative to the file that contains this "
+        "key. If the key `from` of the camera names the corner file, leave this key out."
     )
     lens_model: FittedLensModel | None = Field(
         default=None,
@@ -139,8 +143,8 @@ class CornersPart(Part):
     )
     compared_with: Annotated[tuple[FittedLensModel, ...], Field(max_length=10)] = Field(
         default=(),
-        description="Other lens models to fit. For each, the report says how much better or worse than lens_model it "
-        "predicts views that are left out of the fit, and by how much it changes the depths.",
+        description="Other lens models to fit. The report says how much better or worse than lens_model each of them "
+        "predicts views that are left out of the fit, and by how much each changes the depths.",
     )
     square_size_uncertainty: SquareSizeUncertainty = Field(
         default=0.0,
@@ -174,13 +178,13 @@ class CalibrationPart(Part):
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
         description="Distributions of the errors of the parameters. Give at most one of `target`, `posterior` and, for "
-        "a stereo rig, `corners`. With `target`, the errors are the priors. With `posterior`, give only errors that it "
-        "does not contain; with `corners`, give none.",
+        "a stereo rig, `corners`. With `target`, the distributions are the priors. With `posterior`, give only errors "
+        "that it does not contain; with `corners`, give none.",
     )
     correlations: dict[str, dict[str, Correlation]] = Field(
         default={},
         description="Correlation coefficients of pairs of errors, from −1 to 1; give each pair once. For errors that "
-        "are not normal, they apply to the normal scores: the errors transformed to a normal distribution.",
+        "are not normal, the coefficients apply to the normal scores: the errors transformed to a normal distribution.",
     )
     corners: CornersPart | None = None
     target: TargetPart | None = None

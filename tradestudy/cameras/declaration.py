@@ -52,7 +52,8 @@ class LensPart(Part):
 
     focal_length: FocalLengthOrPixels | None = Field(
         default=None,
-        description="Focal length: a length or, as in calibration files, a number of pixels; or give field_of_view.",
+        description="Focal length: a length or, as in calibration files, a number of pixels. Alternatively, give "
+        "field_of_view.",
     )
     field_of_view: PositiveAngle | None = Field(
         default=None,
@@ -134,7 +135,7 @@ class DisparityPart(Part):
 
     disparity_error: PositivePixels | Literal["derived"] = Field(
         description="Standard deviation of one measured disparity. With `derived`, the program computes it: the "
-        "Cramér–Rao bound of matching the texture of scene.picture, increased by the errors of `matcher`."
+        "Cramér–Rao bound on the error of matching the texture of scene.picture, increased by the errors of `matcher`."
     )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
@@ -235,8 +236,8 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="How the program interpreted the calibration file of this camera, which the key `from` or the "
-        "command `new --from` imported: for each question of interpretation, such as `format`, the answer that the "
+        description="How the program interpreted the calibration file from which the key `from` or the command "
+        "`new --from` imported this camera: for each question of interpretation, such as `format`, the answer that the "
         "program used. The program writes this key.",
     )
     kind: str

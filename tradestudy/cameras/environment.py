@@ -23,8 +23,8 @@ class Environment:
     focal_length_expansion
         Relative change of the focal length per kelvin [1/K].
     glass_index
-        Refractive index of the lens, treated as a single glass; it determines how the surrounding air changes the focal
-        length.
+        Refractive index of the lens, treated as if made of a single glass; it determines how the surrounding air
+        changes the focal length.
     wavelength
         Wavelength in vacuum [m].
     temperature, pressure

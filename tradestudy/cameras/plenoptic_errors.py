@@ -85,7 +85,7 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         unit="m",
         part="microlens centres",
         meaning="Each coordinate of the centre of a microlens. The error differs from microlens to microlens. A "
-        "disparity compares two microlenses, so its error from this source is √2 times as large.",
+        "disparity compares two microlenses, so its error from this source is √2 times the error of one coordinate.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

@@ -13,7 +13,7 @@ class StatedPart(Part):
 
     field_of_view: PositiveAngle | None = Field(
         default=None,
-        description="Full field of view; it may be that across the width or that across the diagonal of the sensor.",
+        description="Full field of view across the width or the diagonal of the sensor; either is accepted.",
     )
     microlens_gap: PositiveLength | None = Field(
         default=None, description="Distance from the microlens array to the sensor."

@@ -31,9 +31,9 @@ _ABOUT = {
     "fov": "The fisheye model of Devernay and Faugeras, which has a single coefficient, w. At focal length 1, a ray at "
     "the angle θ from the optical axis has the image radius atan(2 tan(w/2) tan θ)/w",
     "omni": "The omnidirectional model of Mei and Rives: points are projected onto a unit sphere around the camera, "
-    "from there through a second centre of projection onto a plane, and then distorted radially and tangentially. "
-    "In this plane, at unit distance from the second centre, x and y are positions, and r² = x² + y². "
-    "Radial distortion multiplies x and y by 1 + k₁r² + k₂r⁴",
+    "and from there through a second centre of projection onto a plane at unit distance from that centre. The "
+    "positions in this plane are then distorted radially and tangentially; x and y are the coordinates of a point in "
+    "this plane before distortion, and r² = x² + y². Radial distortion multiplies x and y by 1 + k₁r² + k₂r⁴",
     "double-sphere": "The double-sphere model of Usenko, Demmel and Cremers: points are projected onto two unit "
     "spheres in turn, and from the second one through a pinhole onto a plane",
     "eucm": "The extended unified camera model of Khomutenko, Garcia and Martinet: points are projected onto an "

@@ -34,7 +34,7 @@ _CACHED = 64
 
 @dataclass(frozen=True, kw_only=True)
 class PictureDisparityError:
-    """A `DisparityErrorLaw`: the Cramér–Rao bound of matching, plus what a real matcher adds.
+    """A `DisparityErrorLaw`: the Cramér–Rao bound on the error of matching, plus what a real matcher adds.
 
     It is evaluated at every requested distance; only Kirchhoff's correction to Fresnel is interpolated, between
     defoci. Equal cameras have equal errors. Whether the bound applies depends on the picture, not on the matcher.

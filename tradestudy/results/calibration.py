@@ -36,15 +36,16 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_acceptance": Variable(
         dims=("posterior", "ensemble"),
         units="1",
-        long_name="fraction of the proposed steps that the sampler accepted; NaN where a calibration has fewer "
-        "ensembles",
+        long_name="fraction of the proposed steps that the sampler accepted; NaN for indices after the last "
+        "ensemble of a calibration",
     ),
     "posterior_marginal_efficiency": Variable(
         dims=("posterior",),
         units="1",
-        long_name="effective number of draws after reweighting, as a fraction of all draws; near 1 if the approximate "
-        "integration of the chains over the poses of the board is good; to check this integration, the poses are "
-        "fitted anew for each draw, and the draws are reweighted by the result",
+        long_name="effective number of draws after reweighting, as a fraction of all draws; the chains sample a "
+        "posterior that is integrated only approximately over the poses of the board; to check this approximation, the "
+        "poses are fitted anew for each draw, and the draws are reweighted by the result; near 1 if the approximation "
+        "is good",
     ),
     "posterior_evaluations": Variable(
         dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"
@@ -192,8 +193,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         dims=("posterior", "parameter"),
         units="1",
         long_name="standard deviation of a parameter according to a fit that lets the board move between the left and "
-        "the right exposure of a view, divided by the one according to a fit that does not; NaN where the parameter is "
-        "not fitted",
+        "the right exposure of a view, divided by its standard deviation according to a fit that does not; NaN where "
+        "the parameter is not fitted",
     ),
 }
 
@@ -278,8 +279,8 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_first": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that pair_first has the depth error of smaller magnitude; failed measurements count as "
-        "infinite errors",
+        long_name="probability that the depth error of pair_first is smaller in magnitude than that of pair_second; "
+        "failed measurements count as infinite errors",
         error="see rank_first_error",
     ),
     "rank_first_error": Variable(
@@ -291,7 +292,7 @@ RANKS: Final[Mapping[str, Variable]] = {
     "rank_second": Variable(
         dims=("pair", "rank_error_source", "rank_distance"),
         units="1",
-        long_name="probability that pair_second has the depth error of smaller magnitude",
+        long_name="probability that the depth error of pair_second is smaller in magnitude than that of pair_first",
         error="see rank_first_error",
     ),
     "pair_first": Variable(dims=("pair",), units="", long_name="first camera of the pair"),

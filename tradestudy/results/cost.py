@@ -29,8 +29,8 @@ COST: Final[Mapping[str, Variable]] = {
     "seconds": Variable(
         dims=_ENTRY,
         units="s",
-        long_name="wall-clock time with empty caches: the shortest of three measurements; only one for a "
-        "long computation",
+        long_name="wall-clock time with empty caches: the shortest of three measurements or, for a long computation, "
+        "the only one",
         error="not estimated: other work on the machine adds to the time",
     ),
     "chosen": Variable(dims=_ENTRY, units="1", long_name="whether a run of the study uses these models"),

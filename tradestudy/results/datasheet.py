@@ -13,9 +13,9 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "z_accuracy": Variable(
         dims=_OVER,
         units="m",
-        long_name="depth uncertainty from calibration errors and drift, without noise, which averaging within a "
-        "session does not reduce; infinite where the interval of depths has no far end, NaN where the camera does not "
-        "see the point",
+        long_name="depth uncertainty from calibration errors and drift, without noise; averaging within a session does "
+        "not reduce it; infinite where the interval of depths has no far end, NaN where the camera does not see the "
+        "point",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "temporal_noise": Variable(
@@ -37,7 +37,7 @@ DATASHEET: Final[Mapping[str, Variable]] = {
         units="m",
         long_name="root-mean-square deviation of measured depths from a plane fitted to them, for a flat target "
         "perpendicular to the axis; taken as the depth uncertainty from matching noise alone, which leaves out how "
-        "calibration errors bend the plane; infinite or NaN like temporal_noise",
+        "calibration errors bend the plane; infinite or NaN under the same conditions as temporal_noise",
         error="see depth_uncertainty_by_error_source_error of /depth",
     ),
     "fill_rate": Variable(

@@ -229,9 +229,10 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance", "down", "across"),
         units="m",
-        long_name="error of depth_uncertainty from taking inverse depth as linear: depth_uncertainty times the largest "
-        "relative error of linearising found at three places: on the axis, halfway to the corner of the picture and in "
-        "the corner; NaN where depth_uncertainty or all three errors are NaN",
+        long_name="error of depth_uncertainty from taking inverse depth as linear in the calibration errors: "
+        "depth_uncertainty times the largest of the relative errors that this causes at three places, namely on the "
+        "axis, halfway to the corner of the picture and in the corner; NaN where depth_uncertainty or all three errors "
+        "are NaN",
         error=ESTIMATE,
     ),
 }

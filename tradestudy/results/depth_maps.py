@@ -63,7 +63,7 @@ _COUNTS: Final = {
     "points": "number of points that show a surface",
     "seen": "number of seen points",
     "measured": "number of measured points: seen points with a measured depth",
-    "measured_unseen": "number of points with a measured depth that are not seen",
+    "measured_unseen": "number of points that have a measured depth but are not seen",
     "windows": "number of measured points, divided by the number of points in one matching window",
 }
 COUNTS: Final = tuple(_COUNTS)
@@ -127,16 +127,16 @@ DEPTH_MAPS: Final[Mapping[str, Variable]] = {
     "map_hidden": Variable(
         dims=_MAP,
         units="1",
-        long_name="fraction of points that are not seen (as defined for /depth_loop) among the points of a block at "
-        "which a surface appears; NaN where there are none",
+        long_name="of the points in a block that show a surface, the fraction that are not seen (as defined for "
+        "/depth_loop); NaN where no point shows a surface",
         error=EXACT,
     ),
     "map_sharp": Variable(
         dims=_MAP,
         units="1",
         long_name="brightness of the all-in-focus picture, computed from the camera's pictures and the measured depth, "
-        "relative to that of a white scene; NaN where the camera computes none, and beyond the edge of pictures "
-        "smaller than the largest",
+        "relative to that of a white scene; NaN where the camera computes no such picture, and beyond the edge "
+        "of pictures smaller than the largest",
         error="not stored: it comes from the errors of the measured depth and the noise of the pictures",
     ),
     "class_distance": Variable(

@@ -78,15 +78,15 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "images": Variable(
         dims=("camera", "sharp"),
         units="1",
-        long_name="number of images: for a focus stack, as many as cover the range declared for the stack; for a "
-        "camera that focuses on every object, as many as it needs to cover depth_of_field.range; 1 for any other "
-        "camera; 0 if no number makes the range sharp",
+        long_name="number of images: for a focus stack, as many as cover the range declared for the stack, but no more "
+        "than the key 'images' of the stack allows; for a camera that focuses on every object, as many as it needs to "
+        "cover depth_of_field.range; for either, 0 if no number makes the range sharp; 1 for any other camera",
         error=COUNTED,
     ),
     "reason": Variable(
         dims=("camera", "sharp"),
         units="",
-        long_name="why slices are sharp nowhere; empty if every slice is sharp somewhere",
+        long_name="why one or more slices are sharp nowhere; empty if every slice is sharp somewhere",
     ),
     "lateral_resolution": _length(
         ("camera", "distance"),

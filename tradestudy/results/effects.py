@@ -38,8 +38,8 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "change_at": Variable(
         dims=_CHANGE,
         units="m",
-        long_name="distance at which replacing the model changes the quantity most, by the amount 'change'; NaN where "
-        "the quantity belongs to no distance",
+        long_name="distance at which replacing the most complete model by this one changes the quantity most, by the "
+        "amount 'change'; NaN where the quantity belongs to no distance",
         error="the spacing of the examined distances",
     ),
     "joint_change": Variable(

@@ -42,9 +42,9 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "bound": Variable(
         dims=_CASE,
         units="1",
-        long_name="largest acceptable our_error: the error that the program states or, without one, 10 machine "
-        "epsilons times condition_number, but at least 1e-12; condition_number is left out where it is infinite, or "
-        "where the program computes the ill-conditioned step without rounding; NaN where the right answer is in words",
+        long_name="largest acceptable our_error, never below 1e-12: the error that the program states or, if it states "
+        "none, 10 machine epsilons times condition_number; this factor is left out where it is infinite, or where the "
+        "program computes the ill-conditioned step without rounding; NaN where the right answer is in words",
         error=EXACT,
     ),
     "condition_number": Variable(

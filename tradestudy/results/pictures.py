@@ -47,9 +47,9 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "sampling_error": Variable(
         dims=_OF,
         units="1",
-        long_name="root-mean-square difference from a finer picture, both without noise, relative to the finer one, "
-        "which has 16 times as many rays and, if it is rendered by waves, also twice as many point-spread functions "
-        "along each axis",
+        long_name="root-mean-square difference between this picture and a finer one, both without noise, relative to "
+        "the finer one; the finer picture has 16 times as many rays and, if rendered by waves, also twice as many "
+        "point-spread functions along each axis",
         error="itself an error estimate, from places all over the picture",
     ),
     "by_waves": Variable(

@@ -55,8 +55,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_distance": Variable(
         dims=("reading", "error_source", "change"),
         units="m",
-        long_name="distance at which another usable camera of the main pair begins to have the lower depth "
-        "uncertainty, or at which neither is usable any more; NaN for indices after the last change",
+        long_name="distance at which the usable camera of the main pair with the lower depth uncertainty changes: from "
+        "one camera to the other, from none to one, or from one to none; NaN for indices after the last change",
         error="see change_error",
     ),
     "change_error": Variable(
@@ -174,14 +174,13 @@ CLAIMS: Final[Mapping[str, Variable]] = {
         dims=("claim", "reading"),
         units="mixed",
         long_name="value of the claim's quantity under a reading, in SI units; NaN where the claim is not tested under "
-        "this reading",
+        "this reading, or where the quantity has no value",
         error="not estimated; that of depth uncertainties is depth_uncertainty_error of /depth",
     ),
     "met": Variable(
         dims=("claim", "reading"),
         units="1",
-        long_name="1 where 'value' is as expected, 0 where it is not, −1 where the claim is not tested under this "
-        "reading",
+        long_name="1 where 'value' is as expected, 0 where it is not, −1 where 'value' is NaN",
     ),
     "value_text": Variable(dims=("claim", "reading"), units="", long_name="'value' with its unit, as text"),
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes, in words"),
@@ -199,7 +198,8 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     "verdict": Variable(
         dims=("claim",),
         units="",
-        long_name="verdict over all tested readings: met, not met, or cannot be decided from its source",
+        long_name="verdict on the claim over all tested readings: 'met', 'not met' or 'cannot be decided from its "
+        "source'",
     ),
     "reason": Variable(
         dims=("claim",),
@@ -250,10 +250,15 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "value_error": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="estimated error of 'value', in SI units; NaN where unknown",
+        long_name="estimated error of 'value', in the same unit as 'value'; NaN where unknown",
         error=ESTIMATE,
     ),
-    "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="bound on the quantity, in SI units", error=EXACT),
+    "bound": Variable(
+        dims=_OF_REQUIREMENT,
+        units="mixed",
+        long_name="bound on the quantity, in the same unit as 'value'",
+        error=EXACT,
+    ),
     "bound_is_relative": Variable(
         dims=_OF_REQUIREMENT, units="1", long_name="whether 'bound' is a fraction of the distance", error=EXACT
     ),
@@ -281,11 +286,11 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT,
         units="percent",
         long_name="relative margin in percent, negative if the bound is missed; for an upper bound, 100 "
-        "('bound'/'value' − 1), for a lower one, 100 ('value'/'bound' − 1), or, if it is smaller, −100 p, where p is "
-        "the fraction of the required distances, on a logarithmic scale, at which the camera is unusable; for a "
-        "required usable or sharp range that is covered throughout, 100 (q − 1), where q is the smaller of (required "
-        "near end)/(near end) and (far end)/(required far end); for one that is not, −100 p, where p is the fraction "
-        "not covered; NaN where the requirement cannot be decided",
+        "('bound'/'value' − 1); for a lower one, 100 ('value'/'bound' − 1); with either bound, at most −100 p if the "
+        "camera is unusable over a fraction p of the required distances (on a logarithmic scale); for a required "
+        "usable or sharp range that is covered throughout, 100 (q − 1), where q is the smaller of (required near "
+        "end)/(near end) and (far end)/(required far end); for one that is not covered throughout, −100 times the "
+        "fraction not covered; NaN where the requirement cannot be decided",
         error="follows from value_error",
     ),
     "margin_sigma": Variable(
@@ -299,7 +304,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=_OF_REQUIREMENT,
         units="1",
         long_name="probability that the true worst value meets the bound if the error of 'value' is normally "
-        "distributed; NaN where 'value' is NaN",
+        "distributed; 0 where the camera is unusable over part of the required range; NaN where the requirement "
+        "cannot be decided",
         error="not estimated: depends on how good value_error is",
     ),
     "within_tolerance": Variable(
@@ -424,26 +430,27 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=("requirement", "stretch"),
         units="mixed",
         long_name="start of a range of the swept parameter in which the same camera meets the requirement throughout, "
-        "in SI units; NaN beyond the last range",
+        "in SI units; NaN for indices after the last range",
         error="see met_to_within",
     ),
     "met_to": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="end of the range that begins at met_from, in SI units; NaN beyond the last range",
+        long_name="end of the range that begins at met_from, in SI units; NaN for indices after the last range",
         error="see met_to_within",
     ),
     "met_to_within": Variable(
         dims=("requirement", "stretch"),
         units="mixed",
-        long_name="larger of the errors of met_from and met_to, each half the width of the last interval of a "
-        "bisection, or 0 if it is an end of the sweep or a whole number; NaN for indices after the last range",
+        long_name="larger of the errors of met_from and met_to; the error of each end is half the width of the last "
+        "interval of a bisection, or 0 if this end is an end of the sweep or the swept parameter takes only whole "
+        "numbers; NaN for indices after the last range",
         error=ESTIMATE,
     ),
     "met_camera": Variable(
         dims=("requirement", "stretch"),
         units="",
-        long_name="camera that meets the requirement in this range, or 'all' if every camera must; empty beyond the "
-        "last range",
+        long_name="camera that meets the requirement in this range, or 'all' if every camera must; empty for indices "
+        "after the last range",
     ),
 }

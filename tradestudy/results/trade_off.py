@@ -118,8 +118,8 @@ TRADE_OFF: Final[Mapping[str, Variable]] = {
     "feasible": Variable(
         dims=("candidate",),
         units="1",
-        long_name="whether every requirement of priority 'must' is met; one that any camera may meet counts "
-        "as met only if this candidate meets it",
+        long_name="whether every requirement of priority 'must' is met; a requirement with 'camera: any' counts as met "
+        "only if this candidate itself meets it",
         error=EXACT,
     ),
     "on_pareto_front": Variable(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import COUNTED, DECLARED, ESTIMATE, EXACT, PAPER, ROUNDING, Variable
+from tradestudy.results.variable import DECLARED, ESTIMATE, EXACT, PAPER, ROUNDING, Variable
 
 _MEASURED = f"{PAPER}, Figure 6, which states neither measure nor window nor wavelength"
 _ELEMENT = ("element", "wavelength")
@@ -53,8 +53,8 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
     "psf_error": Variable(
         dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
         units="1",
-        long_name="difference on the axis between the point-spread functions by Fresnel's approximation and by "
-        "Kirchhoff's integral, by each 'metric'",
+        long_name="difference, according to each 'metric', between the point-spread functions that Fresnel's "
+        "approximation and Kirchhoff's integral give for a point source on the axis",
         reference=_MEASURED,
         error="see psf_error_numerical",
     ),
@@ -169,7 +169,8 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=("propagator", "row", "column"),
         units="1",
         long_name="fraction of the power in the pupil of the main lens that falls on a pixel",
-        reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
+        reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25, corrected for the errata listed in "
+        "docs/explanation/paper.md",
         error="see numerical_error",
     ),
     "numerical_error": Variable(
@@ -188,7 +189,7 @@ IMAGES: Final[Mapping[str, Variable]] = {
         dims=("propagator",),
         units="1",
         long_name="number of pixels with more than 1 % of the light of the brightest pixel",
-        error=COUNTED,
+        error="not estimated: numerical errors of the intensities can move pixels across the threshold of 1 %",
     ),
     "outside_geometric": Variable(
         dims=("propagator",),
@@ -223,7 +224,8 @@ IMAGES: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="as 'image', by the models that accuracy.pixel_intensity requires; the group's attributes whose "
         "names begin with 'chosen_' say which models these are",
-        reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
+        reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25, corrected for the errata listed in "
+        "docs/explanation/paper.md",
         error="see chosen_error; the effects left out add a further error, joint_change of /effects",
     ),
     "chosen_error": Variable(
@@ -315,7 +317,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         dims=("propagator",),
         units="1",
         long_name="1 if the program uses this method, because the tolerance accuracy.psf_width requires it or the key "
-        "effects prescribes it; 0 otherwise",
+        "'effects' prescribes it; 0 otherwise",
         error=EXACT,
     ),
     "varied_units": Variable(

@@ -37,10 +37,11 @@ class ReferenceScalePart(Part):
 
 
 class FocusStackPart(Part):
-    """A range of distances that a focus stack must make sharp.
+    """A range of distances throughout which a focus stack must be sharp.
 
-    The program takes the smallest number of pictures that makes the range sharp. If that number exceeds `images`, it
-    takes `images` pictures, spread evenly over the range of image distances on a logarithmic scale, and leaves gaps.
+    The program plans as few pictures as suffice for the whole range. If the range needs more than `images` pictures,
+    the program plans only `images` pictures, spaced evenly over the corresponding range of image distances (behind the
+    lens) on a logarithmic scale; the stack then has gaps.
     """
 
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")

@@ -48,7 +48,7 @@ class MicrolensesPart(Part):
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
         description="Focal lengths of the types of microlenses. By default, the depths of field of the types, for one "
-        "pixel of blur, follow one another without a gap, starting at the total covering plane.",
+        "pixel of blur, adjoin one another, starting at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of each microlens; default: the pitch."
@@ -100,8 +100,8 @@ class PlenopticDepthPart(DisparityPart):
     """How the camera measures depth from its micro-images."""
 
     estimator: PlenopticEstimator = Field(
-        description="Micro-images that are compared: those of two adjacent microlenses (`adjacent-pair`); of the two "
-        "nearest microlenses of the same type (`same-type-pair`); of the two microlenses farthest apart that see the "
+        description="Micro-images that are compared: those of two adjacent microlenses (`adjacent-pair`); of two "
+        "nearest neighbours of the same type (`same-type-pair`); of the two microlenses farthest apart that see the "
         "point (`widest-pair`); or of all that see it, by least squares (`least-squares`)."
     )
     microlenses: UsedLenses | None = Field(

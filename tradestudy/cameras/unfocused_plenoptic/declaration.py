@@ -32,7 +32,7 @@ class UnfocusedMicrolensesPart(Part):
 
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(
-        description="Distance between neighbouring microlens centres; each microlens is one pixel of every view."
+        description="Distance between neighbouring microlens centres; each corresponds to one pixel of every view."
     )
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
         description="Focal length of a microlens, which is also its distance from the sensor. With "
@@ -66,7 +66,7 @@ class UnfocusedFocusPart(Part):
 class UnfocusedDepthPart(DisparityPart):
     """How depth is measured from views, each of which shows the scene through one part of the pupil.
 
-    A pixel of a view is one microlens, so 1 px of disparity is one pitch of the microlenses.
+    Each pixel of a view corresponds to one microlens, so 1 px of disparity is one pitch of the microlenses.
     """
 
     estimator: ViewEstimator = Field(

@@ -200,8 +200,8 @@ def _random_pattern(settings: RandomPattern) -> Pattern:
     power = texture_spectrum(frequency, texture.contrast, texture.correlation_length / sample)
     amplitude = np.sqrt(power).astype(np.float32) * np.sinc(across)[None, :] * np.sinc(down)[:, None]
     amplitude[0, 0] = 0.0  # the mean is 1
-    spectrum = fft.rfft2(rng.standard_normal((side, side), dtype=np.float32)) * amplitude
-    found = fft.irfft2(spectrum, s=(side, side))
+    spectrum = fft.rfft2(rng.standard_normal((side, side), dtype=np.float32), workers=-1) * amplitude
+    found = fft.irfft2(spectrum, s=(side, side), workers=-1)
     return pattern_of(np.maximum(1.0 + found, 0.0)[None], sample)
 
 

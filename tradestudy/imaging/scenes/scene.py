@@ -215,7 +215,8 @@ def _rock(rock: Rock) -> HeightField:
     frequency = np.hypot(fft.rfftfreq(ROCK_SIDE)[None, :], fft.fftfreq(ROCK_SIDE)[:, None])
     shape = (1.0 + np.square(2.0 * math.pi * _SAMPLES_PER_FEATURE * frequency)) ** (-0.5 * (1.0 + rock.hurst))
     shape *= np.exp(-0.5 * np.square(_FINEST * frequency))
-    noise = fft.irfft2(fft.rfft2(rng.standard_normal((ROCK_SIDE, ROCK_SIDE))) * shape, s=(ROCK_SIDE, ROCK_SIDE))
+    spectrum = fft.rfft2(rng.standard_normal((ROCK_SIDE, ROCK_SIDE)), workers=-1) * shape
+    noise = fft.irfft2(spectrum, s=(ROCK_SIDE, ROCK_SIDE), workers=-1)
     share = (noise - noise.min()) / np.ptp(noise)
     step = rock.feature_size / _SAMPLES_PER_FEATURE
     return HeightField(

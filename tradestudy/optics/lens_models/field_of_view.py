@@ -19,8 +19,8 @@ class FieldOfView(LensModel):
     Parameters
     ----------
     w
-        Coefficient w [rad], above 0° and below 180°: the larger, the stronger the distortion. It need not equal the
-        field of view of the lens.
+        Coefficient w [rad], above 0° and below 180°: the larger w is, the stronger the distortion. The coefficient need
+        not equal the field of view of the lens.
 
     Notes
     -----

@@ -78,14 +78,14 @@ _MODELS = {
     "interference of the waves from all microlenses (`coherent`)",
     "pixel_integration": "one sample at the centre of each pixel (`off`), or the mean over its square active area "
     "(`square`)",
-    "source_extent": "for light spots: a point of light (`off`), or a disc (`disc`)",
+    "source_extent": "a point of light (`off`), or a disc (`disc`); only for light spots",
     "spectrum": "a single wavelength (`off`), or all wavelengths with their weights (`weighted`)",
     "vignetting": "none (`off`), or the cos⁴ law and obstruction by two equal round stops, "
     "scene.picture.stop_separation apart (`cos4`)",
     "sensor_noise": "shot noise alone (`shot`), with read noise (`shot+read`), or with read and quantisation noise "
     "(`shot+read+quantisation`)",
-    "calibration": "none (`off`); propagation by the derivatives of depth (`linear`); or propagation of random draws "
-    "through the whole depth computation (`exact`)",
+    "calibration": "none (`off`); propagation by the derivatives of inverse depth (`linear`); or propagation of random "
+    "draws through the whole depth computation (`exact`)",
 }
 
 

@@ -99,7 +99,7 @@ class LightPart(Part):
     )
     at_f_number: FNumber = Field(
         description="Working f-number (image distance over pupil diameter) at which a pixel collects this light. At "
-        "other f-numbers, the light is inversely proportional to their square."
+        "any other f-number, the light is inversely proportional to the square of the f-number."
     )
     at_pixel_pitch: PixelPitch | None = Field(
         default=None,
@@ -155,7 +155,7 @@ class PicturePart(Part):
     matcher: MatcherPart | None = Field(
         default=None,
         description="Errors that a real matcher adds to the smallest possible disparity error (the Cramér–Rao "
-        "bound); default: none. The keys of a camera's own depth.matcher override these one by one.",
+        "bound); default: none. The keys of a camera's own depth.matcher override the keys given here one by one.",
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(
@@ -166,8 +166,8 @@ class PicturePart(Part):
         description="Number of electrons at which a pixel saturates; it maps to the largest raw value. The "
         "saturation_capacity of a sensor overrides the number, and its system_gain the mapping."
     )
-    bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(
-        description="Number of bits of a raw pixel value."
+    bit_depth: Annotated[int, Field(strict=True, ge=1, le=16)] = Field(
+        description="Number of bits of a raw pixel value, up to the 16 that a PNG file can hold."
     )
     field_angle: FieldAngle = Field(
         default=0.0,

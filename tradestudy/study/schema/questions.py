@@ -40,8 +40,8 @@ class UsableRangePart(Part):
     )
     virtual_depth: PositiveNumber | None = Field(
         default=None,
-        description="Smallest magnitude of the virtual depth of a focused plenoptic camera; it is 2 at "
-        "the total covering plane.",
+        description="Smallest magnitude of the virtual depth of a focused plenoptic camera; at the total covering "
+        "plane, this magnitude is 2.",
     )
     blur: PositivePixels | None = Field(
         default=None,
@@ -55,8 +55,8 @@ class UsableRangePart(Part):
     )
     failed_fraction: Share | None = Field(
         default=None,
-        description="Largest fraction of measurements that fail: those whose errors push the depth beyond infinity, "
-        "and false matches.",
+        description="Largest fraction of measurements that may fail. A measurement fails if its errors push the depth "
+        "beyond infinity, or if its match is false.",
     )
     relative_uncertainty: PositiveFraction | None = Field(
         default=None, description="Largest depth uncertainty, relative to the distance."
@@ -76,7 +76,10 @@ class UsableRangePart(Part):
 
 
 class DecisionPart(Part):
-    """Two cameras to compare with each other, and the distances at which the best of all candidates is named."""
+    """Two cameras to compare with each other, and the distances at which they are compared.
+
+    At these distances, the report also names the best of all candidates.
+    """
 
     between: Pair = Field(
         description="Two cameras for which the report gives the ratio of the first one's depth uncertainty to the "
@@ -107,15 +110,16 @@ class ReadingPart(Part):
 
     says: Text = Field(description="What this reading assumes, in words.")
     set: Annotated[dict[str, Scalar], Field(min_length=1)] = Field(
-        description="The new values, each under the path of the value that it replaces."
+        description="The new values, each under the path of the value that it replaces; `null` removes the value at "
+        "that path."
     )
 
 
 class SolvePart(Part):
     """The values of an input at which a condition holds.
 
-    Either two cameras have the same depth uncertainty, one camera has a given depth uncertainty, or a requirement
-    begins or ceases to be met.
+    The condition is that two cameras have the same depth uncertainty, that one camera has a given depth uncertainty, or
+    that a requirement begins or ceases to be met.
     """
 
     says: Text = Field(description="The question in words.")
@@ -280,7 +284,7 @@ class RelativeUncertaintyDistanceClaim(_ClaimPart):
     quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
     threshold: PositiveFraction = Field(
-        description="Threshold of the depth uncertainty, as a fraction of the distance."
+        description="Threshold for the depth uncertainty, as a fraction of the distance."
     )
     errors: ErrorSources = Field(
         default="both", description="Error sources that count: noise, calibration errors, or both."
@@ -355,7 +359,8 @@ class PsfErrorClaim(_ClaimPart):
 class FresnelFNumberClaim(_ClaimPart):
     """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
 
-    Accuracy is judged by the error of the point-spread function, relative to the one that Kirchhoff's integral gives.
+    Accuracy is judged by the error of the point-spread function in Fresnel's approximation, relative to the
+    point-spread function that Kirchhoff's integral gives.
     """
 
     quantity: Literal["fresnel_f_number"]
@@ -379,10 +384,10 @@ class CriterionFNumberClaim(_ClaimPart):
     quantity: Literal["criterion_f_number"]
     element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
-        description="Criterion that gives the f-number: the solution of equation 27 in the paper with the smallest "
-        "aperture, and thus the largest f-number (`paper-eq27-first-zero`); its solution with the next larger aperture "
-        "(`paper-eq27-second-zero`); a bound on the optical path that the approximation neglects (`path-error`); or "
-        "Goodman's condition (`goodman`)."
+        description="Criterion that gives the f-number: of the solutions of the paper's equation 27, the one with the "
+        "smallest aperture, and thus the largest f-number (`paper-eq27-first-zero`), or the one with the next larger "
+        "aperture (`paper-eq27-second-zero`); a bound on the optical path that the approximation neglects "
+        "(`path-error`); or Goodman's condition (`goodman`)."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     path_error: PositiveWaves | None = Field(
@@ -406,7 +411,9 @@ class ImageDifferenceClaim(_ClaimPart):
     """
 
     quantity: Literal["image_difference"]
-    method: MethodName = Field(description="Method of the first picture, which is tested; see light_spot.methods.")
+    method: MethodName = Field(
+        description="Method to be tested, which computes the first picture; see light_spot.methods."
+    )
     reference: MethodName = Field(description="Method of the second picture.")
 
 

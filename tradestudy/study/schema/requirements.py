@@ -133,8 +133,8 @@ class CriterionPart(Part):
 class GuardBandPart(Part):
     """How far a value must stay from its bound.
 
-    It is given as a number of standard errors of the value, or as the largest risk that a requirement counts as met
-    although its bound is violated.
+    It is given as a number of standard errors of the value, or as the largest acceptable risk that a requirement counts
+    as met although its bound is violated.
 
     It affects depth_uncertainty and failed_fraction, and has no effect on `usable`, `overlap` and lateral_resolution;
     depth_of_field and `criterion` do not accept it.
@@ -175,7 +175,7 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
-    """A requirement on one quantity, which a named camera, at least one camera, or every camera must meet."""
+    """A requirement on one quantity, to be met by a named camera, by at least one camera, or by every camera."""
 
     says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(

@@ -65,8 +65,8 @@ class StairsPart(Part):
     )
     tread_width: DetailSize | None = Field(
         default=None,
-        description="Width of each tread of a staircase, except the first and the last, which are infinitely wide; a "
-        "staircase needs it, and a step has none.",
+        description="Width of each tread of a staircase, except the first and the last, which are infinitely wide; "
+        "required for a staircase, and not accepted for a step.",
     )
     edge: Length = Field(
         default=0.0,
@@ -128,7 +128,8 @@ class DepthMapPart(Part):
 
     shape: Literal["depth-map"]
     depth: FileName = Field(
-        description="File of the depth map, which contains distances along the optical axis without missing values."
+        description="File of the depth map, which gives the distance along the optical axis at every pixel; no value "
+        "may be missing."
     )
     unit: DetailSize = Field(description="Distance that a value of 1 in the depth map stands for.")
     first_row: Literal["top", "bottom"] = Field(
@@ -182,11 +183,12 @@ class SceneImagePart(Part):
     chooses which kinds of noise the pictures have. The other keys of scene.picture (window, matcher, field angle,
     spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
 
-    The program renders pictures with rays. If diffraction changes a picture by more than accuracy.pixel_intensity, it
-    adds diffraction by wave optics, at the wavelength scene.wavelength and at all lenses. Each of the
-    keys main_lens_diffraction and microlens_diffraction of `effects` acts on all lenses of a picture: `fresnel`
-    prescribes diffraction, `off` prescribes rays. If the two contradict each other, the study is refused. Other models
-    of these effects are ignored for pictures.
+    The program renders pictures with rays. If diffraction would change a picture by more than accuracy.pixel_intensity,
+    the program also computes the diffraction at all lenses by wave optics, for the wavelength scene.wavelength. For a
+    camera with microlenses, each of the keys main_lens_diffraction and microlens_diffraction of `effects` applies to
+    all lenses of the camera: `fresnel` prescribes diffraction, `off` prescribes rays. If these two keys contradict each
+    other, the study is refused. For any other camera, only main_lens_diffraction counts. Other models of these effects
+    are ignored for pictures.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(

@@ -20,9 +20,9 @@ class WeighedPart(Part):
     quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
         default=None,
         description="What the program computes for the criterion: the depth uncertainty, or the near or far end of "
-        "the usable range. Default: the criterion that has the name of this entry. Either cameras declare it under "
-        "attributes.others, or the program derives it; for the derived ones, see the key `name` of a requirement on a "
-        "criterion.",
+        "the usable range. Default: the criterion that has the name of this entry; either cameras declare it under "
+        "attributes.others, or the program derives it. For the criteria that the program derives, see the key `name` "
+        "of a requirement on a criterion.",
     )
     at: ObjectDistance | None = Field(
         default=None, description="Distance at which the depth uncertainty counts; needed with depth_uncertainty."

@@ -184,7 +184,8 @@ class PointSpreadPart(Part):
     )
     reference_wavelength: PositiveWavelength = Field(
         description="Wavelength that applies while another quantity is varied, and for which the report states the "
-        "Airy radius. Keys in Airy radii count those at the wavelength and f-number of each computed image."
+        "Airy radius. Values given in Airy radii refer to the Airy radius at the wavelength and f-number of each "
+        "computed image."
     )
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
         description="Defocus, as the path difference at the rim of the pupil in waves; above 0, the object is nearer "
