@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from tradestudy.errors import NotConvergedError, TradestudyError, UnaffordableError
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import timed
 from tradestudy.light_methods import legs_of
@@ -57,6 +58,8 @@ _OFF_AXIS: Final = 2e-3
 _TARGETS, _TARGET_PITCH = 256, 0.25e-6
 _APERTURE_TOLERANCE: Final = 1e-6
 _POINT_TOLERANCE: Final = 1e-4
+_ROUNDS: Final = 4  # of ever finer sampling
+_FINER: Final = 0.3  # factor on the tolerance of the sampling, at most
 
 
 def legs(method: MethodName) -> Legs:
@@ -202,7 +205,6 @@ def _spot_picture(part: LightSpotPart, models: SpotModels, surroundings: _Surrou
         part,
         source.centre if models.point and isinstance(source, DiscSource) else source,
         models,
-        accuracy=ChainAccuracy(tolerance=models.tolerance),
         seed=part.seed,
         done=surroundings.done,
         compute=surroundings.compute,
@@ -214,27 +216,39 @@ def picture_of(
     source: DiscSource | PointSource,
     models: SpotModels,
     *,
-    accuracy: ChainAccuracy,
     seed: int,
     done: Callable[[float], None] = lambda _share: None,
     compute: ComputeParts = in_turn,
 ) -> ChainImage:
-    """Image of any source on the declared light path in the declared light; not cached."""
+    """Image of any source on the declared light path in the declared light; not cached.
+
+    Its sampling is refined until the stated error is within the tolerance of the models. Where that is unaffordable, or
+    takes more than four rounds, the stated error exceeds it.
+
+    Raises
+    ------
+    NotConvergedError
+        By every sampling, the images of points disagree with independent computations.
+    UnaffordableError
+        The picture takes too much memory, or too many points.
+    """
     path = light_path(part)
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
-    image_of = separate_image if models.separate else chain_image
 
     def image(wavelength: float, first: float = 0.0, last: float = 1.0) -> ChainImage:
-        return image_of(
-            path,
-            source,
-            wavelength=wavelength,
-            legs=legs(models.method),
-            accuracy=accuracy,
-            rng=np.random.default_rng(seed),
-            done=lambda share: done(first + (last - first) * share),
-            compute=compute,
-        )
+        def sampled(tolerance: float) -> ChainImage:
+            return (separate_image if models.separate else chain_image)(
+                path,
+                source,
+                wavelength=wavelength,
+                legs=legs(models.method),
+                accuracy=ChainAccuracy(tolerance=tolerance),
+                rng=np.random.default_rng(seed),
+                done=lambda share: done(first + (last - first) * share),
+                compute=compute,
+            )
+
+        return _refined(sampled, models.tolerance)
 
     if models.monochromatic or models.method in RAYS:  # rays are the same at every wavelength
         return image(part.mean_wavelength)
@@ -242,6 +256,28 @@ def picture_of(
     steps = np.linspace(0.0, 1.0, wavelengths.size + 1).tolist()
     images = [image(*one) for one in zip(wavelengths.tolist(), steps[:-1], steps[1:], strict=True)]
     return mean_image(images, wavelengths, shares)
+
+
+def _refined(sampled: Callable[[float], ChainImage], tolerance: float) -> ChainImage:
+    """The image by the coarsest sampling whose stated error is within a tolerance, or by the finest that was tried."""
+    found: ChainImage | None = None
+    failure: TradestudyError | None = None
+    finer = tolerance
+    for _ in range(_ROUNDS):
+        try:
+            found = sampled(finer)
+        except NotConvergedError as disagreement:
+            failure = disagreement
+        except UnaffordableError as refusal:
+            failure = refusal
+            break
+        if found is not None and found.numerical_error <= tolerance:
+            break
+        finer *= _FINER if found is None else min(_FINER, 0.5 * tolerance / found.numerical_error)
+    if found is None:
+        assert failure is not None
+        raise failure
+    return replace(found, tolerance=tolerance)
 
 
 def image_difference(image: FloatArray, reference: FloatArray) -> float:

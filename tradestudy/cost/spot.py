@@ -13,7 +13,7 @@ from tradestudy.analysis.spot_images import RAYS, SpotModels, compared_models, l
 from tradestudy.cost.measuring import Candidate, CostProblem, Reference
 from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
+from tradestudy.optics.chain import ChainImage, DiscSource
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.units import FRACTION, pretty
 
@@ -41,7 +41,7 @@ def spot_problem(part: LightSpotPart, name: str, chosen: SpotModels) -> CostProb
     def image(models: SpotModels, seed: int = part.seed) -> ChainImage:
         source = light_source(part)
         source = source.centre if models.point and isinstance(source, DiscSource) else source
-        return picture_of(part, source, models, accuracy=ChainAccuracy(tolerance=models.tolerance), seed=seed)
+        return picture_of(part, source, models, seed=seed)
 
     def reference(tolerance: float, growth: float) -> Reference:
         models = replace(compared_models(part, "kirchhoff"), tolerance=max(tolerance, _FINEST))

@@ -218,10 +218,9 @@ class LightTrial:
         around = _on_circle(source.centre, spot.diameter / 2.0 * math.sqrt(2.0 / 3.0), _AROUND)
         try:
             if complete.method in RAYS:
-                accuracy = ChainAccuracy(tolerance=TOLERANCE)
+                models = replace(complete, tolerance=TOLERANCE)
                 centre, whole = (
-                    picture_of(self._part, one, complete, accuracy=accuracy, seed=self._part.seed).pixels
-                    for one in (source.centre, source)
+                    picture_of(self._part, one, models, seed=self._part.seed).pixels for one in (source.centre, source)
                 )
             else:
                 # J. Radon's formula of degree five, Monatsh. Math. Phys. 52 (1948) 286.
