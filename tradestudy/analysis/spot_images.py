@@ -59,7 +59,7 @@ _TARGETS, _TARGET_PITCH = 256, 0.25e-6
 _APERTURE_TOLERANCE: Final = 1e-6
 _POINT_TOLERANCE: Final = 1e-4
 _ROUNDS: Final = 4  # of ever finer sampling
-_FINER: Final = 0.3  # factor on the tolerance of the sampling, at most
+_FINER: Final = 0.5  # factor on the tolerance of the sampling, at most
 
 
 def legs(method: MethodName) -> Legs:
@@ -273,7 +273,7 @@ def _refined(sampled: Callable[[float], ChainImage], tolerance: float) -> ChainI
             break
         if found is not None and found.numerical_error <= tolerance:
             break
-        finer *= _FINER if found is None else min(_FINER, 0.5 * tolerance / found.numerical_error)
+        finer *= _FINER if found is None else min(_FINER, 0.6 * tolerance / found.numerical_error)
     if found is None:
         assert failure is not None
         raise failure
