@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -19,6 +19,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.imaging.render.tiles import Tile, electrons_at
 from tradestudy.imaging.render.wave_set_up import waves_of
+from tradestudy.imaging.render.waves import Waves
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.wording import NO_MICROLENSES
 
@@ -121,8 +122,8 @@ class ScenePicturesProblem(SimulationProblem):
         by_waves = self._by_waves(models)
         if by_waves is None or by_waves == self._by_waves(self.complete) or len(self._done) == len(self._pictures):
             return False
-        tile = self._pictures[len(self._done)]
-        self._done.append(_changed(_Trial(key=fingerprint(tile, self._wavelength), tile=tile, line=self._wavelength)))
+        tile, waves = self._pictures[len(self._done)], self._waves[len(self._done)]
+        self._done.append(_changed(_Trial(key=fingerprint(tile, self._wavelength), tile=tile, waves=waves)))
         return True
 
     def _by_waves(self, models: Models) -> bool | None:
@@ -133,8 +134,12 @@ class ScenePicturesProblem(SimulationProblem):
 
     def _in_reach(self) -> bool:
         """Whether all pictures are close enough to focus that waves could differ from rays."""
-        found = (waves_of(one.exposure, one.scene, self._wavelength) for one in self._pictures)
-        return all(max(map(abs, lens.defocus)) < _MOST_WAVES for waves in found for lens in waves.lenses)
+        return all(max(map(abs, lens.defocus)) < _MOST_WAVES for waves in self._waves for lens in waves.lenses)
+
+    @cached_property
+    def _waves(self) -> list[Waves]:
+        """How waves would render each picture."""
+        return [waves_of(one.exposure, one.scene, self._wavelength) for one in self._pictures]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,14 +148,13 @@ class _Trial:
 
     key: bytes
     tile: Tile = field(compare=False)
-    line: float
+    waves: Waves = field(compare=False)
 
 
 @lru_cache(maxsize=64)  # a run plans the same pictures more than once
 def _changed(trial: _Trial) -> tuple[float, float]:
     """Sums of squares over patches: of the change by rays, and of the picture by waves [electrons²]."""
-    tile = replace(trial.tile, samples=_SAMPLES)
-    waves = replace(waves_of(tile.exposure, tile.scene, trial.line), offset_step=_OFFSET_STEP)
+    tile, waves = replace(trial.tile, samples=_SAMPLES), replace(trial.waves, offset_step=_OFFSET_STEP)
     down, across = (_patches(end) for end in (tile.rows[1], tile.columns[1]))
     rows, columns = (grid.ravel() for grid in np.meshgrid(down, across, indexing="ij"))
     rays, whole = (electrons_at(replace(tile, waves=one), rows, columns)[0] for one in (None, waves))
