@@ -20,7 +20,7 @@ Depth uncertainty and usable range of each camera that measures depth, for point
 `scene.distances`.
 
 There is one *interval of depths* for the central 68.27 % of measured depths, and one for each further fraction in
-`propagation.coverage`. An interval has no far end where too many measurements lie beyond infinity.
+`propagation.coverage`. An interval has no far end where too many measured depths lie beyond infinity.
 
 `side`, a dimension of `depth_discrimination`, is the direction of the change of true depth: `nearer` to the camera or
 `farther` from it. `part` names groups of errors, such as `noise` or `relative rotation`. `quantile` lists the
@@ -41,7 +41,7 @@ Variables of [`/depth`](#group-depth) off the axis. `field` lists the field posi
 """,
     "depth_map": """
 Depth uncertainty over the picture of each stereo rig with a lens model, at up to four of the distances of
-`scene.distances`. The picture is that of a camera midway between the two of the rig. `across` and `down` are
+`scene.distances`. The picture is that of an imaginary camera midway between the two of the rig. `across` and `down` are
 coordinates from its middle, in units of half its width and half its height.
 """,
     "disparity_causes": """
@@ -303,19 +303,20 @@ title.
 | see `name` | the variable of this name holds the error, in the same unit unless its entry says that it is relative |
 | see `name` of `/group` | the same, but the variable is in another group |
 | rounding only | the value follows from the inputs in closed form |
-| none | nothing is uncertain; the text says why, for example because the value is declared or a count |
+| none | nothing is uncertain; the text gives the reason, for example that the value is declared or that it is a count |
 | not estimated, not stored | no variable holds the error; the text says where the error comes from, how large it \
 is, or what indicates its size |
 | other text | states the error itself, or says that the value is itself an error estimate, and of what kind |
 
-A variable without *Error* is itself an error estimate, a text or a flag (1 or true for yes, 0 or false for no), or its
-error is not known.
+A variable without *Error* is a text, a flag (1 or true for yes, 0 or false for no) or an error estimate that needs no
+explanation, or its error is not known.
 
 The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file. Those of
 `error_source` are `noise` (matching noise alone), `calibration` (errors of calibration and drift together, without
-noise) and `both`. In a sweep, the variables of `/depth` and those whose names begin with `design_` also have the swept
-parameters as dimensions, before those given here; all others hold for the study as declared. Numeric labels of
-dimensions are in SI units, with exceptions such as `window` (in Airy radii) and `path_error` (in wavelengths).
+noise) and `both` (noise and these errors together). In a sweep, the variables of `/depth` and those whose names begin
+with `design_` also have the swept parameters as dimensions, before those given here; all others hold for the study as
+declared. Numeric labels of dimensions are in SI units, with exceptions such as `window` (in Airy radii) and
+`path_error` (in wavelengths).
 
 A *scramble* is one of several repetitions of a computation, each with its own quasi-random draws. A standard error
 *over scrambles* follows from the differences between them.

@@ -54,8 +54,8 @@ SetOption = Annotated[
         "--set",
         metavar="PATH=VALUE",
         help="For this command only, replace the value at PATH, as in stereo-short.baseline='50 mm'. PATH consists of "
-        "the keys that lead to the value, joined by dots; if the first key is cameras, it may be left out. If VALUE is "
-        "a mapping in braces, its keys are merged into the mapping at PATH; if VALUE is null, the value at PATH is "
+        "the keys that lead to the value, joined by dots; if the first key is 'cameras', it may be left out. If VALUE "
+        "is a mapping in braces, its keys are merged into the mapping at PATH; if VALUE is null, the value at PATH is "
         "removed. May be repeated.",
     ),
 ]
@@ -280,7 +280,7 @@ def cost(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure the error and computing time of the sets of models that a study can use.
+    """Measure the error and computing time of each set of models that a study can use.
 
     The command writes cost.json and cost.svg.
     """

@@ -44,8 +44,8 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="effective number of draws after reweighting, as a fraction of all draws; the chains sample a "
         "posterior that is integrated only approximately over the poses of the board; to check this approximation, the "
-        "poses are fitted anew for each draw, and the draws are reweighted by the result; near 1 if the approximation "
-        "is good",
+        "poses are fitted anew for each draw, and the draws are reweighted by the result; the fraction is near 1 if "
+        "the approximation is good",
     ),
     "posterior_evaluations": Variable(
         dims=("posterior",), units="1", long_name="number of evaluations of the log posterior"
@@ -130,7 +130,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
         dims=("posterior", "ensemble", "step", "parameter"),
         units="mixed",
         long_name="value of a parameter along the first chain of each ensemble, at steps spread evenly after the "
-        "warm-up; NaN where the parameter is not fitted, and beyond the last ensemble",
+        "warm-up; NaN where the parameter is not fitted, and for indices after the last ensemble of the calibration",
     ),
     "rig_quantity": Variable(
         dims=("rig_row",), units="", long_name="quantity that the calibration from corners determines or checks"

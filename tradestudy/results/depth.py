@@ -150,8 +150,10 @@ DEPTH: Final[Mapping[str, Variable]] = {
         units="mixed",
         long_name="value that is compared with limit_bound, in m for 'real_image' (the distance of the object), in "
         "px for 'focus', 'matching' and 'last_disparity_step', otherwise a plain number; may be infinite; NaN where "
-        "the limit does not apply or the camera forms no image",
-        error="rounding only; limits on failures and on relative uncertainty also have the error of the draws",
+        "the limit does not apply or the camera forms no image; 'matching' has further conditions, so it can fail "
+        "although this value is within its bound",
+        error="for most limits, rounding only; limits on failures and on relative uncertainty also have the error of "
+        "the draws, and 'matching' has the numerical error of the Cramér–Rao bound",
     ),
     "limit_met": Variable(
         dims=("camera", "distance", "limit"),
@@ -162,47 +164,48 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "limit"),
         units="mixed",
         long_name="bound of the limit, in the unit of limit_value; NaN where the limit does not apply",
-        error=DECLARED,
+        error="none: declared, or fixed by the program ('saturation', 'matching'); for 'real_image', the focal length, "
+        "with rounding only",
     ),
     "usable_near": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="near end of a usable interval of distances; NaN beyond the last interval of the camera",
+        long_name="near end of a usable interval of distances; NaN for indices after the last interval of the camera",
         error="see usable_near_error",
     ),
     "usable_near_error": Variable(
         dims=("camera", "interval"),
         units="m",
         long_name="standard error of usable_near over scrambles; 0 where no draws decide the end, infinite where "
-        "a scramble has no such end, NaN beyond the last interval",
+        "a scramble has no such end, NaN for indices after the last interval of the camera",
         error=ESTIMATE,
     ),
     "usable_far": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="far end of a usable interval of distances; NaN beyond the last interval of the camera",
+        long_name="far end of a usable interval of distances; NaN for indices after the last interval of the camera",
         error="see usable_far_error",
     ),
     "usable_far_error": Variable(
         dims=("camera", "interval"),
         units="m",
         long_name="standard error of usable_far over scrambles; 0 where no draws decide the end, infinite where "
-        "a scramble has no such end, NaN beyond the last interval",
+        "a scramble has no such end, NaN for indices after the last interval of the camera",
         error=ESTIMATE,
     ),
     "near_limit": Variable(
         dims=("camera", "interval"),
         units="",
         long_name="names of the limits that set usable_near, separated by commas ('matching: CONDITION' names the "
-        "condition that is violated); 'range of the study' if scene.distances begins there; empty beyond the last "
-        "interval",
+        "condition that is violated); 'range of the study' if scene.distances begins there; empty for indices after "
+        "the last interval of the camera",
     ),
     "far_limit": Variable(
         dims=("camera", "interval"),
         units="",
         long_name="names of the limits that set usable_far, separated by commas ('matching: CONDITION' names the "
-        "condition that is violated); 'range of the study' if scene.distances ends there; empty beyond the last "
-        "interval",
+        "condition that is violated); 'range of the study' if scene.distances ends there; empty for indices after "
+        "the last interval of the camera",
     ),
 }
 

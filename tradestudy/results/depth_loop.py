@@ -32,8 +32,8 @@ DEPTH_LOOP: Final[Mapping[str, Variable]] = {
     "over_matcher_error": Variable(
         dims=_POINT,
         units="1",
-        long_name="standard error of over_matcher, from the kurtosis of the depth errors, converted and divided as for "
-        "over_matcher; NaN where that is NaN",
+        long_name="standard error of over_matcher, from the kurtosis of the same converted and divided depth errors, "
+        "without false matches; NaN where over_matcher is NaN",
         error=ESTIMATE,
     ),
     "fitted": Variable(

@@ -36,13 +36,13 @@ _ESTIMATES: Final = {
     ),
     "neighbour_correlation": (
         "1",
-        "correlation of the depth errors of points next to each other in a row, each error divided by the standard "
-        "deviation of depth due to noise",
+        "correlation of the depth errors of neighbouring points in a row of the depth map, each error divided by the "
+        "standard deviation of depth due to noise",
     ),
     "window_correlation": (
         "1",
-        "correlation of the depth errors of points one matching window apart in a row, each error divided by the "
-        "standard deviation of depth due to noise",
+        "correlation of the depth errors of points one matching window apart in a row of the depth map, each error "
+        "divided by the standard deviation of depth due to noise",
     ),
 }
 """Unit and long name by name; each has a standard error beside it."""

@@ -31,40 +31,42 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     "slice_name": Variable(
         dims=("camera", "sharp", "slice"),
         units="",
-        long_name="name of a slice; empty beyond the last slice",
+        long_name="name of a slice; empty for indices after the last slice",
     ),
     "slice_near": _length(
         ("camera", "sharp", "slice"),
-        "near limit of a slice; NaN where the slice is sharp nowhere, and beyond the last slice",
+        "near limit of a slice; NaN where the slice is sharp nowhere, and for indices after the last slice",
     ),
     "slice_far": _length(
         ("camera", "sharp", "slice"),
         "far limit of a slice; infinite if the slice is focused at or beyond the hyperfocal distance; NaN "
-        "where the slice is sharp nowhere, and beyond the last slice",
+        "where the slice is sharp nowhere, and for indices after the last slice",
     ),
     "sharp_near": _length(
         ("camera", "sharp", "stretch"),
-        "near end of a range in which at least one slice is sharp; NaN beyond the last range",
+        "near end of a range in which at least one slice is sharp; NaN for indices after the last range",
     ),
     "sharp_far": _length(
         ("camera", "sharp", "stretch"),
-        "far end of a range in which at least one slice is sharp; may be infinite; NaN beyond the last range",
+        "far end of a range in which at least one slice is sharp; may be infinite; NaN for indices after the last "
+        "range",
     ),
     "gap_near": _length(
         ("camera", "sharp", "gap"),
-        "near end of a gap between two slices, in which nothing is sharp; NaN beyond the last gap",
+        "near end of a gap between two slices, in which nothing is sharp; NaN for indices after the last gap",
     ),
     "gap_far": _length(
         ("camera", "sharp", "gap"),
-        "far end of a gap between two slices, in which nothing is sharp; NaN beyond the last gap",
+        "far end of a gap between two slices, in which nothing is sharp; NaN for indices after the last gap",
     ),
     "overlap_near": _length(
         ("camera", "sharp", "overlap"),
-        "near end of a range in which at least two slices are sharp; NaN beyond the last range",
+        "near end of a range in which at least two slices are sharp; NaN for indices after the last range",
     ),
     "overlap_far": _length(
         ("camera", "sharp", "overlap"),
-        "far end of a range in which at least two slices are sharp; may be infinite; NaN beyond the last range",
+        "far end of a range in which at least two slices are sharp; may be infinite; NaN for indices after the last "
+        "range",
     ),
     "extent": _length(
         ("camera", "sharp"), "depth of field: total length of all sharp ranges; infinite where sharp_far is infinite"
@@ -126,12 +128,12 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         ("camera", "resolved"),
         "near end of a range in which the camera resolves a detail of size depth_of_field.equal_resolution, "
         "diffraction neglected; if the camera takes a focus stack, its images are assumed to be spaced for this "
-        "resolution; NaN beyond the last range",
+        "resolution; NaN for indices after the last range",
         reference="",
     ),
     "resolved_far": _length(
         ("camera", "resolved"),
-        "far end of the range that begins at resolved_near; NaN beyond the last range",
+        "far end of the range that begins at resolved_near; NaN for indices after the last range",
         reference="",
     ),
     "resolved_extent": _length(

@@ -42,9 +42,10 @@ HARD_CASES: Final[Mapping[str, Variable]] = {
     "bound": Variable(
         dims=_CASE,
         units="1",
-        long_name="largest acceptable our_error, never below 1e-12: the error that the program states or, if it states "
-        "none, 10 machine epsilons times condition_number; this factor is left out where it is infinite, or where the "
-        "program computes the ill-conditioned step without rounding; NaN where the right answer is in words",
+        long_name="largest acceptable our_error: the relative error that the program states (for a sampled value, six "
+        "standard errors) or, if it states none, 10 machine epsilons times condition_number, or only 10 machine "
+        "epsilons where the program computes the ill-conditioned step without rounding; at least 1e-12, and 1e-12 "
+        "where condition_number is infinite and the program states no error; NaN where the right answer is in words",
         error=EXACT,
     ),
     "condition_number": Variable(

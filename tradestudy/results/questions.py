@@ -354,15 +354,15 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "bound_alone_value": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="what 'value' would be if matching reached the Cramér–Rao bound, in SI units; NaN if the requirement "
-        "depends on no declared matcher",
+        long_name="what 'value' would be if matching reached the Cramér–Rao bound, in the same unit as 'value'; NaN if "
+        "the requirement depends on no declared matcher",
         error="see bound_alone_value_error",
     ),
     "bound_alone_value_error": Variable(
         dims=_OF_REQUIREMENT,
         units="mixed",
-        long_name="what value_error would be if matching reached the Cramér–Rao bound, in SI units; NaN if the "
-        "requirement depends on no declared matcher",
+        long_name="what value_error would be if matching reached the Cramér–Rao bound, in the same unit as 'value'; "
+        "NaN if the requirement depends on no declared matcher",
         error=ESTIMATE,
     ),
     "bound_alone_place": Variable(
@@ -387,7 +387,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "camera_margin_percent": Variable(
         dims=_OF_CAMERA,
         units="percent",
-        long_name="margin_percent of this camera; NaN where the requirement does not concern it",
+        long_name="margin_percent of this camera; NaN where the requirement does not concern it or cannot be decided "
+        "for it",
         error="that of the worst value",
     ),
     "camera_reason": Variable(
@@ -402,7 +403,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "design_margin_percent": Variable(
         dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="margin_percent in each design of a sweep; NaN where 'value' is NaN",
+        long_name="margin_percent in each design of a sweep; NaN where the requirement cannot be decided",
         error="that of the worst value",
     ),
     "design_margin_sigma": Variable(

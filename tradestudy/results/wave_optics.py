@@ -285,7 +285,7 @@ def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mappi
         name: Variable(
             dims=_SPREAD,
             units=units,
-            long_name=f"{long_name} beyond the last value of the varied input",
+            long_name=f"{long_name} for indices after the last value of the varied input",
             reference=reference,
             error=f"see {name}_error",
         ),

@@ -101,8 +101,8 @@ class PlenopticDepthPart(DisparityPart):
 
     estimator: PlenopticEstimator = Field(
         description="Micro-images that are compared: those of two adjacent microlenses (`adjacent-pair`); of two "
-        "nearest neighbours of the same type (`same-type-pair`); of the two microlenses farthest apart that see the "
-        "point (`widest-pair`); or of all that see it, by least squares (`least-squares`)."
+        "microlenses of the same type, as close together as possible (`same-type-pair`); of the two microlenses "
+        "farthest apart that see the point (`widest-pair`); or of all that see it, by least squares (`least-squares`)."
     )
     microlenses: UsedLenses | None = Field(
         default=None,

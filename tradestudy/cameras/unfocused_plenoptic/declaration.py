@@ -32,7 +32,8 @@ class UnfocusedMicrolensesPart(Part):
 
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(
-        description="Distance between neighbouring microlens centres; each corresponds to one pixel of every view."
+        description="Distance between neighbouring microlens centres; each microlens corresponds to one pixel of every "
+        "view."
     )
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
         description="Focal length of a microlens, which is also its distance from the sensor. With "

@@ -261,8 +261,8 @@ class LightSpotPart(Part):
     )
     tolerance: ImageTolerance = Field(
         default=0.01,
-        description="Largest relative numerical error of each compared picture, in the L2 norm; only if `methods` is "
-        "given.",
+        description="Largest acceptable relative numerical error of each compared picture, in the L2 norm; only if "
+        "`methods` is given.",
     )
     seed: Seed = Field(default=0, description="Seed of the random points at which the pictures are checked.")
     benchmarks: bool = Field(

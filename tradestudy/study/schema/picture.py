@@ -138,7 +138,9 @@ class SpectralLinePart(Part):
     """One wavelength of the light, and its weight."""
 
     wavelength: PositiveWavelength = Field(description="Wavelength of this line.")
-    weight: PositiveNumber = Field(description="Amount of light at this wavelength, relative to the other lines.")
+    weight: PositiveNumber = Field(
+        description="Number of electrons that this line contributes, relative to the other lines."
+    )
 
 
 class PicturePart(Part):

@@ -75,7 +75,7 @@ class LengthBelowPart(Part):
 
 
 class SharpPart(Part):
-    """The range that must be sharp, or the smallest total depth of field."""
+    """The range that must be sharp, or the smallest total depth of field that meets the requirement."""
 
     over: Span | None = Field(
         default=None, description="Nearest and farthest distance of the range that must be sharp throughout."
@@ -85,7 +85,8 @@ class SharpPart(Part):
     )
     criterion: Text | None = Field(
         default=None,
-        description="Name of one of the blur criteria in depth_of_field.criteria; default: the first.",
+        description="Name of one of the blur criteria that the top-level key depth_of_field lists under `criteria`; "
+        "default: the first.",
     )
 
     @model_validator(mode="after")
@@ -136,8 +137,8 @@ class GuardBandPart(Part):
     It is given as a number of standard errors of the value, or as the largest acceptable risk that a requirement counts
     as met although its bound is violated.
 
-    It affects depth_uncertainty and failed_fraction, and has no effect on `usable`, `overlap` and lateral_resolution;
-    depth_of_field and `criterion` do not accept it.
+    It affects requirements on depth_uncertainty and failed_fraction, but not those on `usable`, `overlap` or
+    lateral_resolution; a requirement on depth_of_field or on a `criterion` does not accept it.
     """
 
     standard_errors: PositiveNumber | None = Field(

@@ -29,7 +29,8 @@ class ScenePart(Part):
     )
 
     image: SceneImagePart | None = Field(
-        default=None, description="Surfaces at different depths, of which `python -m tradestudy render` makes pictures."
+        default=None,
+        description="Surfaces at different depths, of which the commands `run` and `render` make pictures.",
     )
 
     @model_validator(mode="after")

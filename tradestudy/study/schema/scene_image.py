@@ -184,11 +184,12 @@ class SceneImagePart(Part):
     spectrum and lens phase) do not change the pictures. A picture shows the camera's whole field of view.
 
     The program renders pictures with rays. If diffraction would change a picture by more than accuracy.pixel_intensity,
-    the program also computes the diffraction at all lenses by wave optics, for the wavelength scene.wavelength. For a
-    camera with microlenses, each of the keys main_lens_diffraction and microlens_diffraction of `effects` applies to
-    all lenses of the camera: `fresnel` prescribes diffraction, `off` prescribes rays. If these two keys contradict each
-    other, the study is refused. For any other camera, only main_lens_diffraction counts. Other models of these effects
-    are ignored for pictures.
+    the program also computes the diffraction at all lenses by wave optics, for the wavelength scene.wavelength. The
+    keys main_lens_diffraction and microlens_diffraction of `effects` can prescribe the choice: `fresnel` prescribes
+    diffraction, `off` prescribes rays. In pictures of a camera with microlenses, all lenses are treated alike, so
+    either key decides for all of them; if the two contradict each other, the study is refused. For any other camera,
+    only main_lens_diffraction counts. If one of these keys prescribes any other model, such as `airy`, pictures are
+    rendered as if that key were absent.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -225,8 +226,8 @@ class SceneImagePart(Part):
     depth_maps: bool = Field(
         default=False,
         strict=True,
-        description="Whether a run also measures depth in the pictures and compares it with the true depth; not for "
-        "pictures taken through a mosaic.",
+        description="Whether the command `run` also measures depth in the pictures and compares it with the true "
+        "depth (for `render`, its option --depth decides this); not for pictures taken through a mosaic.",
     )
     depth_format: Literal["tiff", "npy"] = Field(
         default="tiff", description="Format of the files with the true depth in metres."

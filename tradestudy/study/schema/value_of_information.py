@@ -60,8 +60,8 @@ class ValueOfInformationPart(Part):
     )
     unusable: PositiveFraction = Field(
         default=1.0,
-        description="Relative depth uncertainty that counts where a camera is unusable. Where it is usable, a larger "
-        "uncertainty is replaced by this value.",
+        description="Relative depth uncertainty to assume for a camera where it is unusable. Where it is usable, "
+        "any larger uncertainty is replaced by this value.",
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
         default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."

@@ -79,12 +79,13 @@ class ElementPart(Part):
     f_number: FNumber = Field(description="F-number at which the camera uses the lens.")
     published_error: PublishedErrorPart | None = Field(
         default=None,
-        description="A published error of Fresnel's approximation, to compare with the computed one in "
-        "`fresnel_validity`.",
+        description="A published error of Fresnel's approximation; `fresnel_validity` compares it with the computed "
+        "error.",
     )
     published_minimum_f_number: PositiveNumber | None = Field(
         default=None,
-        description="A published minimum f-number for Fresnel's approximation, to compare with the computed ones.",
+        description="A published minimum f-number for Fresnel's approximation; the report compares it with the "
+        "computed minimum f-numbers.",
     )
 
     @model_validator(mode="after")
@@ -131,18 +132,20 @@ class FresnelValidityPart(Part):
         "default: none.",
     )
     windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
-        description="Radii, in increasing order, of the windows over which the point-spread functions are compared, in "
-        "Airy radii."
+        description="Radii, in Airy radii and in increasing order, of the windows over which the point-spread "
+        "functions are compared."
     )
     path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
         description="Bounds on the optical path that Fresnel's approximation neglects; each gives a minimum f-number."
     )
     error_limit: PositiveFraction = Field(
         description="Largest acceptable error of a point-spread function computed by Fresnel's approximation. It "
-        "applies to each measure of the error; see `metric` of a claim about the error."
+        "applies to each of the three measures of the error (peak, l1 and largest); the key `metric` of a claim with "
+        "`quantity: psf_error` explains them."
     )
     tolerance: IntensityTolerance = Field(
-        description="Largest relative numerical error of each computed point-spread function, in the L2 norm."
+        description="Largest acceptable relative numerical error of each computed point-spread function, in the L2 "
+        "norm."
     )
 
     @model_validator(mode="after")
