@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,20 +31,31 @@ def test_a_picture_whose_first_sampling_misses_its_tolerance_is_refined() -> Non
 
 @dataclass(frozen=True, kw_only=True)
 class _Image:
-    numerical_error: float
+    error_terms: dict[str, float]
     tolerance: float
 
+    @property
+    def numerical_error(self) -> float:
+        return math.hypot(*self.error_terms.values())
 
-def _sampled(outcomes: Sequence[float | TradestudyError]) -> tuple[float, list[float]]:
-    """Stated error of the image to 1 % by samplings with these outcomes, and the tolerances of the samplings."""
-    asked: list[float] = []
 
-    def sampled(tolerance: float) -> _Image:
-        asked.append(tolerance)
+Outcome = tuple[float, float] | TradestudyError
+
+
+def _sampled(*outcomes: Outcome) -> tuple[float, list[tuple[float, float]]]:
+    """Stated error of the image to 1 % by samplings with these outcomes, and their tolerances and source samplings.
+
+    An outcome consists of the errors by points of the source and by everything else.
+    """
+    asked: list[tuple[float, float]] = []
+
+    def sampled(accuracy: ChainAccuracy) -> _Image:
+        asked.append((accuracy.tolerance, accuracy.source_sampling))
         outcome = outcomes[len(asked) - 1]
         if isinstance(outcome, TradestudyError):
             raise outcome
-        return _Image(numerical_error=outcome, tolerance=tolerance)
+        points, others = outcome
+        return _Image(error_terms={"source radii": points, "single points": others}, tolerance=accuracy.tolerance)
 
     found = spot_images._refined(sampled, 0.01)  # type: ignore[arg-type]  # a stand-in for an image
     assert found.tolerance == 0.01
@@ -52,24 +63,33 @@ def _sampled(outcomes: Sequence[float | TradestudyError]) -> tuple[float, list[f
 
 
 def test_refinement_stops_at_the_tolerance() -> None:
-    assert _sampled([0.05, 0.008, 1.0]) == (0.008, [0.01, pytest.approx(0.0012)])
+    error, asked = _sampled((0.05, 0.0), (0.008, 0.0))
+    assert error == 0.008
+    assert asked == [(0.01, 1.0), (0.01, pytest.approx(1.4))]
+
+
+def test_refinement_improves_what_limits_the_error() -> None:
+    assert _sampled((0.0, 0.05), (0.0, 0.0))[1][1] == (pytest.approx(0.005), 1.0)
+    assert _sampled((0.03, 0.05), (0.0, 0.0))[1][1] == (pytest.approx(0.005), pytest.approx(1.4))
 
 
 def test_refinement_goes_on_where_points_disagree() -> None:
     disagreement = NotConvergedError("points disagree", value="0.4", limit="0.3", remedy="refine")
-    assert _sampled([disagreement, 0.009]) == (0.009, [0.01, pytest.approx(0.005)])
+    error, asked = _sampled(disagreement, (0.009, 0.0))
+    assert error == 0.009
+    assert asked == [(0.01, 1.0), (pytest.approx(0.005), 1.0)]
     with pytest.raises(NotConvergedError):
-        _sampled([disagreement] * 4)
+        _sampled(*[disagreement] * 4)
 
 
 def test_refinement_keeps_what_is_affordable() -> None:
     refusal = UnaffordableError("points to follow", value="1e9", limit="1e7", remedy="raise the tolerance")
-    assert _sampled([0.05, refusal])[0] == 0.05
+    assert _sampled((0.05, 0.0), refusal)[0] == 0.05
     with pytest.raises(UnaffordableError):
-        _sampled([refusal])
+        _sampled(refusal)
 
 
 def test_refinement_gives_up_after_four_rounds() -> None:
-    error, asked = _sampled([0.05, 0.04, 0.03, 0.02])
+    error, asked = _sampled((0.05, 0.0), (0.04, 0.0), (0.03, 0.0), (0.02, 0.0))
     assert error == 0.02
     assert len(asked) == 4

@@ -59,7 +59,8 @@ _TARGETS, _TARGET_PITCH = 256, 0.25e-6
 _APERTURE_TOLERANCE: Final = 1e-6
 _POINT_TOLERANCE: Final = 1e-4
 _ROUNDS: Final = 4  # of ever finer sampling
-_FINER: Final = 0.5  # factor on the tolerance of the sampling, at most
+_MORE_POINTS: Final = 1.4  # factor on their density; the error of the mean over them falls exponentially with it
+_FINER: Final = 0.5  # factor on the tolerance of everything else
 
 
 def legs(method: MethodName) -> Legs:
@@ -236,13 +237,13 @@ def picture_of(
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
 
     def image(wavelength: float, first: float = 0.0, last: float = 1.0) -> ChainImage:
-        def sampled(tolerance: float) -> ChainImage:
+        def sampled(accuracy: ChainAccuracy) -> ChainImage:
             return (separate_image if models.separate else chain_image)(
                 path,
                 source,
                 wavelength=wavelength,
                 legs=legs(models.method),
-                accuracy=ChainAccuracy(tolerance=tolerance),
+                accuracy=accuracy,
                 rng=np.random.default_rng(seed),
                 done=lambda share: done(first + (last - first) * share),
                 compute=compute,
@@ -258,14 +259,16 @@ def picture_of(
     return mean_image(images, wavelengths, shares)
 
 
-def _refined(sampled: Callable[[float], ChainImage], tolerance: float) -> ChainImage:
+def _refined(sampled: Callable[[ChainAccuracy], ChainImage], tolerance: float) -> ChainImage:
     """The image by the coarsest sampling whose stated error is within a tolerance, or by the finest that was tried."""
     found: ChainImage | None = None
     failure: TradestudyError | None = None
-    finer = tolerance
+    accuracy = ChainAccuracy(tolerance=tolerance)
     for _ in range(_ROUNDS):
+        terms = {"sampling": math.inf}
         try:
-            found = sampled(finer)
+            found = sampled(accuracy)
+            terms = found.error_terms
         except NotConvergedError as disagreement:
             failure = disagreement
         except UnaffordableError as refusal:
@@ -273,7 +276,12 @@ def _refined(sampled: Callable[[float], ChainImage], tolerance: float) -> ChainI
             break
         if found is not None and found.numerical_error <= tolerance:
             break
-        finer *= _FINER if found is None else min(_FINER, 0.6 * tolerance / found.numerical_error)
+        points = math.hypot(*(error for name, error in terms.items() if name.startswith("source")))
+        others = math.hypot(*(error for name, error in terms.items() if not name.startswith("source")))
+        if points > tolerance / 2.0:
+            accuracy = replace(accuracy, source_sampling=_MORE_POINTS * accuracy.source_sampling)
+        if others > tolerance / 2.0:
+            accuracy = replace(accuracy, tolerance=_FINER * accuracy.tolerance)
     if found is None:
         assert failure is not None
         raise failure

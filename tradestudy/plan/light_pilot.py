@@ -14,6 +14,7 @@ from tradestudy.optics.chain.arriving_light import array_table, point_wave
 from tradestudy.optics.chain.exact_rays import exact_ray_image, ray_count
 from tradestudy.optics.chain.geometric_image import geometric_image
 from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
+from tradestudy.optics.chain.lit_disc import lit_disc
 from tradestudy.optics.chain.point_image import compute_point, plan_point, reference_law
 from tradestudy.optics.chain.scene import Legs
 from tradestudy.optics.chain.source_tables import table_count
@@ -86,6 +87,7 @@ def _seconds_of_disc(
     path: LightPath, source: DiscSource, wavelength: float, laws: Legs, accuracy: ChainAccuracy
 ) -> float:
     """Time for the points of the disc, the tables of the main lens's field, and the separately checked points."""
+    source = lit_disc(path, source, wavelength=wavelength, tolerance=accuracy.tolerance)
     nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
     start = time.process_time()
     spot = prepare_spot(path, source, nodes, wavelength, laws, accuracy, blank=True)

@@ -15,6 +15,7 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import RayWave, point_wave
 from tradestudy.optics.chain.detector_patch import outermost
+from tradestudy.optics.chain.lit_disc import light_left_out, lit_disc
 from tradestudy.optics.chain.parts import ComputeParts
 from tradestudy.optics.chain.point_image import compute_point, plan_point, reference_law
 from tradestudy.optics.chain.scene import Legs, LightPath
@@ -42,6 +43,7 @@ _SHARE_OF_NODES = (
 )
 _MOST_DRAWN = 40
 _AT_ONCE = 8  # points between the rings in one part of the work
+_LEFT_OUT = 0.5  # of the tolerance that the part of a disc taken as dark may contribute
 _HARDLY_ANY = 0.1  # of the average light of a point: points with less count as dark
 
 
@@ -168,6 +170,28 @@ def wave_spot_image(
         If the image of a source point differs grossly from that of the single-point computation.
     """
     asked = AskedSpot(path=path, source=source, wavelength=wavelength, legs=legs, accuracy=accuracy)
+    tolerance = accuracy.tolerance
+    lit = lit_disc(path, source, wavelength=wavelength, tolerance=tolerance)
+    if lit != source:
+        image, edge = _disc_image(replace(asked, source=lit), rng, done, compute)
+        beyond = light_left_out(path, source, lit, edge, wavelength=wavelength, tolerance=tolerance)
+        left_out = beyond / (float(np.linalg.norm(image.pixels)) or math.inf)
+        if left_out <= _LEFT_OUT * tolerance:
+            return replace(
+                image,
+                pixels=image.pixels * (lit.diameter / source.diameter) ** 2,
+                numerical_error=math.hypot(image.numerical_error, left_out),
+                error_terms=image.error_terms | {"dark part of the source": left_out},
+            )
+    return _disc_image(asked, rng, done, compute)[0]
+
+
+def _disc_image(
+    asked: AskedSpot, rng: np.random.Generator, done: Callable[[float], None], compute: ComputeParts
+) -> tuple[ChainImage, FloatArray]:
+    """The image of a whole disc, and the mean image of its outermost ring of nodes; errors as for `wave_spot_image`."""
+    path, source, accuracy = asked.path, asked.source, asked.accuracy
+    wavelength, legs = asked.wavelength, asked.legs
     nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
     for point in (source.centre, outermost(source, nodes)):  # refuse before minutes of computation
         wave = point_wave(path, point, wavelength=wavelength, legs=legs)
@@ -202,7 +226,7 @@ def wave_spot_image(
         "single points": per_point,
         "pixel integration": images.pixel_error,
     }
-    return ChainImage(
+    image = ChainImage(
         pixels=pixels,
         numerical_error=math.hypot(*terms.values()),
         error_terms=terms,
@@ -215,6 +239,7 @@ def wave_spot_image(
         },
         handed_over=images.handed_over,
     )
+    return image, np.asarray(rings[-1].mean(axis=0))
 
 
 def followed_points(path: LightPath, source: DiscSource, nodes: SourceNodes) -> float:

@@ -14,6 +14,7 @@ from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath
+from tradestudy.optics.chain.lit_disc import lit_disc
 from tradestudy.optics.chain.sources import source_nodes
 from tradestudy.optics.chain.spot_image import followed_points
 from tradestudy.optics.chain.spot_parts import source_density
@@ -178,8 +179,10 @@ class LightSpotProblem(SimulationProblem):
         if not isinstance(source, DiscSource) or source.coherent:
             return 1.0
         density = source_density(ChainAccuracy(tolerance=TOLERANCES[0]))
+        wavelength = self._part.mean_wavelength
+        source = lit_disc(path, source, wavelength=wavelength, tolerance=TOLERANCES[0])
         try:
-            nodes = source_nodes(path, source, wavelength=self._part.mean_wavelength, density=density)
+            nodes = source_nodes(path, source, wavelength=wavelength, density=density)
         except UnaffordableError:
             return math.inf
         return followed_points(path, source, nodes)

@@ -1,0 +1,64 @@
+"""Discs larger than what the microlenses see, computed from the part that lights them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.campaigns.light_cases import large_part
+from tradestudy.analysis.spot_images import light_path, light_source
+from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, ChainImage, DiscSource, LightPath, chain_image, spot_image
+from tradestudy.optics.chain.lit_disc import lit_disc
+
+
+def large_disc() -> tuple[LightPath, DiscSource, float]:
+    """A random disc of which a microlens sees about a third, and the wavelength."""
+    part = large_part(np.random.default_rng([812, 384]))
+    source = light_source(part)
+    assert isinstance(source, DiscSource)
+    return light_path(part), source, part.mean_wavelength
+
+
+def image(path: LightPath, source: DiscSource, wavelength: float, tolerance: float, density: float) -> ChainImage:
+    accuracy = ChainAccuracy(tolerance=tolerance, source_sampling=density)
+    rng = np.random.default_rng(0)
+    return chain_image(path, source, wavelength=wavelength, legs=KIRCHHOFF, accuracy=accuracy, rng=rng)
+
+
+def test_the_lit_part_gives_the_image_of_the_whole_disc(monkeypatch: pytest.MonkeyPatch) -> None:
+    path, source, wavelength = large_disc()
+    found = image(path, source, wavelength, 0.1, 1.4)
+    assert 0.0 < found.error_terms["dark part of the source"] < 0.05
+    monkeypatch.setattr(spot_image, "lit_disc", lambda _path, whole, **_: whole)
+    whole = image(path, source, wavelength, 0.005, 2.0)
+    assert "dark part of the source" not in whole.error_terms
+    change = np.linalg.norm(found.pixels - whole.pixels) / np.linalg.norm(whole.pixels)
+    assert whole.numerical_error < change < found.numerical_error
+    assert found.effort["source points"] < 0.5 * whole.effort["source points"]
+
+
+def test_the_whole_disc_is_computed_where_the_rest_is_not_dark_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    path, source, wavelength = large_disc()
+    monkeypatch.setattr(spot_image, "_LEFT_OUT", 0.0)
+    found = image(path, source, wavelength, 0.1, 1.0)
+    assert "dark part of the source" not in found.error_terms
+    monkeypatch.setattr(spot_image, "lit_disc", lambda _path, whole, **_: whole)
+    assert np.array_equal(found.pixels, image(path, source, wavelength, 0.1, 1.0).pixels)
+
+
+def test_the_lit_part_grows_with_what_matters() -> None:
+    path, source, wavelength = large_disc()
+
+    def width(wavelength: float = wavelength, tolerance: float = 0.1) -> float:
+        return lit_disc(path, source, wavelength=wavelength, tolerance=tolerance).diameter
+
+    assert width() < width(tolerance=0.05) < source.diameter
+    assert width() < width(wavelength=1.2 * wavelength)
+
+
+def test_a_disc_that_the_microlenses_see_stays_whole() -> None:
+    path, source, wavelength = large_disc()
+    small = replace(source, diameter=lit_disc(path, source, wavelength=wavelength, tolerance=0.1).diameter)
+    assert lit_disc(path, small, wavelength=wavelength, tolerance=0.1) is small
