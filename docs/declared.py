@@ -30,7 +30,7 @@ contrast, counts the ranges of distance in which a camera is usable, from the ne
 `limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
 `total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
 others are not declared: `real_image` (the lens forms a real image), and for derived disparity errors `saturation` (the
-brightest pixels are not saturated) and `matching` (a matcher can reach the Cramér–Rao bound).
+brightest pixels are not saturated) and `matching` (a real matcher can come close to the Cramér–Rao bound).
 """,
     "depth_at_places": """
 The variables of [`/depth`](#group-depth), at the distances of `decision.at`. Here, usable intervals are sought only
@@ -193,7 +193,7 @@ def command_line_page() -> str:
             "",
             f"`python -m tradestudy {name} {arguments}`".replace(" `", "`"),
         ]
-        lines += ["", _code(command.help.replace("\n", " ")), ""]
+        lines += ["", _code(" ".join(command.help.split())), ""]
         for one in command.params:
             if one.param_type_name == "option" and "--help" not in one.opts:
                 lines += [*_option(one), ""]
@@ -267,9 +267,14 @@ def _sentence(text: str) -> str:
 
 
 def _code(text: str) -> str:
-    """Mark values in quotes, and names of keys, variables and files, as code; typesetting would change their quotes."""
+    """Mark values in quotes, options, and names of keys, variables and files, as code, which typesetting leaves alone.
+
+    A single word loses its quotes, which only text without markup needs.
+    """
     value = r"(?:(?<!\S)\S+=|(?<![\w`]))'[^']+'(?!\w)"  # the lookarounds spare the apostrophes of possessives
-    return re.sub(rf"{value}|(?<![\w/`])[a-z]\w*(?:[._=][a-z0-9]\w*)+", r"`\g<0>`", text)
+    option = r"(?<![\w`-])--[a-z][\w-]*"
+    marked = re.sub(rf"{value}|{option}|(?<![\w/`])[a-z]\w*(?:[._=][a-z0-9]\w*)+", r"`\g<0>`", text)
+    return re.sub(r"`'([^'`\s]+)'`", r"`\1`", marked)
 
 
 _COMMAND_LINE: Final = """
@@ -311,12 +316,12 @@ is, or what indicates its size |
 A variable without *Error* is a text, a flag (1 or true for yes, 0 or false for no) or an error estimate that needs no
 explanation, or its error is not known.
 
-The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file. Those of
-`error_source` are `noise` (matching noise alone), `calibration` (errors of calibration and drift together, without
-noise) and `both` (noise and these errors together). In a sweep, the variables of `/depth` and those whose names begin
-with `design_` also have the swept parameters as dimensions, before those given here; all others hold for the study as
-declared. Numeric labels of dimensions are in SI units, with exceptions such as `window` (in Airy radii) and
-`path_error` (in wavelengths).
+The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file; the label
+`as declared` of `reading` stands for the study as declared. The labels of `error_source` are `noise` (matching noise
+alone), `calibration` (errors of calibration and drift together, without noise) and `both` (noise and these errors
+together). In a sweep, the variables of `/depth` and those whose names begin with `design_` also have the swept
+parameters as dimensions, before those given here; all others hold for the study as declared. Numeric labels of
+dimensions are in SI units, with exceptions such as `window` (in Airy radii) and `path_error` (in wavelengths).
 
 A *scramble* is one of several repetitions of a computation, each with its own quasi-random draws. A standard error
 *over scrambles* follows from the differences between them.

@@ -478,11 +478,15 @@ class Reference:
 
     def takes(self, schema: Schema) -> str:
         """What may stand at a key, in words."""
+        return _either(self._each(schema))
+
+    def _each(self, schema: Schema) -> list[str]:
+        """Everything that may stand at a key, in words."""
         found = sorted(self.alternatives(schema), key=lambda one: any(True for _ in _items(one[1])))  # lists last
         words = dict.fromkeys(word for name, one in found for word in self._takes_one(name, one))
         if "a number" in words:
             words.pop("a whole number", None)
-        return _either([*words])
+        return [*words]
 
     def _takes_one(self, name: str, schema: Schema) -> Iterator[str]:
         if not name and "enum" in schema:
@@ -513,8 +517,10 @@ class Reference:
                 return f"`[{each[1:-1]}]`"
             return f"a list of {_count(schema)}, each {each}"
         if members := list(_members(schema)):
-            of = self.takes(members[0])
-            return f"a mapping from names to {of.replace('a mapping from', 'mappings, each from')}"
+            of = self._each(members[0])
+            if len(of) > 1:
+                return f"a mapping from names to values, each {_either(of)}"
+            return f"a mapping from names to {of[0].replace('a mapping from', 'mappings, each from')}"
         if "properties" in schema:
             return f"a mapping with {' and '.join(f'`{key}`' for key in schema['properties'])}"
         if isinstance(schema["type"], list):
@@ -688,6 +694,8 @@ def _count(schema: Schema) -> str:
     least, most = schema.get("minItems", 0), schema.get("maxItems")
     if least == most:
         return f"{least} values"
+    if most is not None:
+        return f"{least} to {most} values" if least else f"up to {most} values"
     return f"{least} or more values" if least > 1 else "values"
 
 
@@ -819,7 +827,8 @@ to the study. A camera file contains the keys of one camera, without `from` and 
 | `like` | Instead of `from`: name of another camera of the study. | `like: stereo-50mm` |
 | `length_unit` | Unit of the lengths in the calibration files; needed if neither the files nor their format state it. \
 | `length_unit: mm` |
-| `pair` | Names of the left and the right camera in a Kalibr file, or their sockets, in quotes, in a DepthAI file. \
+| `pair` | Names of the left and the right camera in a Kalibr file, or the numbers of their sockets in a DepthAI \
+file; write these numbers in quotes, as in `pair: ['1', '2']`. \
 Default: the first two cameras of a Kalibr file, or the stereo pair that a DepthAI file names. | `pair: [cam0, cam2]` |
 | `pictures` | Whether depth is measured in the pictures as taken (`raw`, the default) or in rectified ones \
 (`rectified`); for OpenCV and ROS files. | `pictures: rectified` |

@@ -43,7 +43,7 @@ DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder o
 
 
 def _output_folder(default: str) -> object:
-    name = "where NAME is the name of the study, followed by any values changed on the command line"
+    name = "where NAME consists of the name of the study and of any values changed on the command line"
     return typer.Option("--out", metavar="DIR", help="Output folder.", show_default=f"{default}, {name}")
 
 
@@ -316,8 +316,8 @@ def new(
         typer.Option(
             "--from",
             metavar="FILE",
-            help="Start from the camera in this calibration file. For a stereo rig in two files, give this option "
-            "twice: left, then right.",
+            help="Start from the camera in this calibration file. For a stereo rig in several files, repeat this "
+            "option for each: left, right and, if it is separate, the file with their relative pose (R and T).",
         ),
     ] = None,
     set_: Annotated[

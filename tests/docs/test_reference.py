@@ -142,5 +142,19 @@ def test_marks_quoted_values_as_code_but_no_possessives() -> None:
 
     assert declared._code("the lens's error against Kirchhoff's") == "the lens's error against Kirchhoff's"
     assert (
-        declared._code("the study's value: 'on', 'off' or a='1 m'") == "the study's value: `'on'`, `'off'` or `a='1 m'`"
+        declared._code("the study's values: 'on', '1 m' or a='1 m'") == "the study's values: `on`, `'1 m'` or `a='1 m'`"
     )
+    assert declared._code("the option --format, or --with-cost") == "the option `--format`, or `--with-cost`"
+
+
+def test_counts_the_values_of_a_list_as_its_schema_does() -> None:
+    import study_keys
+
+    counts = {
+        "values": {},
+        "2 or more values": {"minItems": 2},
+        "2 to 4 values": {"minItems": 2, "maxItems": 4},
+        "up to 10 values": {"maxItems": 10},
+        "2 values": {"minItems": 2, "maxItems": 2},
+    }
+    assert {words: study_keys._count(schema) for words, schema in counts.items()} == {words: words for words in counts}

@@ -198,7 +198,7 @@ class DisparityPart(Part):
 
 
 class AttributesPart(Part):
-    """Attributes other than depth by which the report compares cameras; omitted ones are derived where possible."""
+    """Attributes, besides depth, by which the report compares cameras; omitted ones are derived where possible."""
 
     moving_parts: Count | None = Field(
         default=None, description="Number of moving parts; default: one for each lens with a focus mechanism."

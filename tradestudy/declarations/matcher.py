@@ -31,14 +31,14 @@ class MatcherPart(Part):
     )
     floor: NoiseFloor | None = Field(
         default=None,
-        description="Standard deviation of the matching noise that more light does not reduce; it adds to the other "
-        "noise in quadrature.",
+        description="Standard deviation of the part of the matching noise that more light does not reduce; it adds to "
+        "the rest in quadrature.",
     )
     pixel_locking: LockingAmplitude | None = Field(
         default=None,
         description="Amplitude of a bias that is a sine of the disparity with a period of one pixel. Its phase is "
         "unknown, so amplitude/√2 adds to the noise in quadrature. The bias is the same in all measurements at one "
-        "distance; averaging does not reduce it.",
+        "distance, so averaging them does not reduce it.",
     )
     false_matches: FalseShare | None = Field(
         default=None, description="Fraction of all matches that are false; they count as failed measurements."

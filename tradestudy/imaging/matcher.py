@@ -20,8 +20,8 @@ class Matcher:
 
     Pixel locking is a systematic bias ``A sin(2π d + φ)`` of the disparity d [samples]. Its phase φ is unknown, so in a
     single measurement its mean square A²/2 adds like normal noise; but it is the same for all measurements at one
-    distance, so averaging does not reduce it. A false match measures nothing: it counts as a failed measurement, and
-    the depth uncertainty is that of the true matches.
+    distance, so averaging them does not reduce it. A false match measures nothing: it counts as a failed measurement,
+    and the depth uncertainty is that of the true matches.
 
     Parameters
     ----------

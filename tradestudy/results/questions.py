@@ -32,14 +32,14 @@ DECISION: Final[Mapping[str, Variable]] = {
         long_name="depth uncertainty of the first camera of the main pair, divided by that of the second; infinite "
         "where only the first is infinite or only the second is 0; NaN where both are infinite or both 0, or a camera "
         "does not see the point",
-        error="not stored: follows from depth_uncertainty_error of /depth",
+        error="not stored; for the study as declared, it follows from depth_uncertainty_by_error_source_error of "
+        "/depth_at_places; for the other readings, no variable indicates its size",
     ),
     "within_tolerance": Variable(
         dims=("reading", "place", "error_source"),
         units="1",
         long_name="whether uncertainty_ratio differs from 1 by no more than accuracy.depth_uncertainty, so that "
         "omitted effects could reverse the order of the two cameras",
-        error=EXACT,
     ),
     "flips": Variable(
         dims=("reading", "place", "error_source"),
@@ -175,7 +175,8 @@ CLAIMS: Final[Mapping[str, Variable]] = {
         units="mixed",
         long_name="value of the claim's quantity under a reading, in SI units; NaN where the claim is not tested under "
         "this reading, or where the quantity has no value",
-        error="not estimated; that of depth uncertainties is depth_uncertainty_error of /depth",
+        error="not estimated; for the depth uncertainties on which some claims rest, see depth_uncertainty_error of "
+        "/depth",
     ),
     "met": Variable(
         dims=("claim", "reading"),
@@ -210,7 +211,7 @@ CLAIMS: Final[Mapping[str, Variable]] = {
         dims=("claim", "reading"),
         units="1",
         long_name="whether a change of the value by accuracy.tolerance could reverse 'met'",
-        error=EXACT,
+        error="not estimated: can be wrong only where it takes almost exactly the tolerance to reverse 'met'",
     ),
 }
 
@@ -313,7 +314,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="whether 'met' could be reversed by changes in 'value', or in the ends of usable ranges, within "
         "their tolerances under 'accuracy'",
-        error=EXACT,
+        error="not estimated: can be wrong only where it takes almost exactly the tolerance to reverse 'met'",
     ),
     "reason": Variable(
         dims=_OF_REQUIREMENT,

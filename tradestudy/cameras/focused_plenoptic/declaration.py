@@ -47,8 +47,8 @@ class MicrolensesPart(Part):
     )
     focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
-        description="Focal lengths of the types of microlenses. By default, the depths of field of the types, for one "
-        "pixel of blur, adjoin one another, starting at the total covering plane.",
+        description="Focal lengths of the types of microlenses. By default, they are chosen such that the depths "
+        "of field of the types, for one pixel of blur, adjoin one another, starting at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of each microlens; default: the pitch."

@@ -193,7 +193,8 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "pixels."
         ),
         "matching": say(
-            "**Matching**: a matcher can reach the bound on the disparity error, and that bound is at most 0.25 px."
+            "**Matching**: a real matcher can come close to the bound on the disparity error: this bound is at most "
+            "0.25 px, and the window is large enough for the blur and the texture."
         ),
     }
     yield Bullets(tuple(meaning for name, meaning in meanings.items() if name in applied))

@@ -95,8 +95,9 @@ class SpotMicrolensesPart(Part):
     )
     pitch: MicrolensPitch = Field(description="Distance between the centres of neighbouring microlenses.")
     focal_length: OneLength | Annotated[tuple[FocalLength, ...], Field(min_length=2, max_length=4)] = Field(
-        description="Focal length of all microlenses, or a list with that of each type. The types alternate along "
-        "a row and shift by one from row to row; the first type is on the axis."
+        description="Focal length of all microlenses, or a list with that of each type. The types take turns "
+        "along each row and shift by one from row to row. The first type is on the axis; in a square array with an "
+        "even number of microlenses along a side, which has none on the axis, it is on the diagonal x = y."
     )
     aperture: Literal["circular", "square"] = Field(default="circular", description="Shape of each microlens aperture.")
     f_number: FNumber | None = Field(
@@ -267,9 +268,9 @@ class LightSpotPart(Part):
     seed: Seed = Field(default=0, description="Seed of the random points at which the pictures are checked.")
     benchmarks: bool = Field(
         default=False,
-        description="Whether the run also measures how long Kirchhoff's integral takes for light from one point. It is "
-        "timed through the main lens alone, for each value of `lens_phase`, on and off the axis, and through the main "
-        "lens and the microlenses together.",
+        description="Whether the run also measures how long Kirchhoff's integral takes for light from one point. Two "
+        "cases are timed: the main lens alone (for each value of `lens_phase`, on and off the axis), and the main lens "
+        "and the microlenses together.",
     )
     published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
         default=(), description="Published computing times, shown next to the measured ones."

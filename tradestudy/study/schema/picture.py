@@ -161,8 +161,8 @@ class PicturePart(Part):
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(
-        description="Standard deviation of the noise that reading a pixel adds; the temporal_dark_noise of a sensor "
-        "overrides it."
+        description="Standard deviation of the noise that is added when a pixel is read; the temporal_dark_noise of a "
+        "sensor overrides it."
     )
     full_well: PositiveElectrons = Field(
         description="Number of electrons at which a pixel saturates; it maps to the largest raw value. The "

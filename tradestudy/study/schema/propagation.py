@@ -17,7 +17,7 @@ _SAME_COVERAGE = 1e-4  # of a standard deviation's, 68.27 %, which studies round
 
 
 class PropagationPart(Part):
-    """Field positions at which depth is computed, intervals of depth to report, and the draws that propagate errors."""
+    """Field positions at which depth is computed, coverage of the depth intervals, and draws that propagate errors."""
 
     seed: Seed = Field(
         default=0,

@@ -238,8 +238,9 @@ class LimitDistanceClaim(_ClaimPart):
         description="Limit that the claim is about. Some names differ from those in usable_range: "
         "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on "
         "disparity_step. The limits `saturation` and `matching` apply only to a derived disparity error. `saturation` "
-        "is met where no pixel saturates. `matching` is met where a matcher can reach the Cramér–Rao bound on the "
-        "disparity error, that is, where this bound is at most 0.25 px and the window is large enough."
+        "is met where no pixel saturates. `matching` is met where a real matcher can come close to the Cramér–Rao "
+        "bound on the disparity error: where this bound is at most 0.25 px, and the matching window is large enough "
+        "for the blur and the texture."
     )  # fmt: skip
     end: Literal["near", "far"] = Field(
         description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."

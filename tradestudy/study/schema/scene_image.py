@@ -227,7 +227,7 @@ class SceneImagePart(Part):
         default=False,
         strict=True,
         description="Whether the command `run` also measures depth in the pictures and compares it with the true "
-        "depth (for `render`, its option --depth decides this); not for pictures taken through a mosaic.",
+        "depth (for `render`, its option `--depth` decides this). Must be `false` if `mosaic` is given.",
     )
     depth_format: Literal["tiff", "npy"] = Field(
         default="tiff", description="Format of the files with the true depth in metres."

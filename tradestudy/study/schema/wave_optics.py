@@ -194,4 +194,6 @@ class PointSpreadPart(Part):
         description="Defocus, as the path difference at the rim of the pupil in waves; above 0, the object is nearer "
         "than the distance in focus."
     )
-    tolerance: IntensityTolerance = Field(description="Largest numerical error of the intensity, relative to its peak.")
+    tolerance: IntensityTolerance = Field(
+        description="Largest acceptable numerical error of the intensity, relative to its peak."
+    )
