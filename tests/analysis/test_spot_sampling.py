@@ -89,7 +89,18 @@ def test_refinement_keeps_what_is_affordable() -> None:
         _sampled(refusal)
 
 
-def test_refinement_gives_up_after_four_rounds() -> None:
-    error, asked = _sampled((0.05, 0.0), (0.04, 0.0), (0.03, 0.0), (0.02, 0.0))
+def test_refinement_ends_with_the_best_image_where_it_gains_nothing() -> None:
+    error, asked = _sampled((0.05, 0.0), (0.02, 0.0), (0.03, 0.0))
     assert error == 0.02
+    assert len(asked) == 3
+
+
+def test_refinement_asks_for_no_tolerance_below_the_smallest() -> None:
+    found = spot_images._finer(ChainAccuracy(tolerance=1e-6), {"single points": 3.0})
+    assert (found.tolerance, found.source_sampling) == (1e-6, 1.0)
+
+
+def test_refinement_gives_up_after_four_rounds() -> None:
+    error, asked = _sampled((0.08, 0.0), (0.06, 0.0), (0.04, 0.0), (0.03, 0.0))
+    assert error == 0.03
     assert len(asked) == 4

@@ -1,4 +1,4 @@
-"""What asking for 10 %, 1 % and 0.1 % of the light spot picks, costs and reaches.
+"""What asking for 10 %, 5 %, 1 % and 0.1 % of the light spot picks, costs and reaches.
 
     python -m tests.campaigns.light_spot_accuracy
 
@@ -21,7 +21,7 @@ from tradestudy.plan.light_pilot import predicted_picture_seconds
 from tradestudy.plan.problems.light_spot import LightSpotProblem, spot_models
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
-ASKED = (0.1, 0.01, 0.001)
+ASKED = (0.1, 0.05, 0.01, 0.001)
 FINEST = 5e-4
 
 
@@ -56,7 +56,7 @@ def main() -> None:
     ]
     record.write(
         "light_spot_accuracy",
-        "The light spot to 10, 1 and 0.1 %",
+        "The light spot to 10, 5, 1 and 0.1 %",
         "python -m tests.campaigns.light_spot_accuracy",
         (
             "Asked", "Chosen", "Predicted [s]", "Processor [s]", f"Wall [s] at load {os.getloadavg()[1]:.0f}",

@@ -65,6 +65,18 @@ def test_resumed_parts_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> Non
     assert left.of_step == pytest.approx(5.0)
 
 
+def test_a_step_that_begins_anew_has_the_pace_of_its_new_beginning(clock: Clock, left: TimeLeft) -> None:
+    """As a picture does that is refined: its first round says nothing about the time that the second takes."""
+    left("depth", 0.0)
+    clock.now += 20.0
+    left("depth", 1.0)
+    left("depth", 0.05)
+    assert left.of_step == pytest.approx(9.5)
+    clock.now += 8.0
+    left("depth", 0.25)
+    assert left.of_step == pytest.approx(30.0)
+
+
 def test_an_unpredicted_step_is_extrapolated_from_its_own_pace(clock: Clock, left: TimeLeft) -> None:
     left("something", 0.0)
     assert math.isnan(left.of_step)

@@ -9,8 +9,20 @@ import pytest
 
 from tests.campaigns.light_cases import large_part
 from tradestudy.analysis.spot_images import light_path, light_source
-from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, ChainImage, DiscSource, LightPath, chain_image, spot_image
+from tradestudy.optics.chain import (
+    KIRCHHOFF,
+    ChainAccuracy,
+    ChainImage,
+    DiscSource,
+    LightPath,
+    Microlenses,
+    PixelGrid,
+    chain_image,
+    spot_image,
+    square_centres,
+)
 from tradestudy.optics.chain.lit_disc import lit_disc
+from tradestudy.optics.propagation import CircularLens
 
 
 def large_disc() -> tuple[LightPath, DiscSource, float]:
@@ -46,6 +58,29 @@ def test_the_whole_disc_is_computed_where_the_rest_is_not_dark_enough(monkeypatc
     assert "dark part of the source" not in found.error_terms
     monkeypatch.setattr(spot_image, "lit_disc", lambda _path, whole, **_: whole)
     assert np.array_equal(found.pixels, image(path, source, wavelength, 0.1, 1.0).pixels)
+
+
+def test_points_that_light_nothing_add_no_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disc of twice the diameter has a quarter of its light on what the nine microlenses see."""
+    monkeypatch.setattr(spot_image, "lit_disc", lambda _path, whole, **_: whole)
+    pitch, width = 26e-6, 24e-6
+    centres = square_centres(pitch=pitch, count=3)
+    microlenses = Microlenses(
+        centres=centres, focal_lengths=np.full(9, 76e-6), aperture="circular", aperture_width=width, pitch=pitch,
+        layout="square", gaps="opaque", lens_phase="parabolic",
+    )  # fmt: skip
+    path = LightPath(
+        main_lens=CircularLens(radius=0.2e-3, focal_length=2e-3, lens_phase="parabolic"),
+        microlenses=microlenses,
+        array_distance=2.5e-3,
+        detector_distance=0.1e-3,
+        pixels=PixelGrid(pitch=4e-6, shape=(21, 21)),
+    )
+    light = []
+    for diameter in (1.5e-3, 3e-3):
+        source = DiscSource(diameter=diameter, distance=20e-3)
+        light.append(diameter**2 * float(image(path, source, 550e-9, 0.02, 1.4).pixels.sum()))
+    assert light[1] == pytest.approx(light[0], rel=0.02)
 
 
 def test_the_lit_part_grows_with_what_matters() -> None:

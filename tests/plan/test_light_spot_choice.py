@@ -17,11 +17,12 @@ from tradestudy.effects.choice import Choice, choose
 from tradestudy.effects.models import OFF, Models
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.optics.chain import DiscSource
-from tradestudy.optics.chain.arriving_light import RayWave
+from tradestudy.optics.chain.arriving_light import RayWave, blur_radius
+from tradestudy.optics.propagation import PointSource
 from tradestudy.plan import light_pilot
 from tradestudy.plan.light_pilot import predicted_picture_seconds
 from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
-from tradestudy.plan.problems.light_trial import LightTrial, probes
+from tradestudy.plan.problems.light_trial import LightTrial, _lit_part, probes
 from tradestudy.plan.problems.point_spread import PointSpreadProblem
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
@@ -158,6 +159,27 @@ def test_probes_lie_within_the_part_of_the_disc_that_lights_their_microlens() ->
                 wave = RayWave(path=path, source=point, wavelength=part.mean_wavelength, paraxial=False)
                 reach = wave.lit.radius + part.microlenses.pitch
                 assert math.dist((wave.lit.x, wave.lit.y), centre) < reach
+
+
+def test_probes_avoid_microlenses_that_see_nothing_of_the_disc() -> None:
+    """Of 225 microlenses, a small disc lights those around the middle."""
+    part = spot("light_spot.microlenses.lenses_across=15", "light_spot.detector.pixels=345")
+    part = part.model_copy(update={"spot": part.spot.model_copy(update={"diameter": 1e-3})})
+    path, source = light_path(part), light_source(part)
+    assert isinstance(source, DiscSource)
+    (probe,) = probes(part)
+    reach = blur_radius(path, source.centre) + source.diameter / 2 * path.array_distance / source.distance
+    assert math.hypot(*probe.alone.microlenses.centres[0]) < reach + path.microlenses.pitch / 2
+
+
+def test_a_disc_that_only_touches_what_a_microlens_sees_has_a_lit_part() -> None:
+    path, middle = light_path(spot()), PointSource(x=5e-3, distance=0.15)
+    magnified = middle.distance / path.array_distance
+    reach = magnified * blur_radius(path, middle)
+    touching = math.dist(-magnified * path.microlenses.centres[0], (middle.x, middle.y)) - reach
+    lit = [_lit_part(path, middle, touching * (1.0 + digit * 2.0**-52), 0) for digit in range(-40, 41)]
+    assert {one.lit for one in lit} == {False, True}
+    assert all(one.across >= 0.0 for one in lit)
 
 
 def test_the_blur_of_a_probe_is_the_image_of_a_disc_that_its_microlens_sees() -> None:

@@ -61,6 +61,8 @@ _POINT_TOLERANCE: Final = 1e-4
 _ROUNDS: Final = 4  # of ever finer sampling
 _MORE_POINTS: Final = 1.4  # factor on their density; the error of the mean over them falls exponentially with it
 _FINER: Final = 0.5  # factor on the tolerance of everything else
+_FINEST: Final = 1e-6  # tolerance
+_GAIN: Final = 0.8  # a round that lowers the error by less is the last
 
 
 def legs(method: MethodName) -> Legs:
@@ -260,32 +262,41 @@ def picture_of(
 
 
 def _refined(sampled: Callable[[ChainAccuracy], ChainImage], tolerance: float) -> ChainImage:
-    """The image by the coarsest sampling whose stated error is within a tolerance, or by the finest that was tried."""
-    found: ChainImage | None = None
+    """The image by the coarsest sampling whose stated error is within a tolerance, or else the most accurate one."""
+    best: ChainImage | None = None
     failure: TradestudyError | None = None
     accuracy = ChainAccuracy(tolerance=tolerance)
     for _ in range(_ROUNDS):
-        terms = {"sampling": math.inf}
         try:
             found = sampled(accuracy)
-            terms = found.error_terms
         except NotConvergedError as disagreement:
             failure = disagreement
+            accuracy = _finer(accuracy, {"sampling": math.inf})
+            continue
         except UnaffordableError as refusal:
             failure = refusal
             break
-        if found is not None and found.numerical_error <= tolerance:
+        gained = best is None or found.numerical_error < _GAIN * best.numerical_error
+        if best is None or found.numerical_error < best.numerical_error:
+            best = found
+        if best.numerical_error <= tolerance or not gained:
             break
-        points = math.hypot(*(error for name, error in terms.items() if name.startswith("source")))
-        others = math.hypot(*(error for name, error in terms.items() if not name.startswith("source")))
-        if points > tolerance / 2.0:
-            accuracy = replace(accuracy, source_sampling=_MORE_POINTS * accuracy.source_sampling)
-        if others > tolerance / 2.0:
-            accuracy = replace(accuracy, tolerance=_FINER * accuracy.tolerance)
-    if found is None:
+        accuracy = _finer(accuracy, {name: error / tolerance for name, error in found.error_terms.items()})
+    if best is None:
         assert failure is not None
         raise failure
-    return replace(found, tolerance=tolerance)
+    return replace(best, tolerance=tolerance)
+
+
+def _finer(accuracy: ChainAccuracy, terms: Mapping[str, float]) -> ChainAccuracy:
+    """Refine what contributes most of the error; `terms` are relative to the tolerance."""
+    points = math.hypot(*(error for name, error in terms.items() if name.startswith("source")))
+    others = math.hypot(*(error for name, error in terms.items() if not name.startswith("source")))
+    return replace(
+        accuracy,
+        source_sampling=accuracy.source_sampling * (_MORE_POINTS if points > 0.5 else 1.0),
+        tolerance=max(_FINEST, accuracy.tolerance * (_FINER if others > 0.5 else 1.0)),
+    )
 
 
 def image_difference(image: FloatArray, reference: FloatArray) -> float:

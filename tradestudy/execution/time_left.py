@@ -26,7 +26,7 @@ class TimeLeft:
         self.clock = clock
         self.predicted: dict[str, float] = {}
         self._step = ""
-        self._began = self._told = clock()
+        self._began = self._round = self._told = clock()
         self._first = self._share = 0.0
         self._took: dict[str, float] = {}
 
@@ -35,12 +35,17 @@ class TimeLeft:
         self.predicted = dict(predicted)
 
     def __call__(self, step: str, share: float) -> None:
-        """Record the fraction of a step that is done, from 0 to 1; a resumed step starts above 0."""
+        """Record the fraction of a step that is done, from 0 to 1; a resumed step starts above 0.
+
+        A smaller fraction than before means that the step begins anew, as when a picture is refined.
+        """
         now = self.clock()
         if step != self._step:
             if self._step:
                 self._took[self._step] = now - self._began
-            self._step, self._began, self._first = step, now, share
+            self._step, self._began, self._round, self._first = step, now, now, share
+        elif share < self._share:
+            self._round, self._first = now, share
         self._told, self._share = now, share
 
     @property
@@ -50,12 +55,12 @@ class TimeLeft:
             return 0.0
         since = self.clock() - self._told
         if self._share - self._first >= _TELLS * (1.0 - self._first):
-            pace = (self._told - self._began) / (self._share - self._first)
+            pace = (self._told - self._round) / (self._share - self._first)
             return max(0.0, (1.0 - self._share) * pace - since)
         if self._step not in self.predicted:
             return math.nan
         rest = (1.0 - self._first) * self.predicted[self._step] * self._off
-        return max(0.0, rest - (self.clock() - self._began))
+        return max(0.0, rest - (self.clock() - self._round))
 
     @property
     def of_run(self) -> float:

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
@@ -40,6 +41,8 @@ from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.optics.propagation.result import squared_magnitude
+
+_RIM = 64  # points of the rim of a disc
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +120,7 @@ def prepare_spot(
             wavelength=wavelength,
             method=legs.to_array,
             accuracy=accuracy,
-            half_width=math.inf if patch.whole_detector else lit_within + path.microlenses.cell_reach,
+            half_width=math.inf if patch.whole_detector else _farthest_read(path, source, nodes, lit_within),
         )
     return Spot(
         path=path,
@@ -259,6 +262,18 @@ class _Lit:
     cell: CellNodes
     field: ComplexArray
     transmission: ComplexArray
+
+
+def _farthest_read(path: LightPath, source: DiscSource, nodes: SourceNodes, lit_within: float) -> float:
+    """Largest distance from a point's chief ray at which its field is read [m]: at lit microlenses, else the nearest.
+
+    Points between the nodes, up to the rim of the disc, estimate the error.
+    """
+    turn = 2.0 * math.pi * np.arange(_RIM) / _RIM
+    rim = source.diameter / 2.0 * np.column_stack([np.cos(turn), np.sin(turn)]) + [source.x, source.y]
+    chief = -path.array_distance / source.distance * np.concatenate([nodes.all, rim])
+    nearest, _ = cKDTree(path.microlenses.centres).query(chief)
+    return max(lit_within, float(np.max(nearest))) + path.microlenses.cell_reach
 
 
 def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None) -> Iterator[_Lit]:

@@ -65,12 +65,21 @@ class Probe:
 
 @dataclass(frozen=True, kw_only=True)
 class _LitPart:
-    """Part of a disc that lights a microlens: its middle, and half its widths along and across an axis [m]."""
+    """Part of a disc that lights a microlens: its middle, and half its widths along and across an axis [m].
+
+    For a microlens that sees nothing of the disc, it is the whole disc, and `lit` is false.
+    """
 
     middle: FloatArray
     axis: FloatArray
     along: float
     across: float
+    lit: bool
+
+    @property
+    def size(self) -> float:
+        """Its area over π/4, approximately [m²]; 0 if it lights nothing."""
+        return self.along * self.across if self.lit else 0.0
 
     def at(self, along: float, across: float) -> tuple[float, float]:
         """The place at shares of half its widths."""
@@ -95,9 +104,7 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
     else:
         corners = [(_OUT * math.cos(turn), _OUT * math.sin(turn)) for turn in 2.0 * math.pi / 3.0 * np.arange(3)]
         lit = {index: _lit_part(path, middle, radius, index) for index in present}
-        places = {
-            index: [lit[index].at(*corner) for corner in corners] for index in _typical(path.microlenses, lit, radius)
-        }
+        places = {index: [lit[index].at(*corner) for corner in corners] for index in _typical(path.microlenses, lit)}
     found = []
     for index, points in places.items():
         apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
@@ -130,12 +137,12 @@ def _around(path: LightPath, middle: PointSource, present: Sequence[int]) -> lis
     return list(dict.fromkeys([*nearest, *lit[-1:]]))
 
 
-def _typical(microlenses: Microlenses, lit: Mapping[int, _LitPart], radius: float) -> list[int]:
+def _typical(microlenses: Microlenses, lit: Mapping[int, _LitPart]) -> list[int]:
     """The microlens of each focal length of which half the lit ones see more of a disc."""
     kinds = microlenses.focal_lengths
     found = []
     for kind in np.unique(kinds[list(lit)]):
-        size = {one: seen.along * seen.across / radius**2 for one, seen in lit.items() if kinds[one] == kind}
+        size = {one: seen.size for one, seen in lit.items() if kinds[one] == kind}
         order = sorted(size, key=lambda index: -size[index])
         order = [one for one in order if size[one] >= _LEAST_LIT * size[order[0]]]
         found.append(order[len(order) // 2])
@@ -156,10 +163,10 @@ def _lit_part(path: LightPath, middle: PointSource, radius: float, index: int) -
     axis = towards / apart if apart > 0.0 else np.array([1.0, 0.0])
     first, last = max(-radius, apart - reach), min(radius, apart + reach)
     if first >= last:
-        return _LitPart(middle=own, axis=axis, along=radius, across=radius)
+        return _LitPart(middle=own, axis=axis, along=radius, across=radius, lit=False)
     place = (first + last) / 2.0
-    across = math.sqrt(min(radius**2 - place**2, reach**2 - (place - apart) ** 2))
-    return _LitPart(middle=own + place * axis, axis=axis, along=(last - first) / 2.0, across=across)
+    across = math.sqrt(max(0.0, min(radius**2 - place**2, reach**2 - (place - apart) ** 2)))  # 0 where circles touch
+    return _LitPart(middle=own + place * axis, axis=axis, along=(last - first) / 2.0, across=across, lit=True)
 
 
 def _on_circle(middle: PointSource, radius: float, count: int) -> list[PointSource]:
