@@ -134,7 +134,8 @@ class CornersPart(Part):
     file: Text = Field(
         description="CSV file of the corners, with the columns `view`, `corner`, `board_x_mm`, `board_y_mm`, "
         "`left_x_px`, `left_y_px`, `right_x_px` and `right_y_px`. The path is relative to the file that contains this "
-        "key. Only if the key `from` of the camera names the corner file, leave this key out."
+        "key. If the key `from` of the camera names the corner file, leave this key out; otherwise, it is "
+        "required."
     )
     lens_model: FittedLensModel | None = Field(
         default=None,

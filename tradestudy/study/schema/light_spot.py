@@ -95,9 +95,11 @@ class SpotMicrolensesPart(Part):
     )
     pitch: MicrolensPitch = Field(description="Distance between the centres of neighbouring microlenses.")
     focal_length: OneLength | Annotated[tuple[FocalLength, ...], Field(min_length=2, max_length=4)] = Field(
-        description="Focal length of all microlenses, or a list with that of each type. The types take turns "
-        "along each row and shift by one from row to row. The first type is on the axis; in a square array with an "
-        "even number of microlenses along a side, which has none on the axis, it is on the diagonal x = y."
+        description="Focal length of all microlenses, or a list with that of each type. The types take turns along "
+        "each row, in the order of the list towards +x. From each row to the next towards +y, this sequence moves "
+        "towards +x: by one pitch in a square array, by one and a half in a hexagonal one. The first type is on the "
+        "axis; in a square array with an even number of microlenses along a side, which has none on the axis, it is on "
+        "the diagonal x = y."
     )
     aperture: Literal["circular", "square"] = Field(default="circular", description="Shape of each microlens aperture.")
     f_number: FNumber | None = Field(

@@ -385,10 +385,10 @@ class CriterionFNumberClaim(_ClaimPart):
     quantity: Literal["criterion_f_number"]
     element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
-        description="Criterion that gives the f-number: of the solutions of the paper's equation 27, the one with the "
-        "smallest aperture, and thus the largest f-number (`paper-eq27-first-zero`), or the one with the next larger "
-        "aperture (`paper-eq27-second-zero`); a bound on the optical path that the approximation neglects "
-        "(`path-error`); or Goodman's condition (`goodman`)."
+        description="Criterion that gives the f-number: `paper-eq27-first-zero` (the solution of the paper's equation "
+        "27 with the smallest aperture, and thus the largest f-number of all its solutions), `paper-eq27-second-zero` "
+        "(the solution with the next larger aperture), `path-error` (a bound on the optical path that the "
+        "approximation neglects) or `goodman` (Goodman's condition)."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
     path_error: PositiveWaves | None = Field(

@@ -27,7 +27,11 @@ class AssumptionPart(Part):
     low: QuantityText = Field(default="", description="Smallest possible value, above 0, with its unit.")
     high: QuantityText = Field(default="", description="Largest possible value, with its unit.")
     readings: Annotated[tuple[CameraName, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
-        Field(default=None, description="Instead of `vary`: names of readings, each as likely as the declared study.")
+        Field(
+            default=None,
+            description="Instead of `vary`, `low` and `high`, which belong together: names of readings, each as likely "
+            "as the declared study.",
+        )
     )
 
     @model_validator(mode="after")
@@ -55,13 +59,14 @@ class ValueOfInformationPart(Part):
         Field(
             default=None,
             description="Distances over which the relative depth uncertainty is averaged. Default: "
-            "decision.at or, without it, four of the distances in scene.distances.",
+            "decision.at or, without it, up to four of the distances in scene.distances, from the nearest to the "
+            "farthest, spaced about evenly on a logarithmic scale.",
         )
     )
     unusable: PositiveFraction = Field(
         default=1.0,
-        description="Relative depth uncertainty to assume for a camera where it is unusable. Where it is usable, "
-        "any larger uncertainty is replaced by this value.",
+        description="Relative depth uncertainty to assume for a camera where it is unusable. Where it is usable, an "
+        "uncertainty larger than this value is replaced by it.",
     )
     draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
         default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."
