@@ -58,7 +58,11 @@ def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
 
 
 def merged_ranges(names: Sequence[str], every: FloatArray, exact: FloatArray) -> Iterator[tuple[float, float, str]]:
-    """The ranges of `winners`, from the answer at every computed distance and the ``exact`` ends between them [m]."""
+    """The ranges of `winners`, from the answer at every computed distance and the ``exact`` ends between them [m].
+
+    A usable range that begins or ends with the study changes no answer.
+    """
+    exact = exact[(exact > every[0]) & (exact < every[-1])]
     start, start_distance = 0, float(every[0])
     for index in range(1, len(names) + 1):
         if index == len(names):
