@@ -117,6 +117,18 @@ def test_a_study_that_compares_models_says_why_none_is_chosen(study: str, line: 
     assert str(plan).splitlines()[0].startswith(line)
 
 
+def test_the_plan_of_a_spot_names_the_pictures_that_its_methods_compare() -> None:
+    small = [
+        "light_spot.microlenses.lenses_across=1",
+        "light_spot.detector.pixels=23",
+        "light_spot.spot.diameter=50 um",
+    ]
+    plan = tradestudy.load(
+        STUDIES / "light_spot.yaml", [*small, "claims={}", "readings={}", "point_spread=null"]
+    ).plan()
+    assert str(plan).splitlines()[0].endswith(" for 4 pictures: geometric, fresnel, kirchhoff-fresnel, kirchhoff")
+
+
 def test_the_verbose_plan_lists_every_decision_and_every_step(close_plan: Plan) -> None:
     text = close_plan.text(verbose=True)
     for problem in close_plan.problems:

@@ -27,11 +27,13 @@ def plan_lines(
     """
     width = max(map(len, [*(one.name for one in problems), *settled, "run"]))
     seconds: dict[str, float] = {}
+    several: dict[str, str] = {}  # pictures that are compared with the one by the chosen models
     for step in steps:
         for name, own in step.problems.items():
             seconds[name] = seconds.get(name, 0.0) + own
+            several[name] = f" for {step.work}" if len(step.problems) == 1 < len(step.parts) else ""
     for one in problems:
-        takes = f"; {pretty(seconds[one.name], DURATION, digits=2)}" if one.name in seconds else ""
+        takes = f"; {pretty(seconds[one.name], DURATION, digits=2)}{several[one.name]}" if one.name in seconds else ""
         yield f"{one.name:<{width}}  {summary(one)}{takes}"
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))

@@ -49,8 +49,8 @@ _LAWS = {
 _ERRORS = {
     True: "combines three errors: that of replacing the spot by a finite number of points (found by comparison with "
     "points between them), that of the image of each point (found by an independent computation), and that of the "
-    "integration over pixels. All methods use the same points, so differences between images are more accurate than "
-    "the images themselves.",
+    "integration over pixels. Wave methods with the same sampling use the same points, so that part of this error "
+    "cancels in the differences between their images.",
     False: "is found by comparison with an image from fewer nodes and samples, and with direct quadrature at random "
     "places.",
 }
@@ -136,11 +136,11 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     else:
         difference = share(float(abs(picture - compared).sum() / compared.sum()))
         took = f"computed in {_duration(_seconds(run, 'image: chosen'))}"
-        found = f"It differs from the reference by {difference}; {took}"
+        found = f"Its difference from the reference, summed over all pixels, is {difference}; {took}"
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
-        "**The study's own picture** is computed by {method}; its stated error of {error} is {side} the tolerance of "
-        "{tolerance}. {found}.",
+        "**The study's own picture** is computed by {method}; its stated error of {error} is {side} the {tolerance} to "
+        "which it is sampled. {found}.",
         method=title_within_a_sentence(str(data.attrs["chosen_method"])),
         error=share(error),
         side="above" if error > asked else "within",
