@@ -313,15 +313,17 @@ title.
 is, or what indicates its size |
 | other text | states the error itself, or says that the value is itself an error estimate, and of what kind |
 
-A variable without *Error* is a text, a flag (1 or true for yes, 0 or false for no) or an error estimate that needs no
-explanation, or its error is not known.
+A variable without *Error* is a text, a flag (1 or true for yes, 0 or false for no, in some −1 for undecided) or an
+error estimate that needs no explanation, or its error is not known.
 
 The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` are keys of the study file; the label
 `as declared` of `reading` stands for the study as declared. The labels of `error_source` are `noise` (matching noise
 alone), `calibration` (errors of calibration and drift together, without noise) and `both` (noise and these errors
-together). In a sweep, the variables of `/depth` and those whose names begin with `design_` also have the swept
-parameters as dimensions, before those given here; all others hold for the study as declared. Numeric labels of
-dimensions are in SI units, with exceptions such as `window` (in Airy radii) and `path_error` (in wavelengths).
+together). In a sweep, the variables of `/depth`, those whose names begin with `design_`, and `feasible` and
+`on_pareto_front` of `/criteria` also have the swept parameters as dimensions, before those given here. Variables whose
+names begin with `met_` describe ranges of the swept parameter; all others hold for the study as declared, or as a
+reading changes it. Numeric labels of dimensions are in SI units, with exceptions such as `window` (in Airy radii) and
+`path_error` (in wavelengths).
 
 A *scramble* is one of several repetitions of a computation, each with its own quasi-random draws. A standard error
 *over scrambles* follows from the differences between them.

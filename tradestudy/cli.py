@@ -316,8 +316,9 @@ def new(
         typer.Option(
             "--from",
             metavar="FILE",
-            help="Start from the camera in this calibration file. For a stereo rig in several files, repeat this "
-            "option for each: left, right and, if it is separate, the file with their relative pose (R and T).",
+            help="Start from the camera in this calibration file. For a stereo rig whose calibration is in several "
+            "files, repeat this option for each: left, right and, if there is a separate one, the file with their "
+            "relative pose (R and T).",
         ),
     ] = None,
     set_: Annotated[

@@ -164,8 +164,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "limit"),
         units="mixed",
         long_name="bound of the limit, in the unit of limit_value; NaN where the limit does not apply",
-        error="none: declared, or fixed by the program ('saturation', 'matching'); for 'real_image', the focal length, "
-        "with rounding only",
+        error="none where the bound is declared or fixed by the program ('saturation', 'matching'); rounding only for "
+        "'real_image', whose bound is the focal length",
     ),
     "usable_near": Variable(
         dims=("camera", "interval"),

@@ -29,8 +29,8 @@ PICTURES: Final[Mapping[str, Variable]] = {
     "true_depth": Variable(
         dims=_WHOLE,
         units="m",
-        long_name="true depth at the middle pixel of a block; infinite where the pixel sees no surface, NaN where "
-        "no light reaches the pixel through the pupil, and beyond the edge of pictures smaller than the largest",
+        long_name="true depth at the middle pixel of a block; infinite where the pixel sees no surface; NaN where "
+        "no light reaches the pixel through the pupil and, in pictures smaller than the largest, beyond their edge",
         error="rounding only",
     ),
     "camera_of": Variable(dims=_OF, units="", long_name="camera that takes the picture"),
