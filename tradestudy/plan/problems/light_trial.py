@@ -78,7 +78,7 @@ class _LitPart:
 
     @property
     def size(self) -> float:
-        """Its area over π/4, approximately [m²]; 0 if it lights nothing."""
+        """Its area over π, approximately [m²]; 0 if it lights nothing."""
         return self.along * self.across if self.lit else 0.0
 
     def at(self, along: float, across: float) -> tuple[float, float]:
@@ -89,7 +89,7 @@ class _LitPart:
 
 
 def probes(part: LightSpotPart) -> tuple[Probe, ...]:
-    """For every focal length, the microlens of which half the lit ones see more of the disc, with source points.
+    """For every focal length, the lit microlens that sees the median share of the disc, with source points.
 
     For a point, and for a coherent disc, these are the nearest microlens of each focal length and the farthest lit one.
     """
@@ -138,7 +138,7 @@ def _around(path: LightPath, middle: PointSource, present: Sequence[int]) -> lis
 
 
 def _typical(microlenses: Microlenses, lit: Mapping[int, _LitPart]) -> list[int]:
-    """The microlens of each focal length of which half the lit ones see more of a disc."""
+    """The lit microlens of each focal length that sees the median share of a disc."""
     kinds = microlenses.focal_lengths
     found = []
     for kind in np.unique(kinds[list(lit)]):
