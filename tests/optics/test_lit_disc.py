@@ -26,8 +26,8 @@ from tradestudy.optics.propagation import CircularLens
 
 
 def large_disc() -> tuple[LightPath, DiscSource, float]:
-    """A random disc of which a microlens sees about a third, and the wavelength."""
-    part = large_part(np.random.default_rng([812, 384]))
+    """A random disc of which the microlenses see about a third, and the wavelength."""
+    part = large_part(np.random.default_rng([824, 238]))  # of a seed that set no factor of safety
     source = light_source(part)
     assert isinstance(source, DiscSource)
     return light_path(part), source, part.mean_wavelength
@@ -44,7 +44,7 @@ def test_the_lit_part_gives_the_image_of_the_whole_disc(monkeypatch: pytest.Monk
     found = image(path, source, wavelength, 0.1, 1.4)
     assert 0.0 < found.error_terms["dark part of the source"] < 0.05
     monkeypatch.setattr(spot_image, "lit_disc", lambda _path, whole, **_: whole)
-    whole = image(path, source, wavelength, 0.005, 2.0)
+    whole = image(path, source, wavelength, 0.02, 2.0)
     assert "dark part of the source" not in whole.error_terms
     change = np.linalg.norm(found.pixels - whole.pixels) / np.linalg.norm(whole.pixels)
     assert whole.numerical_error < change < found.numerical_error

@@ -203,6 +203,22 @@ def test_trials_of_laws_bound_the_change_of_pictures_of_large_discs(number: int,
     assert change < problem.changes(tried)["pixel_intensity"].relative < 6.0 * change
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [33, 236, 333])
+def test_on_a_seed_that_set_no_margin_changes_exceed_the_stated_ones_by_less_than_half(number: int) -> None:
+    part = large_part(np.random.default_rng([824, number]))
+    problem = LightSpotProblem(part, {})
+    complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
+    whole = spot_picture(part, complete).pixels
+    laws: tuple[tuple[MethodName, str], ...] = (("exact-rays", OFF), ("fresnel", "fresnel"))
+    for method, law in laws:
+        tried: Models = {**problem.complete, "main_lens_diffraction": law, "microlens_diffraction": law}
+        while problem.try_out(tried):
+            pass
+        change = relative(spot_picture(part, replace(complete, method=method)).pixels, whole)
+        assert change < 1.5 * problem.changes(tried)["pixel_intensity"].relative
+
+
 def test_rays_act_on_both_legs_or_on_none() -> None:
     rays = chosen(spot(*SMALL), 0.05, {"main_lens_diffraction": "off"})
     assert spot_models(rays.models).method == "exact-rays"

@@ -31,7 +31,7 @@ def plan_lines(
     for step in steps:
         for name, own in step.problems.items():
             seconds[name] = seconds.get(name, 0.0) + own
-            several[name] = f" for {step.work}" if len(step.problems) == 1 < len(step.parts) else ""
+            several[name] = f" for {step.work}" if len(step.problems) == 1 and len(step.parts) > 1 else ""
     for one in problems:
         takes = f"; {pretty(seconds[one.name], DURATION, digits=2)}{several[one.name]}" if one.name in seconds else ""
         yield f"{one.name:<{width}}  {summary(one)}{takes}"

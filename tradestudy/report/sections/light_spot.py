@@ -47,10 +47,10 @@ _LAWS = {
     "kirchhoff": "**Kirchhoff** keeps the exact path and the obliquity factor on each leg (eqs. 9 to 16 of the paper).",
 }
 _ERRORS = {
-    True: "combines three errors: that of replacing the spot by a finite number of points (found by comparison with "
-    "points between them), that of the image of each point (found by an independent computation), and that of the "
-    "integration over pixels. Wave methods with the same sampling use the same points, so that part of this error "
-    "cancels in the differences between their images.",
+    True: "combines the errors of replacing the spot by a finite number of points (found by comparison with points "
+    "between them), of the image of each point (found by an independent computation), of the integration over pixels, "
+    "and of leaving out the part of a large spot that hardly lights the microlenses. Wave methods with the same "
+    "sampling use the same points, so that part of this error cancels in the differences between their images.",
     False: "is found by comparison with an image from fewer nodes and samples, and with direct quadrature at random "
     "places.",
 }
