@@ -75,27 +75,31 @@ class DepthDistribution:
         return np.asarray(np.where(unbounded, np.inf, (far - np.where(unbounded, 0.0, near)) / 2.0))
 
     def converged(self, tolerance: float, widest: FloatArray | None = None) -> BoolArray:
-        """Where the Student t interval of every reported half width is within the relative tolerance.
+        """Where `sampling_error` is within the relative tolerance."""
+        return np.asarray(self.sampling_error(widest) <= tolerance)
+
+    def sampling_error(self, widest: FloatArray | None = None) -> FloatArray:
+        """The largest Student t interval of the reported half widths, relative to each; 0 where nothing is drawn.
 
         If an interval has no far end, the failed fraction is judged instead. A bounded interval that is ``widest`` [m]
         or wider is not judged.
         """
         from scipy.special import stdtrit
 
-        met = np.ones(self.quantiles.shape[2], dtype=bool)
+        worst = np.zeros(self.quantiles.shape[2])
         if len(self.quantiles) < 2:
-            return met
+            return worst
         t = float(stdtrit(len(self.quantiles) - 1, 0.975))
-        certain = t * self.failed_fraction_error <= tolerance * self.failed_fraction
-        for probability in self.probabilities[: len(self.probabilities) // 2]:
-            widths = self.half_widths(1.0 - 2.0 * probability)
-            width = _mean(widths)
-            with np.errstate(invalid="ignore"):  # zero times an infinite width, which is judged by its failed fraction
-                bounded = (t * _standard_error(widths) <= tolerance * width) | np.isnan(width)
-            if widest is not None:
-                bounded |= width >= widest
-            met &= np.where(np.isinf(width), certain, bounded)
-        return met
+        with np.errstate(divide="ignore", invalid="ignore"):  # no failures, no width, or an infinite one
+            of_failed = t * self.failed_fraction_error / self.failed_fraction
+            for probability in self.probabilities[: len(self.probabilities) // 2]:
+                widths = self.half_widths(1.0 - 2.0 * probability)
+                width = _mean(widths)
+                of_width = t * _standard_error(widths) / width
+                if widest is not None:
+                    of_width = np.where(width >= widest, 0.0, of_width)
+                worst = np.fmax(worst, np.where(np.isinf(width), of_failed, of_width))
+        return worst
 
 
 def _mean(values: FloatArray) -> FloatArray:

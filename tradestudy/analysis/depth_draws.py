@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -34,9 +35,11 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
     "calibration": CALIBRATION,
     "both": (*NOISE, *CALIBRATION),
 }
+DRAWN: Final = ("calibration", "both")
+"""Error sources with draws; noise alone has a closed form."""
 _FIRST_DRAWS: Final = 2**8  # of each scramble
-_CERTAIN: Final = 2.4  # standard errors of eight scrambles that cover 95 %
-_TRIAL_DRAWS: Final = 2**9
+TRIAL_ROUNDS: Final = 2
+"""How many times as many draws as the first ones `trial_distribution` takes."""
 _DIRECTIONS: Final = 6  # distances at which the effect of a posterior on depth is evaluated
 _MANY_DRAWS: Final = 2**13  # per scramble; from here on scrambles are drawn on several threads
 _AT_ONCE: Final = 2**14  # depths that fit into a processor's cache
@@ -129,10 +132,15 @@ def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArr
     return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
 
 
-def _judged(camera: DepthCamera) -> FloatArray:
-    """Distances [m] where convergence is judged and the camera forms an image; else multiples of its focal length."""
+def _requested(camera: DepthCamera) -> FloatArray:
+    """Distances [m] where convergence is judged and the camera forms an image."""
     judged = np.array(camera.propagation.judged, dtype=np.float64)
-    judged = judged[camera.images(judged)]
+    return np.asarray(judged[camera.images(judged)])
+
+
+def _judged(camera: DepthCamera) -> FloatArray:
+    """Those that are `_requested`; without any, multiples of the camera's focal length."""
+    judged = _requested(camera)
     return judged if judged.size else camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
 
 
@@ -232,7 +240,7 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> 
 
 def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
     """The distribution from a few draws, with its error, for checking a cheaper model."""
-    return _of_draws(camera, distance, field, error_source, _TRIAL_DRAWS)
+    return _of_draws(camera, distance, field, error_source, TRIAL_ROUNDS * _FIRST_DRAWS)
 
 
 def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
@@ -270,19 +278,24 @@ def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatAr
     return found
 
 
-def draws_to_expect(camera: DepthCamera) -> float:
-    """Number of draws that the tolerance requires, relative to the first draws; estimated from their scatter.
+def expected_rounds(camera: DepthCamera, field: float, error_source: str) -> int:
+    """How many times as many draws as the first ones the tolerance seems to require, from the error of the first.
 
-    The scatter falls as 1/draws. The result is at least 1, and at most what the camera's propagation settings allow.
+    Errors of quantiles fall as the square root of the number of draws.
     """
     propagation = camera.propagation
-    judged = _judged(camera)
-    found = _of_draws(camera, judged, 0.0, "both", _FIRST_DRAWS)
-    width = found.half_width
-    with np.errstate(invalid="ignore"):
-        scatter = np.where(width < judged, found.half_width_error / width, 0.0)
-    most = propagation.max_draws / (_FIRST_DRAWS * SCRAMBLES)
-    return float(np.clip(_CERTAIN * np.nanmax(scatter, initial=0.0) / propagation.tolerance, 1.0, max(1.0, most)))
+    most = math.floor(math.log2(max(1.0, propagation.max_draws / (_FIRST_DRAWS * SCRAMBLES))))
+    needed = max(1.0, _first_error(camera, field, error_source) / propagation.tolerance)
+    return 1 << min(math.ceil(2.0 * math.log2(needed)), most)
+
+
+@lru_cache(maxsize=1024)
+def _first_error(camera: DepthCamera, field: float, error_source: str) -> float:
+    """The largest sampling error over the judged distances with the first draws; 0 where nothing is judged."""
+    judged = _requested(camera)
+    if not judged.size:
+        return 0.0
+    return float(np.max(_of_draws(camera, judged, field, error_source, _FIRST_DRAWS).sampling_error(widest=judged)))
 
 
 @lru_cache(maxsize=1024)
@@ -292,14 +305,10 @@ def settled_draws(camera: DepthCamera, field: float, error_source: str) -> int:
     Intervals narrower than their distance and intervals without a far end are judged; those in between are reported
     with their larger error.
     """
-    propagation = camera.propagation
-    judged = np.array(propagation.judged, dtype=np.float64)
-    judged = judged[camera.images(judged)]
-    draws = _FIRST_DRAWS
-    while judged.size and 2 * draws * SCRAMBLES <= propagation.max_draws:
-        if np.all(
-            _of_draws(camera, judged, field, error_source, draws).converged(propagation.tolerance, widest=judged)
-        ):
-            break
+    propagation, judged = camera.propagation, _requested(camera)
+    draws, error = _FIRST_DRAWS, _first_error(camera, field, error_source)
+    while error > propagation.tolerance and 2 * draws * SCRAMBLES <= propagation.max_draws:
         draws *= 2
+        found = _of_draws(camera, judged, field, error_source, draws)
+        error = float(np.max(found.sampling_error(widest=judged)))
     return draws

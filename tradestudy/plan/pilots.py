@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from tradestudy import study
-from tradestudy.analysis.depth_draws import draws_to_expect
+from tradestudy.analysis.depth_draws import DRAWN, TRIAL_ROUNDS, expected_rounds, trial_distribution
 from tradestudy.analysis.depth_points import DepthPoint, depth_table
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import TradestudyError
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart
 
 _FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose time grows linearly beyond
-_DRAWN_ERROR_SOURCES: Final = 2  # calibration, and both; noise alone has a closed form
 # A fit takes a few Gauss-Newton steps; sampling takes four ensembles of 500 steps, with two walkers per parameter.
 # Both evaluate the same views and corners, so their ratio per parameter is a constant count.
 _FITS_PER_PARAMETER: Final = 20
@@ -81,15 +80,20 @@ def _without_kirchhoff(camera: DepthCamera) -> DepthCamera:
     return replace(camera, disparity_error_px=replace(law, models=models))
 
 
-def drawing_seconds(camera: DepthCamera, distances: int) -> float:
-    """Additional time for the draws of an exact calibration, from the first draws."""
+def drawing_seconds(camera: DepthCamera, distances: int, fields: tuple[float, ...] = (0.0,)) -> float:
+    """Additional time for the draws of an exact calibration at field positions, from the first draws."""
     if camera.propagation.model != "exact" or not camera.calibration.groups:
         return 0.0
-    expected: list[float] = []
-    first = seconds_of(lambda: expected.append(draws_to_expect(camera)))
-    doubled = 2.0 ** math.ceil(math.log2(expected[0]))
+    rounds = sum(expected_rounds(camera, field, error_source) for field in fields for error_source in DRAWN)
     # Doubling until there are enough draws costs as much again; then every distance is evaluated.
-    return _DRAWN_ERROR_SOURCES * first * doubled * (2.0 + distances / max(1, len(camera.propagation.judged)))
+    return rounds * _round_seconds(camera) * (2.0 + distances / max(1, len(camera.propagation.judged)))
+
+
+@lru_cache(maxsize=1024)
+def _round_seconds(camera: DepthCamera) -> float:
+    """Time of the first draws at the judged distances, once all is prepared; timed once, as draws are kept."""
+    judged = np.array(camera.propagation.judged, dtype=np.float64)
+    return seconds_of(lambda: trial_distribution(camera, judged, 0.0, DRAWN[-1])) / TRIAL_ROUNDS
 
 
 def correction_seconds(points: Sequence[LatticePoint]) -> float:

@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # few studies ask for light, or infer
 
 # Time of other questions about a camera, in units of its table over all distances: a verdict finds crossovers and
 # switches of the winner for three error sources; ranks draw two; a claim needs part of one, if it is not cached.
+_TABLES_OF_A_DATASHEET: Final = 1.0  # and of the distances of the decision
 _TABLES_OF_A_VERDICT: Final = 1.5
 _TABLES_OF_RANKS: Final = 2.0
 _TABLES_OF_A_CLAIM: Final = 0.4
@@ -288,7 +289,8 @@ class _Prediction:
         file = self.definition.file
         cases = [self.definition, *self.definition.readings.values()] if file.decision is not None else []
         pair = file.decision.between if file.decision is not None else ()
-        parts = tuple(_TABLES_OF_A_VERDICT * self._tables_of(pair, one) for one in cases)
+        verdicts = (_TABLES_OF_A_VERDICT * self._tables_of(pair, one) for one in cases)
+        parts = (_TABLES_OF_A_DATASHEET * self.all_tables, *verdicts)
         yield PredictedStep(
             name="decision",
             seconds=math.fsum(parts) + (self.all_tables if file.sweep else 0.0),

@@ -119,6 +119,7 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
         groups["/depth_field"] = depth_field_group(
             definition, file.propagation.field_places, steps, asked.plan.seconds_by_problem("depth")
         )
+    steps.progress("decision", 0.0)
     if (mapped := depth_map_group(definition)) is not None:
         groups["/depth_map"] = mapped
     if file.decision is not None:

@@ -61,6 +61,7 @@ def take_scene(
     OutOfRangeError
         A camera cannot measure depth in its pictures; raised before anything is rendered.
     """
+    steps.progress(pictures.STEP, 0.0)
     readers = set_up_readers(definition) if depth else []
     rendering = render_scene(definition, steps, plan.parts(pictures.STEP) if plan else ())
     written = write_pictures(rendering, directory) if directory is not None else []

@@ -42,10 +42,9 @@ def decision_group(
 ) -> xr.Dataset:
     """/decision from /depth and from the study under each reading, without inverse questions.
 
-    The predicted seconds of the readings set the shares of progress.
+    The predicted seconds set the shares of progress: first those of what precedes the readings, then of each reading.
     """
     file, case = definition.file, definition.case
-    progress("decision", 0.0)
     values: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"distance": case.distance, "error_source": list(ERROR_SOURCES)}
     attributes: dict[str, Any] = {}
@@ -79,7 +78,8 @@ def decision_group(
         pair = (file.decision.between[0], file.decision.between[1])
         places = np.array(file.decision.at)
         verdicts = {}
-        for share, (name, reading) in zip(shares_before(seconds, len(readings)), readings.items(), strict=False):
+        shares = shares_before(seconds, 1 + len(readings))[1:]
+        for share, (name, reading) in zip(shares, readings.items(), strict=False):
             progress("decision", share)
             verdicts[name] = decide_pair(reading.case, pair, places)
         values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])

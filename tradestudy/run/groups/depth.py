@@ -24,6 +24,7 @@ from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.plan.pilots import drawing_seconds
 from tradestudy.results import dataset
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import Case, StudyDefinition
@@ -47,6 +48,7 @@ def depth_tables(
     distance = definition.case.distance
     points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
     counts = Counter(name for name, _ in labels.values())
+    seconds = _by_draws(seconds, definition.case)
     efforts = [seconds[name] / counts[name] for name, _ in labels.values()]
     words = [f"{name}, {label}" for name, label in labels.values()]
     return dict(zip(labels, steps.map("depth", depth_table, points, words, efforts), strict=True))
@@ -78,8 +80,9 @@ def depth_field_group(
     ``seconds`` are predicted for every camera; progress counts these.
     """
     cameras, distance = definition.case.cameras, definition.case.distance
+    steps.progress("depth off the axis", 0.0)
     points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
-    efforts = [seconds[name] for name in cameras]
+    efforts = list(_by_draws(seconds, definition.case, fields).values())
     table = steps.map("depth off the axis", depth_over_field, points, list(cameras), efforts)
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
@@ -92,6 +95,16 @@ def depth_field_group(
         {name: coordinates[name] for name in ("camera", "distance", "error_source", "quantile", "part")}
         | {"field": list(fields)},
     )
+
+
+def _by_draws(seconds: Mapping[str, float], case: Case, fields: tuple[float, ...] = (0.0,)) -> dict[str, float]:
+    """The predicted seconds of the cameras, distributed anew among those with draws by a pilot of each.
+
+    The plan times the draws of one camera of each kind, on the axis.
+    """
+    pilots = {name: drawing_seconds(camera, case.distance.size, fields) for name, camera in case.cameras.items()}
+    drawn, total = math.fsum(seconds[name] for name in pilots if pilots[name]), math.fsum(pilots.values())
+    return {name: drawn * pilot / total if pilot else seconds[name] for name, pilot in pilots.items()}
 
 
 def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:

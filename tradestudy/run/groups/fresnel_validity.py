@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -41,38 +41,28 @@ def fresnel_validity_group(asked: FresnelValidityPart, steps: Steps, seconds: Se
     elements = list(asked.elements.values())
     f_numbers = listed(asked.f_numbers)
     with timed(seconds, _STEP):
-        on_axis = _swept(asked, elements, f_numbers, steps, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths)
-        published = {e: e.published_error.f_number if e.published_error else e.f_number for e in elements}
-        used = {e: e.f_number for e in elements}
-        points = {
-            **_at_points(asked, "published_point_error", published, field_angle=0.0, wavelengths=asked.wavelengths),
-            **_at_points(asked, "camera_point_error", used, field_angle=0.0, wavelengths=asked.wavelengths),
-        }
+        compared = [(*f_numbers, _published_f_number(one), one.f_number) for one in elements]
+        found = _differences_at(asked, compared, steps, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths)
+        on_axis, published, used = np.split(found, [len(f_numbers), len(f_numbers) + 1], axis=2)
         limits = _limits(asked, elements, f_numbers, on_axis, steps)
-    errors, numerical = _laid_out(asked, on_axis)
+    values = {
+        **_laid_out(asked, on_axis, "psf_error"),
+        **_of_one_f_number(asked, published, "published_point_error"),
+        **_of_one_f_number(asked, used, "camera_point_error"),
+    }
     attributes: dict[str, Any] = {"error_limit": asked.error_limit}
-    off_axis: dict[str, FloatArray] = {}
     if asked.off_axis is not None:
         attributes |= {"field_angle": asked.off_axis.field_angle, "field_wavelength": asked.off_axis.wavelength}
         aside, waves = asked.off_axis.field_angle, (asked.off_axis.wavelength,)
         with timed(seconds, _OFF_AXIS_STEP):
-            swept = _swept(asked, elements, f_numbers, steps, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves)
-            there = _at_points(asked, "off_axis_camera_error", used, field_angle=aside, wavelengths=waves)
-        off_axis = {name: one[:, :, 0] for name, one in there.items()}
-        there_errors, there_numerical = _laid_out(asked, swept)
-        off_axis |= {"off_axis_error": there_errors[:, :, 0], "off_axis_error_numerical": there_numerical[:, :, 0]}
-    values = {
-        **_declared(elements),
-        "psf_error": errors,
-        "psf_error_numerical": numerical,
-        **points,
-        "limit_f_number": limits,
-        **off_axis,
-        **_criteria(asked, elements),
-    }
+            compared = [(*f_numbers, one.f_number) for one in elements]
+            found = _differences_at(asked, compared, steps, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves)
+        swept, used = np.split(found, [len(f_numbers)], axis=2)
+        off_axis = _laid_out(asked, swept, "off_axis_error") | _of_one_f_number(asked, used, "off_axis_camera_error")
+        values |= {name: one[:, :, 0] for name, one in off_axis.items()}
     result = dataset(
         "fresnel_validity",
-        values,
+        {**_declared(elements), **values, "limit_f_number": limits, **_criteria(asked, elements)},
         {
             "element": list(asked.elements),
             "lens_phase": list(asked.lens_phases),
@@ -145,23 +135,32 @@ def _stacked(asked: FresnelValidityPart, found: Mapping[LensPhase, PsfDifference
     return np.array([[getattr(found[phase], metric + suffix) for metric in METRICS] for phase in asked.lens_phases])
 
 
-def _swept(
+def _published_f_number(element: ElementPart) -> float:
+    """The f-number of a published error; the lens's own without one."""
+    return element.published_error.f_number if element.published_error else element.f_number
+
+
+def _differences_at(
     asked: FresnelValidityPart,
-    elements: list[ElementPart],
-    f_numbers: tuple[float, ...],
+    f_numbers: Sequence[tuple[float, ...]],
     steps: Steps,
     *,
     step: str,
     field_angle: float,
     wavelengths: tuple[float, ...],
 ) -> _Found:
-    """Differences of every lens at every f-number and wavelength, shape (element, wavelength, f-number)."""
-    shape = (len(elements), len(wavelengths), len(f_numbers))
+    """Differences of every lens at its own f-numbers, as many for each, shape (element, wavelength, f-number)."""
+    elements = list(asked.elements.values())
+    shape = (len(elements), len(wavelengths), len(f_numbers[0]))
     places = list(itertools.product(*map(range, shape)))
     places = [places[k] for k in mixed(len(places))]
     pairs = [
         _Pair(
-            asked=asked, element=elements[e], f_number=f_numbers[f], field_angle=field_angle, wavelength=wavelengths[w]
+            asked=asked,
+            element=elements[e],
+            f_number=f_numbers[e][f],
+            field_angle=field_angle,
+            wavelength=wavelengths[w],
         )
         for e, w, f in places
     ]
@@ -172,32 +171,19 @@ def _swept(
     return found
 
 
-def _laid_out(asked: FresnelValidityPart, found: _Found) -> tuple[FloatArray, FloatArray]:
+def _laid_out(asked: FresnelValidityPart, found: _Found, name: str) -> dict[str, FloatArray]:
     """Errors and their numerical errors, shape (element, lens phase, wavelength, f-number, metric, window)."""
-    errors, numerical = (
-        np.array([[[_stacked(asked, one, suffix) for one in row] for row in rows] for rows in found])
-        for suffix in ("", "_error")
-    )
-    return np.moveaxis(errors, 3, 1), np.moveaxis(numerical, 3, 1)
-
-
-def _at_points(
-    asked: FresnelValidityPart,
-    name: str,
-    places: Mapping[ElementPart, float],
-    *,
-    field_angle: float,
-    wavelengths: tuple[float, ...],
-) -> Mapping[str, FloatArray]:
-    """Errors at one f-number of each element, shape (element, lens phase, wavelength, metric, window)."""
-    found = [
-        [_differences(asked, element, place, field_angle, wavelength) for wavelength in wavelengths]
-        for element, place in places.items()
-    ]
     return {
-        name + label: np.array([np.stack([_stacked(asked, one, suffix) for one in row], axis=1) for row in found])
+        name + label: np.moveaxis(
+            np.array([[[_stacked(asked, one, suffix) for one in row] for row in rows] for rows in found]), 3, 1
+        )
         for label, suffix in (("", ""), ("_numerical", "_error"))
     }
+
+
+def _of_one_f_number(asked: FresnelValidityPart, found: _Found, name: str) -> dict[str, FloatArray]:
+    """Like `_laid_out`, without the dimension of f-numbers."""
+    return {name: values[:, :, :, 0] for name, values in _laid_out(asked, found, name).items()}
 
 
 @dataclass(frozen=True, kw_only=True)
