@@ -47,6 +47,16 @@ def test_after_a_tenth_a_step_continues_at_its_own_pace(clock: Clock, left: Time
     assert left.of_step == pytest.approx(35.0)
 
 
+def test_preparations_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> None:
+    left("depth", 0.0)
+    clock.now += 3.0
+    left("depth", 0.0)
+    assert left.of_step == pytest.approx(7.0)  # but they are part of the predicted time
+    clock.now += 4.0
+    left("depth", 0.5)
+    assert left.of_step == pytest.approx(4.0)
+
+
 def test_later_steps_are_scaled_by_the_error_of_past_predictions(clock: Clock, left: TimeLeft) -> None:
     left("depth", 0.0)
     clock.now += 30.0

@@ -89,7 +89,7 @@ class Steps:
         labels: Sequence[str],
         efforts: Sequence[float] = (),
     ) -> list[Value]:
-        """Values of a function at points, in the order of the points.
+        """Values of a function at points, in the order of the points; they are computed in `mixed` order.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Steps:
             keys = [fingerprint(shared, point) for point in points]
             values = self.checkpoints.finished(keys)
         taken = len(values)
-        missing = [i for i in range(len(points)) if i not in values]
+        missing = [i for i in mixed(len(points)) if i not in values]
         executor = self.executor if len(missing) > 1 else Serial()  # a single point needs no workers
         failed: dict[int, Exception] = {}
         work = efforts or [1.0] * len(points)

@@ -26,7 +26,7 @@ class TimeLeft:
         self.clock = clock
         self.predicted: dict[str, float] = {}
         self._step = ""
-        self._began = self._round = self._told = clock()
+        self._began = self._round = self._moved = self._told = clock()
         self._first = self._share = 0.0
         self._took: dict[str, float] = {}
 
@@ -37,15 +37,20 @@ class TimeLeft:
     def __call__(self, step: str, share: float) -> None:
         """Record the fraction of a step that is done, from 0 to 1; a resumed step starts above 0.
 
-        A smaller fraction than before means that the step begins anew, as when a picture is refined.
+        A smaller fraction than before means that the step begins anew, as when a picture is refined. Time in which the
+        first fraction does not grow is spent on preparations, which do not count towards the step's pace.
         """
         now = self.clock()
         if step != self._step:
             if self._step:
                 self._took[self._step] = now - self._began
-            self._step, self._began, self._round, self._first = step, now, now, share
+            self._step, self._first = step, share
+            self._began = self._round = self._moved = now
         elif share < self._share:
-            self._round, self._first = now, share
+            self._round = self._moved = now
+            self._first = share
+        elif share == self._first:
+            self._moved = now
         self._told, self._share = now, share
 
     @property
@@ -55,7 +60,7 @@ class TimeLeft:
             return 0.0
         since = self.clock() - self._told
         if self._share - self._first >= _TELLS * (1.0 - self._first):
-            pace = (self._told - self._round) / (self._share - self._first)
+            pace = (self._told - self._moved) / (self._share - self._first)
             return max(0.0, (1.0 - self._share) * pace - since)
         if self._step not in self.predicted:
             return math.nan

@@ -289,7 +289,7 @@ class _Prediction:
         file = self.definition.file
         cases = [self.definition, *self.definition.readings.values()] if file.decision is not None else []
         pair = file.decision.between if file.decision is not None else ()
-        verdicts = (_TABLES_OF_A_VERDICT * self._tables_of(pair, one) for one in cases)
+        verdicts = (self._tables_of(pair, one, _TABLES_OF_A_VERDICT) for one in cases)
         parts = (_TABLES_OF_A_DATASHEET * self.all_tables, *verdicts)
         yield PredictedStep(
             name="decision",
@@ -299,7 +299,7 @@ class _Prediction:
         )
         if file.decision is not None:
             pairs = file.decision.compare or (file.decision.between,)
-            seconds = _TABLES_OF_RANKS * math.fsum(self._tables_of(pair, self.definition) for pair in pairs)
+            seconds = math.fsum(self._tables_of(pair, self.definition, _TABLES_OF_RANKS) for pair in pairs)
             yield PredictedStep(name="ranks", seconds=seconds, work=counted(len(pairs), "pair"))
 
     def _seconds_of_question(self, name: str) -> float:
@@ -313,13 +313,12 @@ class _Prediction:
         tables = self._tables_of(tuple(self.cameras), definition)
         return _TRIALS_OF_A_ROOT * (self.design + _TABLES_OF_A_TRIAL * tables)
 
-    def _tables_of(self, names: tuple[str, ...], case: StudyDefinition) -> float:
-        """Time of cameras' tables [s], with the draws of those that differ from the declared ones, as in a reading."""
+    def _tables_of(self, names: tuple[str, ...], case: StudyDefinition, tables: float = 1.0) -> float:
+        """Time of so many tables of cameras [s], with the draws of those that a reading changes."""
         declared, cameras = self.definition.case.cameras, case.case.cameras
-        return math.fsum(
-            self.cameras[name][0] if cameras[name] == declared[name] else math.fsum(self.table(cameras[name]))
-            for name in names
-        )
+        found = (self.cameras[name] if cameras[name] == declared[name] else self.table(cameras[name]) for name in names)
+        changed = [cameras[name] != declared[name] for name in names]
+        return math.fsum(tables * table + draws * new for (table, draws), new in zip(found, changed, strict=True))
 
     def _fresnel_validity(self) -> Iterator[PredictedStep]:
         part = self.definition.file.fresnel_validity

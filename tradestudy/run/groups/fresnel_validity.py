@@ -22,7 +22,7 @@ from tradestudy.analysis.fresnel_errors import (
     southwell_f_number,
 )
 from tradestudy.execution import Steps
-from tradestudy.execution.steps import Seconds, mixed, timed
+from tradestudy.execution.steps import Seconds, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.paper_equation_27 import paper_eq27_sweep
 from tradestudy.optics.propagation import LensPhase
@@ -152,8 +152,6 @@ def _differences_at(
     """Differences of every lens at its own f-numbers, as many for each, shape (element, wavelength, f-number)."""
     elements = list(asked.elements.values())
     shape = (len(elements), len(wavelengths), len(f_numbers[0]))
-    places = list(itertools.product(*map(range, shape)))
-    places = [places[k] for k in mixed(len(places))]
     pairs = [
         _Pair(
             asked=asked,
@@ -162,13 +160,12 @@ def _differences_at(
             field_angle=field_angle,
             wavelength=wavelengths[w],
         )
-        for e, w, f in places
+        for e, w, f in itertools.product(*map(range, shape))
     ]
     labels = [f"{one.element.title}, f/{one.f_number:g}, {one.wavelength:g} m" for one in pairs]
-    found = np.empty(shape, dtype=object)
-    for place, one in zip(places, steps.map(step, _differences_of, pairs, labels), strict=True):
-        found[place] = one
-    return found
+    found = np.empty(len(pairs), dtype=object)
+    found[:] = steps.map(step, _differences_of, pairs, labels)
+    return found.reshape(shape)
 
 
 def _laid_out(asked: FresnelValidityPart, found: _Found, name: str) -> dict[str, FloatArray]:

@@ -9,7 +9,6 @@ import xarray as xr
 
 from tradestudy.analysis.ranks import RANK_ERROR_SOURCES, RankPoint, rank_at
 from tradestudy.execution import Steps
-from tradestudy.execution.steps import mixed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
@@ -24,16 +23,15 @@ def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     pairs = decision.compare or (decision.between,)
     distance = _distances(definition.case.distance, decision.at)
     cameras = definition.case.cameras
-    asked = [(first, second, error_source) for first, second in pairs for error_source in RANK_ERROR_SOURCES]
-    places = mixed(len(asked))  # pairs take unequal times
-    points, labels = [], []
-    for first, second, error_source in (asked[place] for place in places):
-        labels.append(f"{first} against {second}, {error_source}")
-        points.append(
-            RankPoint(first=cameras[first], second=cameras[second], distance=distance, error_source=error_source)
-        )
-    ranks = dict(zip(places, steps.map("ranks", rank_at, points, labels), strict=True))
-    found = [ranks[place] for place in range(len(asked))]
+    names = [f"{first} against {second}" for first, second in pairs]
+    points = [
+        RankPoint(first=cameras[first], second=cameras[second], distance=distance, error_source=error_source)
+        for first, second in pairs
+        for error_source in RANK_ERROR_SOURCES
+    ]
+    found = steps.map(
+        "ranks", rank_at, points, [f"{name}, {error_source}" for name in names for error_source in RANK_ERROR_SOURCES]
+    )
 
     def over_pairs(name: str) -> Any:
         return np.array([getattr(one, name) for one in found]).reshape(len(pairs), len(RANK_ERROR_SOURCES), -1)
@@ -48,7 +46,7 @@ def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
             "pair_second": [second for _, second in pairs],
         },
         {
-            "pair": [f"{first} against {second}" for first, second in pairs],
+            "pair": names,
             "rank_error_source": list(RANK_ERROR_SOURCES),
             "rank_distance": distance,
         },
