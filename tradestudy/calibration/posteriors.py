@@ -28,12 +28,14 @@ from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersP
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.declarations.lens_models import FittedLensModel
+from tradestudy.execution.point_progress import part_of_point, tell
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 
 MOST_DRAWS = 2**13
 """Number of joint posterior draws to propagate, spread evenly over ensembles, steps and walkers."""
 _CHECKED_DRAWS = 1000
+_FITTED = 0.2  # fraction of the time of a calibration from corners until the fit is done
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,11 +203,13 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
     corners = corners_of(request)
     lens = lens_of(request.part.lens_model)
     fit, names = fit_rig(replace(corners, lens=lens)), shared_names(lens.free)
+    tell(_FITTED)
     normal = LaplaceFit(names=names, mean=fit.explained.shared, covariance=fit.covariance)
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
     check_geometry(request.name, rig, normal.mean, draws, says="corners say", lens=lens)
     rng = point_generator(seed=request.seed, point=f"corners/{request.name}", replicate=0)
-    found = sample_rig(fit, rng=rng, maximum_steps=request.part.max_steps)
+    with part_of_point(_FITTED, 1.0):
+        found = sample_rig(fit, rng=rng, maximum_steps=request.part.max_steps)
     draws_kept = propagated(names, found.sample)
     posterior = replace(
         draws_kept,

@@ -14,6 +14,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.execution.checkpoints import Checkpoints
 from tradestudy.execution.executor import Executor, LostPointError, Point, Raised, Serial, Value
 from tradestudy.execution.fingerprint import environment, fingerprint
+from tradestudy.execution.point_progress import heard_by
 
 _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 
@@ -123,12 +124,17 @@ class Steps:
         failed: dict[int, Exception] = {}
         work = efforts or [1.0] * len(points)
 
-        def report() -> None:
-            self.progress(step, math.fsum(work[i] for i in values) / (math.fsum(work) or 1.0))
+        def report(share_of_next: float = 0.0) -> None:
+            running = next((i for i in missing if i not in values and i not in failed), None)
+            done = math.fsum(work[i] for i in values) + (0.0 if running is None else share_of_next * work[running])
+            self.progress(step, done / (math.fsum(work) or 1.0))
 
         report()
         try:
-            with closing(executor.map_unordered(function, [points[i] for i in missing])) as found:
+            with (
+                heard_by(report),  # computed in this thread, if at all: one point after another
+                closing(executor.map_unordered(function, [points[i] for i in missing])) as found,
+            ):
                 for number, outcome in found:
                     place = missing[number]
                     if isinstance(outcome, Raised):

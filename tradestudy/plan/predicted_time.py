@@ -243,11 +243,9 @@ class _Prediction:
         definition, file, case = self.definition, self.definition.file, self.definition.case
         asked = list(calibrations_to_infer(definition).values())
         if asked:
-            yield PredictedStep(
-                name="calibration",
-                seconds=_seconds_of_inference(asked),
-                work=counted(len(asked), "posterior"),
-            )
+            parts = _seconds_of_inference(asked)
+            work = counted(len(asked), "posterior")
+            yield PredictedStep(name="calibration", seconds=math.fsum(parts), work=work, parts=parts)
         yield from self._pictures()
         designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
         points = math.fsum(self.designs[name] * sum(seconds) for name, seconds in self.cameras.items())
@@ -471,11 +469,11 @@ class _Prediction:
         return PredictedStep(name="report", seconds=parsed * self.parsing, work=f"about {figures} figures, HTML, PDF")
 
 
-def _seconds_of_inference(asked: Sequence[TargetToInfer | CornersToInfer]) -> float:
-    """Time of all calibrations [s]; in a sweep, the mean of a camera's first and last one stands for each of them."""
-    seconds = 0.0
+def _seconds_of_inference(asked: Sequence[TargetToInfer | CornersToInfer]) -> tuple[float, ...]:
+    """Time of each calibration [s]; in a sweep, the mean of a camera's first and last one stands for each of them."""
+    means: dict[str, float] = {}
     for name in {one.name for one in asked}:
         own = [one for one in asked if one.name == name]
         tried = own[:: max(1, len(own) - 1)]
-        seconds += len(own) * math.fsum(map(pilots.inference_seconds, tried)) / len(tried)
-    return seconds
+        means[name] = math.fsum(map(pilots.inference_seconds, tried)) / len(tried)
+    return tuple(means[one.name] for one in asked)

@@ -20,6 +20,7 @@ from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, Tru
 from tradestudy.cameras.light_cones import Exposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
+from tradestudy.execution.point_progress import part_of_point, tell
 from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
 from tradestudy.imaging.estimation.matcher_fit import fit_matcher
 from tradestudy.imaging.estimation.score import DepthScore, score
@@ -34,6 +35,8 @@ from tradestudy.run.pictures import Rendering
 from tradestudy.study.definition import StudyDefinition
 
 STEP: Final = "depth maps"
+_WHITE: Final = 0.15  # fraction of the time of a map until its white pictures are computed
+_READ: Final = 0.75  # until its depth is read
 _DISTANCES: Final = 33  # where the predicted uncertainty is computed; interpolated linearly in between
 
 
@@ -223,7 +226,9 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
         )
         for exposure in one.exposures
     }
-    found = one.reader.read(pictures)
+    tell(_WHITE)
+    with part_of_point(_WHITE, _READ):
+        found = one.reader.read(pictures)
     truth = one.reader.truth(point.depths, {name: its.pure for name, its in pictures.items()})
     predicted = predicted_uncertainty(one.taken.camera, np.asarray(truth.depth, np.float64), point.error_source)
     scored = score(found, truth, predicted, one.search.window_px)

@@ -56,7 +56,7 @@ def compute(
         Groups and variables as defined in `tradestudy.results`.
     """
     steps = Steps() if steps is None else steps
-    definition, inferred = infer_calibrations(plan.definition, steps)
+    definition, inferred = infer_calibrations(plan.definition, steps, plan.parts("calibration"))
     asked = _Asked(
         plan=plan,
         definition=definition,

@@ -18,7 +18,10 @@ from tradestudy.calibration.posterior.laplace import (
     compare_log_posteriors,
 )
 from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
+from tradestudy.execution.point_progress import part_of_point
 from tradestudy.optics.arrays import FloatArray
+
+_SAMPLED = 0.4  # fraction of the time that sampling takes; the rest takes the check
 
 
 def posterior_names(free: Sequence[str]) -> tuple[str, ...]:
@@ -78,14 +81,15 @@ def sample_rig(fit: RigFit, *, rng: np.random.Generator, maximum_steps: int = 20
     walkers = 2 * len(laplace.names) + 2
     starts = laplace.draw(rng, MINIMUM_ENSEMBLES * walkers)
     starts[:, -1] = np.minimum(np.abs(starts[:, -1]), largest_motion)
-    sample = sample_posterior(
-        lambda parameters: log_posterior(views, parameters, largest_motion=largest_motion),
-        starts.reshape(MINIMUM_ENSEMBLES, walkers, -1),
-        names=laplace.names,
-        rng=rng,
-        proposal=laplace,
-        maximum_steps=maximum_steps,
-    )
+    with part_of_point(0.0, _SAMPLED):
+        sample = sample_posterior(
+            lambda parameters: log_posterior(views, parameters, largest_motion=largest_motion),
+            starts.reshape(MINIMUM_ENSEMBLES, walkers, -1),
+            names=laplace.names,
+            rng=rng,
+            proposal=laplace,
+            maximum_steps=maximum_steps,
+        )
     return CheckedPosterior(sample=sample, check=check_marginalisation(sample.thinned(CHECKED_POINTS), views, fit))
 
 

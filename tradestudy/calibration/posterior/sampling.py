@@ -15,6 +15,7 @@ from tradestudy.calibration.posterior.chain_diagnostics import (
 )
 from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.errors import OutOfRangeError
+from tradestudy.execution.point_progress import tell
 from tradestudy.optics.arrays import FloatArray
 
 LogProbability = Callable[[FloatArray], FloatArray]
@@ -29,7 +30,8 @@ ACCEPTANCE_LIMITS = (0.2, 0.5)
 _ACCEPTANCE = "acceptance"
 
 _WARM_UP_TIMES = 10.0  # autocorrelation times dropped at the start
-_FIRST_ROUND = 500
+_FIRST_ROUND = 500  # steps, after which most posteriors have converged
+_CHAINS = 0.75  # fraction of the time of sampling until the first round is done; the rest takes the diagnosis
 _PROPOSAL_DIMENSIONS = 5
 _PROPOSAL_SHARE = 1.0 / 40.0  # of the steps, per parameter; keeps acceptance within its limits
 _PROPOSAL_FREEDOM = 10.0  # degrees of freedom of the t distribution
@@ -200,12 +202,14 @@ def sample_posterior(
     _check_starts(log_probability, starts, names)
     begin = time.perf_counter()
     samplers = [_sampler(log_probability, start, rng, proposal) for start in starts]
+    tell(0.0)
     steps = 0
     while True:
         steps = min(max(_FIRST_ROUND, steps * 3 // 2), maximum_steps)
         for sampler, start in zip(samplers, starts, strict=True):
             done = sampler.iteration
             sampler.run_mcmc(start if done == 0 else None, steps - done, skip_initial_state_check=True)
+            tell(_CHAINS * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * _FIRST_ROUND)))
         walks = np.stack([sampler.get_chain() for sampler in samplers])
         warm_up = _warm_up(walks)
         kept = walks[:, warm_up:]

@@ -32,6 +32,7 @@ from tradestudy.cameras.microlens_pictures import (
     with_correlated_noise,
 )
 from tradestudy.errors import OutOfRangeError
+from tradestudy.execution.point_progress import tell
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.cut_aperture import centroid_of_common_part
 from tradestudy.optics.window_matching import (
@@ -135,7 +136,10 @@ class RawPictureReader(DepthReader):
         picture = pictures["raw"]
         values = smoothed(squares(self._grid, picture.values, picture.pure))
         variance = squares(self._grid, picture.variance, picture.pure)
-        found = {step: self._matches(step, values, variance) for step in self._steps}
+        found = {}
+        for number, step in enumerate(self._steps):
+            tell(number / len(self._steps))
+            found[step] = self._matches(step, values, variance)
         for step in self._steps:
             opposite = found[-step[0], -step[1]]
             self._reject_contradicted(step, found[step], opposite)
