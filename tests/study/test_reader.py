@@ -302,6 +302,7 @@ class TestValuesFromOutside:
             ("eey.lens.power=3 %", "1: eey: unknown key; nearest: 'eye'"),
             ("cameras.eey.lens.power=3 %", "1: cameras.eey: there is no 'eey'; nearest: 'eye'"),
             ("tittle=x", "1: tittle: unknown key; nearest: 'title'"),
+            ("lens.power=3 %", "1: lens: unknown key here; the study has 'cameras.eye.lens'"),
             ("title.x=1", "1: title.x: 'title' is a single value and has no 'x'"),
             ("distances.2=1 m", "1: distances.2: 'distances' is a list; one of the positions 0 to 1 is expected"),
             ("distances.far=1 m", "1: distances.far: 'distances' is a list; one of the positions 0 to 1 is expected"),

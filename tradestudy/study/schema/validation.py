@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, TypeGuard, TypeVar
@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.errors import Problem, StudyError, nearest
-from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child
+from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child, dotted
 from tradestudy.study.schema.alignment import (
     Alignment,
     align,
@@ -243,9 +243,14 @@ def _mistakes(document: Document, findings: Sequence[_Finding]) -> list[Problem]
 
 
 def _unknown_key(document: Document, model: type[BaseModel], finding: _Finding) -> Problem:
-    """Report an unknown key; a path of ``--set`` may start with a camera, so its first key may have meant one."""
+    """Report an unknown key, and where the study has the same one, or one like it.
+
+    A path of ``--set`` may start with a camera, so its first key may have meant one.
+    """
     path, owner = finding.path, finding.alignment.owner
     name, names = str(path[-1]), key_names(owner) if owner else []
+    if owner is model and (same := next(_paths_to(document.root, name), None)) is not None:
+        return document.locate_key(path).problem(path, f"unknown key here; the study has '{dotted(same)}'")
     if owner is model and _is_implied(finding.entry):
         cameras = _cameras(document)
         if cameras and nearest(name, [*names, *cameras]) is None:
@@ -253,6 +258,20 @@ def _unknown_key(document: Document, model: type[BaseModel], finding: _Finding) 
             return document.locate_key(path).problem(path, what)
         names += cameras
     return document.locate_key(path).problem(path, f"unknown key{nearest_name(name, names)}")
+
+
+def _paths_to(mapping: MappingEntry, name: str) -> Iterator[Path]:
+    """Paths to keys of this name below the first level, those of fewer steps first."""
+    level: list[tuple[Path, MappingEntry]] = [((), mapping)]
+    while level:
+        below = [
+            ((*path, key), member.entry)
+            for path, above in level
+            for key, member in above.members.items()
+            if isinstance(member.entry, MappingEntry) and not member.entry.implied
+        ]
+        yield from ((*path, name) for path, entry in below if name in entry.members)
+        level = below
 
 
 def _is_implied(entry: Entry | None) -> TypeGuard[MappingEntry]:
