@@ -457,3 +457,11 @@ def test_the_readings_that_change_a_verdict_are_named() -> None:
     assert "not met under 2 of the 3 other readings" in requirement_sentence(conclusion)
     (as_json,) = conclusions_as_json(data)["requirements"]
     assert [other["met"] for other in as_json["other_verdicts"]] == [False, False]
+
+
+def test_the_terminal_names_the_verdict_on_every_claim() -> None:
+    verdicts = ["not met", "met", "met", "cannot be decided from its source"]
+    claims = xr.Dataset({"verdict": ("claim", verdicts)}, {"claim": ["A", "B", "C", "D"]})
+    tree = xr.DataTree.from_dict({"/claims": claims})
+    words = "Claims: met – B and C; not met – A; cannot be decided from its source – D"
+    assert list(terminal_lines(tree)) == [words]

@@ -206,6 +206,17 @@ def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
         yield " and ".join([nobody[0].words, *(f"from {plain_span(one.near, one.far)}" for one in nobody[1:])])
 
 
+def _claim_words(tree: xr.DataTree) -> Iterator[str]:
+    """One sentence, without a full stop, on the verdicts of all claims."""
+    if has(tree, "claims", "verdict"):
+        data = group(tree, "claims")
+        named: dict[str, list[str]] = {}
+        for claim, verdict in zip(data["claim"].values, data["verdict"].values, strict=True):
+            named.setdefault(str(verdict), []).append(str(claim))
+        best_first = sorted(named, key=lambda verdict: (verdict != "met", verdict != "not met"))
+        yield f"Claims: {'; '.join(f'{verdict} – {listed(named[verdict])}' for verdict in best_first)}"
+
+
 def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     """The conclusions of a run in at most `most` lines; one of them counts the conclusions left out.
 
@@ -234,7 +245,7 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     lines += judged[1:]  # fewer lines may leave out a lesser requirement, but no answer to a question
     if weighed := trade_off_conclusion(tree):
         lines.append(f"Weighing all criteria: {weighed}")
-    lines += [*measured_words(tree), *wave_words(tree)]
+    lines += [*measured_words(tree), *wave_words(tree), *_claim_words(tree)]
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":
         last = [f"Rests on (measure first): {'; '.join(rests)}"]
