@@ -252,6 +252,16 @@ class TestProgress:
         assert "depth" in screen.getvalue()
         assert "6:40 left, 10:00 in all" in screen.getvalue()
 
+    def test_the_time_left_runs_down_between_reports(self) -> None:
+        now = 100.0
+        bar = shown_progress.ProgressBar(is_predicted=True)
+        bar.left.clock = lambda: now
+        bar.expect({"depth": 400.0})
+        bar("depth", 0.0)
+        assert str(bar) == "6:40 left"
+        now += 30.0
+        assert str(bar) == "6:10 left"
+
     def test_the_terminal_is_left_as_it_was_after_an_error(self, monkeypatch: pytest.MonkeyPatch) -> None:
         screen = io.StringIO()
         screen.isatty = lambda: True  # type: ignore[method-assign]  # a terminal to write on

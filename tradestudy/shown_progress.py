@@ -68,11 +68,11 @@ class ProgressBar:
         if step not in self.tasks:
             for task in self.tasks.values():
                 self.progress.update(task, left="")
-            self.tasks[step] = self.progress.add_task(step, total=1.0, left="")
-        self.progress.update(self.tasks[step], completed=share, left=self._words())
+            self.tasks[step] = self.progress.add_task(step, total=1.0, left=self)
+        self.progress.update(self.tasks[step], completed=share, left=self)
 
-    def _words(self) -> str:
-        """Remaining time of the current step and of the run."""
+    def __str__(self) -> str:
+        """Remaining time of the current step and of the run; the bar of the step asks whenever it is drawn."""
         step, run = self.left.of_step, self.left.of_run
         words = "" if math.isnan(step) else f"{_minutes(step)} left"
         return f"{words}, {_minutes(run)} in all" if run > step else words
