@@ -39,6 +39,7 @@ _LEVELS = models_of("main_lens_diffraction", "depth")
 _CALIBRATIONS = models_of("calibration", "depth")
 _TRUTH_SHARE = 0.1  # of the tolerance, that the draws of the truth are known to
 _FINEST, _MOST_DRAWS = 3e-4, 2**17
+_FINER_DRAWS = 2**22  # of the truth where a choice seems to exceed its tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,12 +95,14 @@ def run(cases: range, seed: int) -> Iterator[Case]:
 def judge(name: str, definition: StudyDefinition, tolerance: float) -> Case | None:
     """Choose, hold the choice against the most expensive set, and look for the cheapest that suffices."""
     case = definition.case
-    truth = _Answer.of(definition, _exact(complete(case.cameras["one"]), tolerance))
+    truth = _Answer.of(definition, tolerance)
     if truth is None:
         return None
     chosen = choose_models(definition)[0].models
     seconds = _least(lambda: _choose_and_compute(definition))
     change = truth.change(definition, chosen, tolerance)
+    if change > tolerance and (finer := _Answer.of(definition, tolerance, _FINER_DRAWS)) is not None:
+        change = finer.change(definition, chosen, tolerance)
     sufficient: list[Models] = []
     for stage in _stages(case.cameras["one"]):
         sufficient = [one for one in stage if truth.change(definition, one, tolerance) <= tolerance]
@@ -133,10 +136,6 @@ def complete(camera: DepthCamera) -> dict[SlotName, str]:
         "crosstalk": "share" if microlenses else "off",
     }
     return own
-
-
-def _exact(models: Models, tolerance: float) -> tuple[Models, float]:
-    return models, max(_FINEST, _TRUTH_SHARE * tolerance)
 
 
 def _stages(camera: DepthCamera) -> Iterator[list[Models]]:
@@ -175,21 +174,25 @@ class _Answer:
     places: np.ndarray
     uncertainty: np.ndarray
     ends: np.ndarray
+    draws: int
 
     @classmethod
-    def of(cls, definition: StudyDefinition, exact: tuple[Models, float]) -> _Answer | None:
-        camera, criteria, distance = _camera(definition, *exact), definition.case.criteria, definition.case.distance
+    def of(cls, definition: StudyDefinition, tolerance: float, draws: int = _MOST_DRAWS) -> _Answer | None:
+        case = definition.case
+        camera = _camera(definition, complete(case.cameras["one"]), tolerance, draws)
+        criteria, distance = case.criteria, case.distance
         usable = all_met(evaluate_limits(camera, criteria, distance), distance.shape)
         if not usable.any():
             return None
         focus = _in_focus(camera, distance)
         focus = focus[all_met(evaluate_limits(camera, criteria, focus), focus.shape)] if focus.size else focus
         places = np.concatenate([distance[usable], focus])
-        return cls(places=places, uncertainty=depth_uncertainty(camera, places), ends=_ends(camera, definition))
+        uncertainty = depth_uncertainty(camera, places)
+        return cls(places=places, uncertainty=uncertainty, ends=_ends(camera, definition), draws=draws)
 
     def change(self, definition: StudyDefinition, models: Models, tolerance: float) -> float:
         """The largest relative change by other models: of the uncertainty, or the shift of an end of a usable range."""
-        camera = _camera(definition, models, max(_FINEST, _TRUTH_SHARE * tolerance))
+        camera = _camera(definition, models, tolerance, self.draws)
         found = depth_uncertainty(camera, self.places)
         if np.any(np.isfinite(found) != np.isfinite(self.uncertainty)):
             return float(np.inf)
@@ -242,9 +245,11 @@ def _meeting(near: float, far: float, study: tuple[float, float]) -> float:
     return width / (far + near)
 
 
-def _camera(definition: StudyDefinition, models: Models, tolerance: float) -> DepthCamera:
+def _camera(definition: StudyDefinition, models: Models, tolerance: float, draws: int) -> DepthCamera:
+    """The camera, whose draws are known to a share of the tolerance, or as well as so many of them allow."""
     camera = definition.with_models({"one": models}).case.cameras["one"]
-    return replace(camera, propagation=replace(camera.propagation, tolerance=tolerance, max_draws=_MOST_DRAWS))
+    known_to = max(_FINEST, _TRUTH_SHARE * tolerance)
+    return replace(camera, propagation=replace(camera.propagation, tolerance=known_to, max_draws=draws))
 
 
 def _choose_and_compute(definition: StudyDefinition) -> None:
@@ -308,7 +313,8 @@ HEAD = (
 NOTE = (
     "The change is the largest of the depth uncertainty, at usable distances of the study and in focus, and of the "
     "ends of usable ranges, against the most expensive models. Where a range or a gap between ranges appears or "
-    "vanishes, its ends part or meet, and their shift counts: half its width, or all of it at the end of the study."
+    "vanishes, its ends part or meet, and their shift counts: half its width, or all of it at the end of the study. "
+    "Where a choice seems to exceed its tolerance, it is judged again with 32 times as many draws of the truth."
 )
 
 
