@@ -8,7 +8,13 @@ from contextvars import ContextVar
 from typing import Final
 
 Listener = Callable[[float], None]
-_listener: Final[ContextVar[Listener | None]] = ContextVar("_listener", default=None)
+
+
+def _nobody(_share: float) -> None:
+    """Ignore what is told."""
+
+
+_listener: Final[ContextVar[Listener]] = ContextVar("_listener", default=_nobody)
 
 
 def tell(share: float) -> None:
@@ -16,8 +22,7 @@ def tell(share: float) -> None:
 
     Nobody listens on other processes and threads, nor outside a step.
     """
-    if (listener := _listener.get()) is not None:
-        listener(share)
+    _listener.get()(share)
 
 
 @contextmanager
@@ -34,7 +39,6 @@ def heard_by(listener: Listener) -> Iterator[None]:
 def part_of_point(begin: float, end: float) -> Iterator[None]:
     """Within this block, 0 to 1 stand for ``begin`` to ``end`` of what surrounds it."""
     outer = _listener.get()
-    with heard_by(lambda share: outer(begin + share * (end - begin)) if outer is not None else None):
+    with heard_by(lambda share: outer(begin + share * (end - begin))):
         yield
-    if outer is not None:
-        outer(end)
+    outer(end)

@@ -208,12 +208,11 @@ def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
 
 def _claim_words(tree: xr.DataTree) -> Iterator[str]:
     """One sentence, without a full stop, on the verdicts of all claims."""
-    if has(tree, "claims", "verdict"):
-        data = group(tree, "claims")
-        named: dict[str, list[str]] = {}
-        for claim, verdict in zip(data["claim"].values, data["verdict"].values, strict=True):
-            named.setdefault(str(verdict), []).append(str(claim))
-        best_first = sorted(named, key=lambda verdict: (verdict != "met", verdict != "not met"))
+    named: dict[str, list[str]] = {}
+    for row in records(tree, "claims", "claim"):
+        named.setdefault(str(row["verdict"]), []).append(str(row["claim"]))
+    best_first = sorted(named, key=lambda verdict: (verdict != "met", verdict != "not met"))
+    if best_first:
         yield f"Claims: {'; '.join(f'{verdict} – {listed(named[verdict])}' for verdict in best_first)}"
 
 

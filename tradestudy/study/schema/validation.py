@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, TypeGuard, TypeVar
@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.errors import Problem, StudyError, nearest
-from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child, dotted
+from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child, dotted, walk
 from tradestudy.study.schema.alignment import (
     Alignment,
     align,
@@ -249,7 +249,7 @@ def _unknown_key(document: Document, model: type[BaseModel], finding: _Finding) 
     """
     path, owner = finding.path, finding.alignment.owner
     name, names = str(path[-1]), key_names(owner) if owner else []
-    if owner is model and (same := next(_paths_to(document.root, name), None)) is not None:
+    if owner is model and (same := _path_to(document, name)):
         return document.locate_key(path).problem(path, f"unknown key here; the study has '{dotted(same)}'")
     if owner is model and _is_implied(finding.entry):
         cameras = _cameras(document)
@@ -260,18 +260,10 @@ def _unknown_key(document: Document, model: type[BaseModel], finding: _Finding) 
     return document.locate_key(path).problem(path, f"unknown key{nearest_name(name, names)}")
 
 
-def _paths_to(mapping: MappingEntry, name: str) -> Iterator[Path]:
-    """Paths to keys of this name below the first level, those of fewer steps first."""
-    level: list[tuple[Path, MappingEntry]] = [((), mapping)]
-    while level:
-        below = [
-            ((*path, key), member.entry)
-            for path, above in level
-            for key, member in above.members.items()
-            if isinstance(member.entry, MappingEntry) and not member.entry.implied
-        ]
-        yield from ((*path, name) for path, entry in below if name in entry.members)
-        level = below
+def _path_to(document: Document, name: str) -> Path:
+    """The shortest path to a key of this name below the first level and outside lists; empty without one."""
+    below = (path for path, _ in walk(document.root, ()) if path[1:] and path[-1] == name != path[0])
+    return min((path for path in below if all(isinstance(step, str) for step in path)), key=len, default=())
 
 
 def _is_implied(entry: Entry | None) -> TypeGuard[MappingEntry]:
