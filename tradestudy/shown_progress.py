@@ -72,7 +72,7 @@ class ProgressBar:
         self.progress.update(self.tasks[step], completed=share, left=self)
 
     def __str__(self) -> str:
-        """Remaining time of the current step and of the run; the bar of the step asks whenever it is drawn."""
+        """Remaining time of the current step and of the run, read anew whenever the bar is drawn."""
         step, run = self.left.of_step, self.left.of_run
         words = "" if math.isnan(step) else f"{_minutes(step)} left"
         return f"{words}, {_minutes(run)} in all" if run > step else words

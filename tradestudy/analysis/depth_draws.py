@@ -139,7 +139,7 @@ def _requested(camera: DepthCamera) -> FloatArray:
 
 
 def _judged(camera: DepthCamera) -> FloatArray:
-    """Those that are `_requested`; without any, multiples of the camera's focal length."""
+    """The `_requested` distances [m]; if there are none, multiples of the camera's focal length."""
     judged = _requested(camera)
     return judged if judged.size else camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
 

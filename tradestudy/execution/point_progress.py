@@ -20,7 +20,7 @@ _listener: Final[ContextVar[Listener]] = ContextVar("_listener", default=_nobody
 def tell(share: float) -> None:
     """Report the fraction of the running point that is done, from 0 to 1.
 
-    Nobody listens on other processes and threads, nor outside a step.
+    Nobody listens in other processes and threads, nor outside a step.
     """
     _listener.get()(share)
 

@@ -312,7 +312,7 @@ class _Prediction:
         return _TRIALS_OF_A_ROOT * (self.design + _TABLES_OF_A_TRIAL * tables)
 
     def _tables_of(self, names: tuple[str, ...], case: StudyDefinition, tables: float = 1.0) -> float:
-        """Time of so many tables of cameras [s], with the draws of those that a reading changes."""
+        """Time of a number of tables of each camera [s], and of the draws of cameras that a reading changes."""
         declared, cameras = self.definition.case.cameras, case.case.cameras
         found = (self.cameras[name] if cameras[name] == declared[name] else self.table(cameras[name]) for name in names)
         changed = [cameras[name] != declared[name] for name in names]

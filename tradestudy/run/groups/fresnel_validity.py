@@ -149,7 +149,7 @@ def _differences_at(
     field_angle: float,
     wavelengths: tuple[float, ...],
 ) -> _Found:
-    """Differences of every lens at its own f-numbers, as many for each, shape (element, wavelength, f-number)."""
+    """Differences of every lens at its own f-numbers, equally many for each, shape (element, wavelength, f-number)."""
     elements = list(asked.elements.values())
     shape = (len(elements), len(wavelengths), len(f_numbers[0]))
     pairs = [
