@@ -22,6 +22,8 @@ from tradestudy.uncertainty.sources import Group, Source, Sources
 RANK_ERROR_SOURCES: Final = ("calibration", "both")
 """Calibration errors alone, as after averaging all noise away, and single measurements."""
 _DRAWS, _SCRAMBLES = 2**11, 8
+DRAWS_OF_A_RANK: Final = _DRAWS * _SCRAMBLES
+_MOST_DISTANCES: Final = 25
 _PREFIXES: Final = ("first/", "second/")
 # Drawn for two cameras without errors, which both ignore it: draws need a source.
 _NOTHING: Final = Source(
@@ -37,6 +39,12 @@ class RankPoint:
     second: DepthCamera
     distance: FloatArray
     error_source: str
+
+
+def rank_distances(distance: FloatArray, asked: tuple[float, ...]) -> FloatArray:
+    """A sample of the distances [m] of a study, with those of its decision."""
+    some = distance[np.unique(np.linspace(0, distance.size - 1, _MOST_DISTANCES).round().astype(int))]
+    return np.union1d(some, asked)
 
 
 def rank_at(point: RankPoint) -> RankProbability:

@@ -14,8 +14,17 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tradestudy import study
-from tradestudy.analysis.depth_draws import DRAWN, TRIAL_ROUNDS, expected_rounds, trial_distribution
+from tradestudy.analysis.depth_draws import (
+    DRAWN,
+    TRIAL_ROUNDS,
+    expected_rounds,
+    outcome_model,
+    trial_distribution,
+    uncertain_groups,
+    uncertain_sources,
+)
 from tradestudy.analysis.depth_points import DepthPoint, depth_table
+from tradestudy.analysis.ranks import DRAWS_OF_A_RANK, RANK_ERROR_SOURCES
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.derived_error import PictureDisparityError
@@ -34,6 +43,10 @@ _FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose tim
 # Both evaluate the same views and corners, so their ratio per parameter is a constant count.
 _FITS_PER_PARAMETER: Final = 20
 _FITS_OF_A_RIG: Final = 600  # first fits of one of its cameras
+_DRAWS_OF_A_PILOT: Final = 2**8
+# For the bars and indices of one error source; 9 000 to 16 000 in the four shipped studies with the most cameras, since
+# how many a bar needs depends on its tolerance.
+_DRAWS_OF_A_SOURCE: Final = 12_000
 _SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are smaller than the requested ones
 _GROWTH: Final = 1.1  # exponent of the time of a field in its number of targets
 
@@ -94,6 +107,25 @@ def _round_seconds(camera: DepthCamera) -> float:
     """Time of the first draws at the judged distances, once all is prepared; timed once, as draws are kept."""
     judged = np.array(camera.propagation.judged, dtype=np.float64)
     return seconds_of(lambda: trial_distribution(camera, judged, 0.0, DRAWN[-1])) / TRIAL_ROUNDS
+
+
+def draw_seconds(camera: DepthCamera, distance: FloatArray) -> float:
+    """Time to draw a camera's errors once and to measure depth with them at distances [m]."""
+    model, sources = outcome_model(camera, distance), uncertain_sources(camera, "both")
+    scores = np.random.default_rng(0).standard_normal((sources.dimensions, _DRAWS_OF_A_PILOT))
+    seconds = min(seconds_of(lambda: model(sources.draw(scores))) for _ in range(2))  # the first fills caches
+    return seconds / _DRAWS_OF_A_PILOT
+
+
+def ranking_seconds(camera: DepthCamera, distance: FloatArray) -> float:
+    """Time for one camera's part in the ranks of a pair at distances [m]."""
+    return len(RANK_ERROR_SOURCES) * DRAWS_OF_A_RANK * draw_seconds(camera, distance)
+
+
+def sensitivity_seconds(camera: DepthCamera, distance: FloatArray, fields: Sequence[float]) -> float:
+    """Time to find how much each error source contributes to a camera's depth uncertainty."""
+    sources = len(uncertain_groups(camera, "both"))
+    return len(fields) * sources * _DRAWS_OF_A_SOURCE * draw_seconds(camera, distance)
 
 
 def correction_seconds(points: Sequence[LatticePoint]) -> float:

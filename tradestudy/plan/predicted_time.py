@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,7 +10,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from tradestudy.analysis.claims import claims_in_order
+from tradestudy.analysis.ranks import rank_distances
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.imaging.derived_error import kirchhoff_lattice
 from tradestudy.plan import pilots
@@ -41,13 +45,11 @@ if TYPE_CHECKING:  # few studies ask for light, or infer
     from tradestudy.calibration.target.camera_target import TargetToInfer
 
 # Time of other questions about a camera, in units of its table over all distances: a verdict finds crossovers and
-# switches of the winner for three error sources; ranks draw two; a claim needs part of one, if it is not cached.
+# switches of the winner for three error sources; a claim needs part of one, if it is not cached.
 _TABLES_OF_A_DATASHEET: Final = 1.0  # and of the distances of the decision
 _TABLES_OF_A_VERDICT: Final = 1.5
-_TABLES_OF_RANKS: Final = 2.0
 _TABLES_OF_A_CLAIM: Final = 0.4
 _TABLES_OF_AN_ANSWER: Final = 0.35  # to a requirement under one reading
-_TABLES_OF_A_SOURCE: Final = 0.35  # for the share of one error source in the uncertainty
 _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
 _TABLES_OF_A_DRAW: Final = 0.07
@@ -208,18 +210,21 @@ class _Prediction:
         return self.tables[kind]
 
     @cached_property
-    def cameras(self) -> dict[str, tuple[float, float]]:
-        """Times of every camera [s]; a camera whose calibration the run has yet to infer is timed with its priors."""
-        found = {}
-        priors = {
-            asked.name: getattr(asked, "groups", ()) for asked in self.definition.calibrations_to_infer().values()
+    def prior_cameras(self) -> dict[str, DepthCamera]:
+        """The cameras; one whose calibration the run has yet to infer has its priors."""
+        asked = self.definition.calibrations_to_infer().values()
+        priors = {one.name: getattr(one, "groups", ()) for one in asked}
+        return {
+            name: replace(camera, calibration=replace(camera.calibration, groups=priors[name], inferred=True))
+            if priors.get(name)
+            else camera
+            for name, camera in self.definition.case.cameras.items()
         }
-        for name, camera in self.definition.case.cameras.items():
-            calibration = camera.calibration
-            if priors.get(name):
-                calibration = replace(calibration, groups=priors[name], inferred=True)
-            found[name] = self.table(replace(camera, calibration=calibration))
-        return found
+
+    @cached_property
+    def cameras(self) -> dict[str, tuple[float, float]]:
+        """Times of every camera [s]."""
+        return {name: self.table(camera) for name, camera in self.prior_cameras.items()}
 
     @cached_property
     def designs(self) -> dict[str, int]:
@@ -271,10 +276,13 @@ class _Prediction:
                 name="value of information", seconds=part.draws * each, work=counted(part.draws, "combination")
             )
         if file.sensitivity is not None:
-            fields = 1 + len(file.propagation.field_places)
-            sources = sum(2 + len(camera.calibration.groups) for camera in case.cameras.values()) * fields
-            each = _TABLES_OF_A_SOURCE * self.all_tables / len(case.cameras)
-            yield PredictedStep(name="sensitivity", seconds=sources * each, work=counted(sources, "error source"))
+            at, fields = np.array(file.sensitivity.at), (0.0, *file.propagation.field_places)
+            seconds = math.fsum(
+                pilots.sensitivity_seconds(camera, at, fields) for camera in self.prior_cameras.values()
+            )
+            sources = sum(1 + len(camera.calibration.groups) for camera in self.prior_cameras.values())
+            work = counted(len(fields) * sources, "error source")
+            yield PredictedStep(name="sensitivity", seconds=seconds, work=work)
 
     def _pictures(self) -> Iterator[PredictedStep]:
         points = kirchhoff_lattice(self.definition.case.cameras.values(), self.definition.case.distance)
@@ -297,7 +305,12 @@ class _Prediction:
         )
         if file.decision is not None:
             pairs = file.decision.compare or (file.decision.between,)
-            seconds = math.fsum(self._tables_of(pair, self.definition, _TABLES_OF_RANKS) for pair in pairs)
+            distance = rank_distances(self.definition.case.distance, file.decision.at)
+            known = {
+                name: pilots.ranking_seconds(self.prior_cameras[name], distance)
+                for name in dict.fromkeys(itertools.chain(*pairs))
+            }
+            seconds = math.fsum(known[name] for pair in pairs for name in pair)
             yield PredictedStep(name="ranks", seconds=seconds, work=counted(len(pairs), "pair"))
 
     def _seconds_of_question(self, name: str) -> float:

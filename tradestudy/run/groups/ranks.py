@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from tradestudy.analysis.ranks import RANK_ERROR_SOURCES, RankPoint, rank_at
+from tradestudy.analysis.ranks import RANK_ERROR_SOURCES, RankPoint, rank_at, rank_distances
 from tradestudy.execution import Steps
-from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
-
-_MOST_DISTANCES: Final = 25
 
 
 def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
@@ -21,7 +18,7 @@ def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     decision = definition.file.decision
     assert decision is not None  # the caller has checked
     pairs = decision.compare or (decision.between,)
-    distance = _distances(definition.case.distance, decision.at)
+    distance = rank_distances(definition.case.distance, decision.at)
     cameras = definition.case.cameras
     names = [f"{first} against {second}" for first, second in pairs]
     points = [
@@ -51,9 +48,3 @@ def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
             "rank_distance": distance,
         },
     )
-
-
-def _distances(distance: FloatArray, asked: tuple[float, ...]) -> FloatArray:
-    """A sample of the distances [m] of the study, with those of the decision."""
-    some = distance[np.unique(np.linspace(0, distance.size - 1, _MOST_DISTANCES).round().astype(int))]
-    return np.union1d(some, asked)
