@@ -36,7 +36,7 @@ TOLERANCE: Final = 2e-3  # of the images of points
 # the picture.
 _COARSE, _SPARSE = 5e-2, 0.5
 _RAYS: Final = 2**15  # per point; disc and pixels average out their errors
-_AROUND: Final = 6  # points that represent a disc with its centre: their mean is exact to fifth order in its radius
+_AROUND: Final = 3  # points that represent a disc with its centre
 _PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
 _MOST_LINES: Final = 4
 _OUT: Final = 0.6  # where the probes lie between the middle of a lit part and its edge
@@ -230,7 +230,7 @@ class LightTrial:
                     picture_of(self._part, one, models, seed=self._part.seed).pixels for one in (source.centre, source)
                 )
             else:
-                # J. Radon's formula of degree five, Monatsh. Math. Phys. 52 (1948) 286.
+                # Exact for light that varies quadratically, or with the fourth power of the distance from the centre.
                 centre = own = self._followed(complete, source.centre)
                 whole = own / 4.0 + 0.75 * np.mean([self._followed(complete, one) for one in around], axis=0)
                 if replace(models, point=False) != complete:
