@@ -278,15 +278,16 @@ def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatAr
     return found
 
 
-def expected_rounds(camera: DepthCamera, field: float, error_source: str) -> int:
-    """How many times as many draws as the first ones the tolerance seems to require, from the error of the first.
+def expected_rounds(camera: DepthCamera, field: float, error_source: str) -> float:
+    """How many times as many draws as the first ones are expected to be made, from the error of the first.
 
-    Errors of quantiles fall as the square root of the number of draws.
+    Errors of quantiles fall as the square root of the number of draws, and doubling them until they suffice makes √2
+    times as many as needed, on average.
     """
     propagation = camera.propagation
-    most = math.floor(math.log2(max(1.0, propagation.max_draws / (_FIRST_DRAWS * SCRAMBLES))))
-    needed = max(1.0, _first_error(camera, field, error_source) / propagation.tolerance)
-    return 1 << min(math.ceil(2.0 * math.log2(needed)), most)
+    needed = _first_error(camera, field, error_source) / propagation.tolerance
+    most = max(1.0, propagation.max_draws / (_FIRST_DRAWS * SCRAMBLES))
+    return min(math.sqrt(2.0) * needed**2, most) if needed > 1.0 else 1.0
 
 
 @lru_cache(maxsize=1024)
