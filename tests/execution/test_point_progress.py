@@ -23,6 +23,20 @@ def test_what_a_point_tells_counts_by_its_effort() -> None:
     assert told == pytest.approx([0.0, *first, *second])
 
 
+def twice(point: int) -> int:
+    """A computation that does its work twice, to find out that it must."""
+    for _ in range(2):
+        halves(point)
+    return point
+
+
+def test_a_step_never_goes_back() -> None:
+    told: list[float] = []
+    Steps(progress=lambda _step, share: told.append(share)).map("step", twice, [1, 2], ["one", "two"])
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
 def test_points_on_threads_tell_nobody() -> None:
     told: list[float] = []
     steps = Steps(executor=Threads(count=2), progress=lambda _step, share: told.append(share))

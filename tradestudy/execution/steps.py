@@ -122,12 +122,14 @@ class Steps:
         missing = [i for i in mixed(len(points)) if i not in values]
         executor = self.executor if len(missing) > 1 else Serial()  # a single point needs no workers
         failed: dict[int, Exception] = {}
-        work = efforts or [1.0] * len(points)
+        work, furthest = efforts or [1.0] * len(points), 0.0
 
         def report(share_of_next: float = 0.0) -> None:
+            nonlocal furthest
             running = next((i for i in missing if i not in values and i not in failed), None)
             done = math.fsum(work[i] for i in values) + (0.0 if running is None else share_of_next * work[running])
-            self.progress(step, done / (math.fsum(work) or 1.0))
+            furthest = max(furthest, done / (math.fsum(work) or 1.0))  # a point may repeat a part of its work
+            self.progress(step, furthest)
 
         report()
         try:

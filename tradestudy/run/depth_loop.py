@@ -16,6 +16,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_map import DepthMap, DepthReaderOfKind, DepthSearch, TrueDepth
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
+from tradestudy.execution.point_progress import part_of_point
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
 from tradestudy.imaging.estimation.score import DepthScore, score
@@ -35,6 +36,8 @@ _SEARCHED: Final = 0.15  # of the distance, where the disparity changes little
 _DEVIATIONS: Final = 6.0  # predicted standard deviations that are always searched
 _PILOT: Final = 200  # side [pixels] of the first picture, from which the number of windows is estimated
 _SPARE: Final = 1.1
+_TRIED: Final = 0.1  # fraction of the time of a plane until its first picture is measured
+_RENDERED: Final = 0.65  # fraction of the time of a depth map until its pictures are rendered
 MOST_PICTURES: Final = 8
 """Maximum number of whole pictures of a plane, each with its own texture and noise, to collect windows from."""
 _SEEDS_APART: Final = 1000  # more than there are distances
@@ -169,12 +172,14 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
         )
     small = _cropped(camera, point.distance, _PILOT)
     try:
-        found, truth = _depth(camera, small, point)
+        with part_of_point(0.0, _TRIED):
+            found, truth = _depth(camera, small, point)
         measured = _windows(found, truth, point)
         if 0.0 < measured < point.windows:
             side = math.ceil(_PILOT * math.sqrt(_SPARE * point.windows / measured))
             small = _cropped(camera, point.distance, side)
-            found, truth = _enough(camera, small, point)
+            with part_of_point(_TRIED, 1.0):
+                found, truth = _enough(camera, small, point)
         scored, reason = _scored(camera, found, truth, point), ""
         errors, bounds = _of_windows_apart(found, truth, point.window_px)
     except OutOfRangeError as refused:
@@ -264,7 +269,9 @@ def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[D
     truth = reader.truth(
         {name: depth for name, (_, depth) in taken.items()}, {name: one.pure for name, one in flat.items()}
     )
-    return reader.read(flat), truth
+    with part_of_point(_RENDERED, 1.0):
+        found = reader.read(flat)
+    return found, truth
 
 
 def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
