@@ -57,7 +57,7 @@ def run(path: Path) -> dict[str, Any]:
             name: {
                 "predicted": predicted.get(name),
                 "took": ends[name] - starts[name],
-                "left": _left(
+                **_after_a_tenth(
                     [one for one in reported if one[1] == name], starts[name], ends[name], predicted.get(name)
                 ),
             }
@@ -66,20 +66,27 @@ def run(path: Path) -> dict[str, Any]:
     }
 
 
-def _left(reported: list[tuple[float, str, float, float]], start: float, end: float, predicted: float | None) -> float:
-    """Largest factor by which the time left was wrong after a tenth of a step; at its very end it is as good as none.
+def _after_a_tenth(
+    reported: list[tuple[float, str, float, float]], start: float, end: float, predicted: float | None
+) -> dict[str, float]:
+    """Largest factors by which the predicted time of a step, and the time left, were wrong after a tenth of the step.
 
-    Without a report before the end, the prediction is all there is after a tenth of the time.
+    At the very end, no time left is as good as a little. Without a report before the end, the prediction is all there
+    is after a tenth of the time.
     """
-    worst = 1.0
-    for at, _, share, seconds in reported:
-        if TENTH <= share < 1.0 - TENTH:
-            ratio = (seconds + TENTH * (end - start)) / (end - at + TENTH * (end - start))
-            worst = max(worst, ratio, 1.0 / ratio)
-    if worst == 1.0 and predicted:
-        ratio = predicted / (end - start)
-        worst = max(ratio, 1.0 / ratio)
-    return worst
+    took = end - start
+    total = [(at - start + left) / took for at, _, share, left in reported if TENTH <= share < 1.0]
+    rest = [
+        (left + TENTH * took) / (end - at + TENTH * took)
+        for at, _, share, left in reported
+        if TENTH <= share < 1.0 - TENTH
+    ]
+    otherwise = [predicted / took] if predicted else [1.0]
+    return {"total": _factor(total or otherwise), "left": _factor(rest or otherwise)}
+
+
+def _factor(ratios: list[float]) -> float:
+    return max(max(one, 1.0 / one) for one in ratios)
 
 
 def table(record: dict[str, Any]) -> str:
@@ -87,23 +94,26 @@ def table(record: dict[str, Any]) -> str:
     lines = [
         "# Predicted and measured seconds of every step",
         "",
-        "Written by `python tests/benchmarks/predicted_time.py`. *Left*: the largest factor by which the time left was",
-        "wrong between a tenth and nine tenths of a step of 2 s and more, a tenth of the step allowed beside it; where",
-        "a step tells nothing before its end, that of its prediction. *All* counts from the plan on. Load is the",
+        "Written by `python tests/benchmarks/predicted_time.py`. *Ratio*: time predicted by the plan over time taken.",
+        "For steps of 2 s and more, *total* and *left* are the largest factors by which predictions during the step",
+        "were wrong: of its time, elapsed plus left, in all reports after a tenth of the step; and of the time left",
+        "alone, in all reports between a tenth and nine tenths, with a tenth of the step added to both sides. Where a",
+        "step tells nothing before its end, both are those of the plan. *All* counts from the plan on. Load is the",
         "average at the end: this machine is shared, and what else ran changed during runs.",
         "",
-        "| study | busy | load | step | predicted s | took s | ratio | left |",
-        "|---|---:|---:|---|---:|---:|---:|---:|",
+        "| study | busy | load | step | predicted s | took s | ratio | total | left |",
+        "|---|---:|---:|---|---:|---:|---:|---:|---:|",
     ]
     for key, one in sorted(record.items()):
         study, busy = key.split(" ")
         rows = {name: step for name, step in one["steps"].items() if step["took"] >= TENTH}
-        for name, step in {"all": {**one, "left": 1.0}, **rows}.items():
+        for name, step in {"all": one, **rows}.items():
             predicted, took = step["predicted"] or 0.0, step["took"]
-            left = f"{step['left']:.2f}" if took >= LONG_ENOUGH and name not in ("all", "report") else ""
+            told = took >= LONG_ENOUGH and name not in ("all", "report")
+            total, left = (f"{step[key]:.2f}" if told else "" for key in ("total", "left"))
             lines.append(
                 f"| {study} | {busy} | {one['load']:.1f} | {name} | {predicted:.2f} | {took:.2f} | "
-                f"{predicted / took:.2f} | {left} |"
+                f"{predicted / took:.2f} | {total} | {left} |"
             )
     return "\n".join(lines) + "\n"
 

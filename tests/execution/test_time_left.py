@@ -38,13 +38,20 @@ def test_a_step_that_has_hardly_begun_has_its_predicted_time(clock: Clock, left:
     assert left.of_step == 0.0  # overdue, and nothing to go by
 
 
-def test_after_a_tenth_a_step_continues_at_its_own_pace(clock: Clock, left: TimeLeft) -> None:
+def test_after_a_tenth_the_pace_of_a_step_counts_as_much_as_its_prediction(clock: Clock, left: TimeLeft) -> None:
     left("depth", 0.0)
     clock.now += 4.0
     left("depth", 0.1)
-    assert left.of_step == pytest.approx(36.0)
+    assert left.of_step == pytest.approx(0.9 * (40.0 + 10.0) / 2.0)
     clock.now += 1.0  # no new progress, but time passes
-    assert left.of_step == pytest.approx(35.0)
+    assert left.of_step == pytest.approx(21.5)
+
+
+def test_in_the_end_a_step_continues_at_its_own_pace(clock: Clock, left: TimeLeft) -> None:
+    left("depth", 0.0)
+    clock.now += 36.0
+    left("depth", 0.9)
+    assert left.of_step == pytest.approx(4.0, rel=0.1)
 
 
 def test_preparations_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> None:
@@ -52,9 +59,9 @@ def test_preparations_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> None
     clock.now += 3.0
     left("depth", 0.0)
     assert left.of_step == pytest.approx(7.0)  # but they are part of the predicted time
-    clock.now += 4.0
+    clock.now += 5.0
     left("depth", 0.5)
-    assert left.of_step == pytest.approx(4.0)
+    assert left.of_step == pytest.approx(5.0)
 
 
 def test_later_steps_are_scaled_by_the_error_of_past_predictions(clock: Clock, left: TimeLeft) -> None:
@@ -72,7 +79,7 @@ def test_resumed_parts_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> Non
     assert left.of_step == pytest.approx(4.0)
     clock.now += 5.0
     left("depth", 0.8)
-    assert left.of_step == pytest.approx(5.0)
+    assert left.of_step == pytest.approx(0.2 * (5.0 + 0.1 * 10.0) / (0.2 + 0.1))
 
 
 def test_a_step_that_begins_anew_has_the_pace_of_its_new_beginning(clock: Clock, left: TimeLeft) -> None:
@@ -84,7 +91,7 @@ def test_a_step_that_begins_anew_has_the_pace_of_its_new_beginning(clock: Clock,
     assert left.of_step == pytest.approx(9.5)
     clock.now += 8.0
     left("depth", 0.25)
-    assert left.of_step == pytest.approx(30.0)
+    assert left.of_step == pytest.approx(0.75 * (8.0 + 0.1 * 10.0) / (0.2 + 0.1))
 
 
 def test_an_unpredicted_step_is_extrapolated_from_its_own_pace(clock: Clock, left: TimeLeft) -> None:

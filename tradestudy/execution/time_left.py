@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
-_TELLS: Final = 0.1  # fraction of a step after which its own pace predicts better than its prediction
+_WEIGHT: Final = 0.1  # of the predicted pace, which counts like the measured pace of this fraction of a step
 
 
 class TimeLeft:
     """Follows the progress of a run and extrapolates the pace of the running step.
 
-    Steps that have hardly begun or not at all are assumed to take their predicted time, scaled by the ratio of measured
-    to predicted time of the finished steps.
+    Steps to come are assumed to take their predicted time, scaled by the ratio of measured to predicted time of the
+    finished steps. In the running step, the measured pace gradually replaces the predicted one.
 
     Parameters
     ----------
@@ -58,14 +58,14 @@ class TimeLeft:
         """Seconds left of the running step; NaN if neither its pace nor a prediction is known."""
         if self._share >= 1.0:
             return 0.0
-        since = self.clock() - self._told
-        if self._share - self._first >= _TELLS * (1.0 - self._first):
-            pace = (self._told - self._moved) / (self._share - self._first)
-            return max(0.0, (1.0 - self._share) * pace - since)
-        if self._step not in self.predicted:
-            return math.nan
-        rest = (1.0 - self._first) * self.predicted[self._step] * self._off
-        return max(0.0, rest - (self.clock() - self._round))
+        predicted, done = self._off * self.predicted.get(self._step, math.nan), self._share - self._first
+        if done == 0.0:
+            left = (1.0 - self._first) * predicted - (self.clock() - self._round)
+        else:
+            taken = self._told - self._moved
+            pace = (taken + _WEIGHT * predicted) / (done + _WEIGHT) if predicted > 0.0 else taken / done
+            left = (1.0 - self._share) * pace - (self.clock() - self._told)
+        return 0.0 if left < 0.0 else left
 
     @property
     def of_run(self) -> float:
