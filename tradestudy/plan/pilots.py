@@ -44,8 +44,8 @@ _FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose tim
 _FITS_PER_PARAMETER: Final = 20
 _FITS_OF_A_RIG: Final = 600  # first fits of one of its cameras
 _DRAWS_OF_A_PILOT: Final = 2**8
-# For the bars and indices of one error source; 9 000 to 16 000 in the four shipped studies with the most cameras, since
-# how many a bar needs depends on its tolerance.
+# For the bars and indices of one error source; 8 700 to 16 400 for the cameras of four shipped studies, as each bar draws
+# until it is accurate.
 _DRAWS_OF_A_SOURCE: Final = 12_000
 _SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are smaller than the requested ones
 _GROWTH: Final = 1.1  # exponent of the time of a field in its number of targets
@@ -97,6 +97,7 @@ def drawing_seconds(camera: DepthCamera, distances: int, fields: tuple[float, ..
     """Additional time for the draws of an exact calibration at field positions, from the first draws."""
     if camera.propagation.model != "exact" or not camera.calibration.groups:
         return 0.0
+    camera = _without_kirchhoff(camera)
     rounds = sum(expected_rounds(camera, field, error_source) for field in fields for error_source in DRAWN)
     # Doubling until there are enough draws costs as much again; then every distance is evaluated.
     return rounds * _round_seconds(camera) * (2.0 + distances / max(1, len(camera.propagation.judged)))
@@ -111,6 +112,7 @@ def _round_seconds(camera: DepthCamera) -> float:
 
 def draw_seconds(camera: DepthCamera, distance: FloatArray) -> float:
     """Time to draw a camera's errors once and to measure depth with them at distances [m]."""
+    camera = _without_kirchhoff(camera)
     model, sources = outcome_model(camera, distance), uncertain_sources(camera, "both")
     scores = np.random.default_rng(0).standard_normal((sources.dimensions, _DRAWS_OF_A_PILOT))
     seconds = min(seconds_of(lambda: model(sources.draw(scores))) for _ in range(2))  # the first fills caches
