@@ -44,8 +44,8 @@ _FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose tim
 _FITS_PER_PARAMETER: Final = 20
 _FITS_OF_A_RIG: Final = 600  # first fits of one of its cameras
 _DRAWS_OF_A_PILOT: Final = 2**8
-# For the bars and indices of one error source; 8 700 to 16 400 for the cameras of four shipped studies, as each bar draws
-# until it is accurate.
+# For the bars and indices of one error source; 8 700 to 16 400 in four shipped studies, as a bar draws until it is
+# accurate.
 _DRAWS_OF_A_SOURCE: Final = 12_000
 _SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are smaller than the requested ones
 _GROWTH: Final = 1.1  # exponent of the time of a field in its number of targets
