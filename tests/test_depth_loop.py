@@ -15,6 +15,7 @@ from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, figures
 from tradestudy.errors import StudyError
 from tradestudy.execution import Threads
+from tradestudy.execution.point_progress import heard_by
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.plan.pilots import seconds_of
 from tradestudy.plan.rendering_pilot import plane_seconds
@@ -137,7 +138,11 @@ def test_noise_is_predicted_where_wide_lenses_dim_the_overlap_and_enough_picture
     loaded = study(tmp_path).with_values(wide)
     assert loaded.file.depth_loop is not None
     point = depth_loop.loop_points(loaded.definition, loaded.file.depth_loop)["pair", 0.15, 0.15, 8000.0]
-    found = depth_loop.measure_on_plane(point)
+    told: list[float] = []
+    with heard_by(told.append):
+        found = depth_loop.measure_on_plane(point)
+    assert told == sorted(told)
+    assert sum(share < 0.95 for share in told) > 4  # every picture moves the progress
     assert found.score is not None
     assert found.available < 0.25
     sensor = point.camera.sensor

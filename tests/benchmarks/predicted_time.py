@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
@@ -86,7 +87,8 @@ def _after_a_tenth(
 
 
 def _factor(ratios: list[float]) -> float:
-    return max(max(one, 1.0 / one) for one in ratios)
+    """The largest of the ratios or their inverses; infinite if nothing was known or left."""
+    return max(max(one, 1.0 / one) if one > 0.0 else math.inf for one in ratios)
 
 
 def table(record: dict[str, Any]) -> str:
@@ -97,9 +99,9 @@ def table(record: dict[str, Any]) -> str:
         "Written by `python tests/benchmarks/predicted_time.py`. *Ratio*: time predicted by the plan over time taken.",
         "For steps of 2 s and more, *total* and *left* are the largest factors by which predictions during the step",
         "were wrong: of its time, elapsed plus left, in all reports after a tenth of the step; and of the time left",
-        "alone, in all reports between a tenth and nine tenths, with a tenth of the step added to both sides. Where a",
-        "step tells nothing before its end, both are those of the plan. *All* counts from the plan on. Load is the",
-        "average at the end: this machine is shared, and what else ran changed during runs.",
+        "alone, in all reports between a tenth and nine tenths, with a tenth of the step added to both sides. Without",
+        "such a report, the prediction of the plan counts. *All* counts from the plan on. Load is the average at the",
+        "end: this machine is shared, and what else ran changed during runs.",
         "",
         "| study | busy | load | step | predicted s | took s | ratio | total | left |",
         "|---|---:|---:|---|---:|---:|---:|---:|---:|",
@@ -110,7 +112,7 @@ def table(record: dict[str, Any]) -> str:
         for name, step in {"all": one, **rows}.items():
             predicted, took = step["predicted"] or 0.0, step["took"]
             told = took >= LONG_ENOUGH and name not in ("all", "report")
-            total, left = (f"{step[key]:.2f}" if told else "" for key in ("total", "left"))
+            total, left = (f"{step[column]:.2f}" if told else "" for column in ("total", "left"))
             lines.append(
                 f"| {study} | {busy} | {one['load']:.1f} | {name} | {predicted:.2f} | {took:.2f} | "
                 f"{predicted / took:.2f} | {total} | {left} |"

@@ -102,6 +102,26 @@ def test_seconds_are_those_of_a_pilot_times_a_count(study: str, override: str, s
         assert after == pytest.approx(times * before, rel=1e-12)
 
 
+@pytest.mark.usefixtures("a_second_each")
+def test_the_axis_counts_once_among_the_places_of_a_sensitivity_analysis() -> None:
+    at = {
+        places: seconds_by_step("calibration", f"propagation.field_places=[{places}]")["sensitivity"]
+        for places in ("70 %", "0 %, 70 %", "35 %, 70 %")
+    }
+    assert at["0 %, 70 %"] == at["70 %"]
+    assert at["35 %, 70 %"] == pytest.approx(1.5 * at["70 %"], rel=1e-12)
+
+
+@pytest.mark.usefixtures("a_second_each")
+def test_every_pair_takes_the_time_of_both_its_cameras_to_rank() -> None:
+    pair = "[stereo-50mm, raytrix-r5]"
+    one, two = (
+        seconds_by_step("robot", f"decision.between={pair}", f"decision.compare=[{pairs}]")["ranks"]
+        for pairs in (pair, f"{pair}, [stereo-75mm, raytrix-r5]")
+    )
+    assert two == pytest.approx(2.0 * one, rel=1e-12)
+
+
 def test_only_the_cameras_that_a_sweep_changes_are_counted_for_each_of_its_designs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

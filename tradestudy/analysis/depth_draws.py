@@ -281,12 +281,12 @@ def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatAr
 def expected_rounds(camera: DepthCamera, field: float, error_source: str) -> float:
     """How many times as many draws as the first ones are expected to be made, from the error of the first.
 
-    Errors of quantiles fall as the square root of the number of draws, and doubling them until they suffice makes √2
-    times as many as needed, on average.
+    Errors of quantiles fall as the square root of the number of draws. Doubling them until they suffice makes up to
+    twice as many as needed; the geometric mean is √2 times as many.
     """
     propagation = camera.propagation
     needed = _first_error(camera, field, error_source) / propagation.tolerance
-    most = max(1.0, propagation.max_draws / (_FIRST_DRAWS * SCRAMBLES))
+    most = 2.0 ** math.floor(math.log2(max(1.0, propagation.max_draws / (_FIRST_DRAWS * SCRAMBLES))))
     return min(math.sqrt(2.0) * needed**2, most) if needed > 1.0 else 1.0
 
 

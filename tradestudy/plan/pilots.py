@@ -44,9 +44,7 @@ _FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose tim
 _FITS_PER_PARAMETER: Final = 20
 _FITS_OF_A_RIG: Final = 600  # first fits of one of its cameras
 _DRAWS_OF_A_PILOT: Final = 2**8
-# For the bars and indices of one error source; 8 700 to 16 400 in four shipped studies, as a bar draws until it is
-# accurate.
-_DRAWS_OF_A_SOURCE: Final = 12_000
+_DRAWS_OF_A_BAR: Final = 2**12  # of a tornado, and of each of the sets from which Sobol indices are computed
 _SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are smaller than the requested ones
 _GROWTH: Final = 1.1  # exponent of the time of a field in its number of targets
 
@@ -110,7 +108,7 @@ def _round_seconds(camera: DepthCamera) -> float:
     return seconds_of(lambda: trial_distribution(camera, judged, 0.0, DRAWN[-1])) / TRIAL_ROUNDS
 
 
-def draw_seconds(camera: DepthCamera, distance: FloatArray) -> float:
+def seconds_per_draw(camera: DepthCamera, distance: FloatArray) -> float:
     """Time to draw a camera's errors once and to measure depth with them at distances [m]."""
     camera = _without_kirchhoff(camera)
     model, sources = outcome_model(camera, distance), uncertain_sources(camera, "both")
@@ -121,13 +119,20 @@ def draw_seconds(camera: DepthCamera, distance: FloatArray) -> float:
 
 def ranking_seconds(camera: DepthCamera, distance: FloatArray) -> float:
     """Time for one camera's part in the ranks of a pair at distances [m]."""
-    return len(RANK_ERROR_SOURCES) * DRAWS_OF_A_RANK * draw_seconds(camera, distance)
+    return len(RANK_ERROR_SOURCES) * DRAWS_OF_A_RANK * seconds_per_draw(camera, distance)
 
 
-def sensitivity_seconds(camera: DepthCamera, distance: FloatArray, fields: Sequence[float]) -> float:
-    """Time to find how much each error source contributes to a camera's depth uncertainty."""
-    sources = len(uncertain_groups(camera, "both"))
-    return len(fields) * sources * _DRAWS_OF_A_SOURCE * draw_seconds(camera, distance)
+def sensitivity_seconds(
+    camera: DepthCamera, distance: FloatArray, fields: Sequence[float], *, inferred: bool = False
+) -> float:
+    """Time to find how much each error source contributes to a camera's depth uncertainty.
+
+    If the run has yet to infer the calibration, it becomes one source besides the noise, whatever its priors are.
+    """
+    parameters = [2, 1] if inferred else [len(group.parameters) for group in uncertain_groups(camera, "both")]
+    bars = 2 if max(parameters) == 1 else 1  # of each source, and of each parameter unless parameters are correlated
+    sets = bars * len(parameters) + len(parameters) + 2
+    return len(fields) * sets * _DRAWS_OF_A_BAR * seconds_per_draw(camera, distance)
 
 
 def correction_seconds(points: Sequence[LatticePoint]) -> float:

@@ -211,7 +211,7 @@ class _Prediction:
 
     @cached_property
     def prior_cameras(self) -> dict[str, DepthCamera]:
-        """The cameras; one whose calibration the run has yet to infer has its priors."""
+        """The cameras; one whose calibration the run has yet to infer has its priors, if it declares any."""
         asked = self.definition.calibrations_to_infer().values()
         priors = {one.name: getattr(one, "groups", ()) for one in asked}
         return {
@@ -276,12 +276,13 @@ class _Prediction:
                 name="value of information", seconds=part.draws * each, work=counted(part.draws, "combination")
             )
         if file.sensitivity is not None:
-            at, fields = np.array(file.sensitivity.at), (0.0, *file.propagation.field_places)
+            at, fields = np.array(file.sensitivity.at), file.propagation.axis_and_places
+            inferred = {one.name for one in asked}
             seconds = math.fsum(
-                pilots.sensitivity_seconds(camera, at, fields) for camera in self.prior_cameras.values()
+                pilots.sensitivity_seconds(camera, at, fields, inferred=name in inferred)
+                for name, camera in self.prior_cameras.items()
             )
-            sources = sum(1 + len(camera.calibration.groups) for camera in self.prior_cameras.values())
-            work = counted(len(fields) * sources, "error source")
+            work = f"the error sources of {cameras} at {counted(len(fields), 'field position')}"
             yield PredictedStep(name="sensitivity", seconds=seconds, work=work)
 
     def _pictures(self) -> Iterator[PredictedStep]:

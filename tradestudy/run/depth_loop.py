@@ -36,8 +36,8 @@ _SEARCHED: Final = 0.15  # of the distance, where the disparity changes little
 _DEVIATIONS: Final = 6.0  # predicted standard deviations that are always searched
 _PILOT: Final = 200  # side [pixels] of the first picture, from which the number of windows is estimated
 _SPARE: Final = 1.1
-_TRIED: Final = 0.1  # fraction of the time of a plane until its first picture is measured
-_RENDERED: Final = 0.65  # fraction of the time of a depth map until its pictures are rendered
+_TRIED: Final = 0.1  # typical fraction of the time of a plane until its first picture is measured
+_RENDERED: Final = 0.65  # typical fraction of the time of a depth map until its pictures are rendered
 MOST_PICTURES: Final = 8
 """Maximum number of whole pictures of a plane, each with its own texture and noise, to collect windows from."""
 _SEEDS_APART: Final = 1000  # more than there are distances
@@ -178,8 +178,9 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
         if 0.0 < measured < point.windows:
             side = math.ceil(_PILOT * math.sqrt(_SPARE * point.windows / measured))
             small = _cropped(camera, point.distance, side)
+            pictures = math.ceil(side**2 / (small.sensor.rows * small.sensor.columns))
             with part_of_point(_TRIED, 1.0):
-                found, truth = _enough(camera, small, point)
+                found, truth = _enough(camera, small, point, pictures)
         scored, reason = _scored(camera, found, truth, point), ""
         errors, bounds = _of_windows_apart(found, truth, point.window_px)
     except OutOfRangeError as refused:
@@ -205,13 +206,18 @@ def _windows(found: DepthMap, truth: TrueDepth, point: LoopPoint) -> float:
     return np.count_nonzero((found.reason == Reason.MEASURED) & truth.measurable) / point.window_px**2
 
 
-def _enough(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[DepthMap, TrueDepth]:
-    """Depth maps of enough pictures to contain the requested windows, one below the other."""
-    maps = [_depth(camera, small, point)]
-    for number in range(1, MOST_PICTURES):
-        if sum(_windows(*one, point) for one in maps) >= point.windows:
+def _enough(camera: DepthCamera, small: DepthCamera, point: LoopPoint, pictures: int) -> tuple[DepthMap, TrueDepth]:
+    """Depth maps of enough pictures to contain the requested windows, one below the other.
+
+    ``pictures`` is their expected number, for the progress.
+    """
+    maps: list[tuple[DepthMap, TrueDepth]] = []
+    for number in range(MOST_PICTURES):
+        if maps and sum(_windows(*one, point) for one in maps) >= point.windows:
             break
-        maps.append(_depth(camera, small, replace(point, seed=point.seed + number * _SEEDS_APART)))
+        expected = max(pictures, number + 1)
+        with part_of_point(number / expected, (number + 1) / expected):
+            maps.append(_depth(camera, small, replace(point, seed=point.seed + number * _SEEDS_APART)))
     return _stacked([found for found, _ in maps]), _stacked([truth for _, truth in maps])
 
 

@@ -19,7 +19,7 @@ from tradestudy.study.definition import StudyDefinition
 
 def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: Steps) -> xr.Dataset:
     """/sensitivity over (camera, field, distance, source), on the axis and at the declared field positions."""
-    cameras, fields = definition.case.cameras, tuple(dict.fromkeys((0.0, *definition.file.propagation.field_places)))
+    cameras, fields = definition.case.cameras, definition.file.propagation.axis_and_places
     groups = [{group.name: group for group in uncertain_groups(camera, "both")} for camera in cameras.values()]
     asked = [
         SensitivityPoint(name=name, camera=camera, distance=distance, fields=fields) for name, camera in cameras.items()

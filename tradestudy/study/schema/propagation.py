@@ -38,6 +38,11 @@ class PropagationPart(Part):
     )
 
     @property
+    def axis_and_places(self) -> tuple[float, ...]:
+        """The optical axis, and the other field positions."""
+        return tuple(dict.fromkeys((0.0, *self.field_places)))
+
+    @property
     def coverages(self) -> tuple[float, ...]:
         """Probabilities of the intervals: that of one standard deviation first, then the others, increasing."""
         others = sorted(value for value in self.coverage if abs(value - ONE_SIGMA) > _SAME_COVERAGE)
