@@ -67,7 +67,7 @@ def empty_figures() -> Iterator[None]:
 
     svg = b'<svg xmlns="http://www.w3.org/2000/svg" width="10pt" height="10pt" viewBox="0 0 10 10"></svg>'
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drawn, "drawn_here", lambda drawings: dict.fromkeys(drawings, Plotted(svg=svg)))
+        patch.setattr(drawn, "drawn_here", lambda drawings, _progress=None: dict.fromkeys(drawings, Plotted(svg=svg)))
         yield
 
 

@@ -81,6 +81,10 @@ def run(
         from tradestudy.cost.study_cost import require_prices
 
         require_prices(study.definition)  # before anything is computed
+
+    def reported(share: float) -> None:
+        progress("report", share)
+
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None or measuring:
             with _background_drawer() as drawer:
@@ -94,14 +98,14 @@ def run(
                     )
                 if measuring:
                     result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
-                progress("report", 0.0)
-                result.write(directory, pdf=pdf, drawer=drawer)
+                reported(0.0)
+                result.write(directory, pdf=pdf, drawer=drawer, progress=reported)
         else:
-            progress("report", 0.0)
+            reported(0.0)
             storage.remove_abandoned(directory)
-            renderer.write(result.data, result.run_record, directory, pdf=pdf)
+            renderer.write(result.data, result.run_record, directory, pdf=pdf, progress=reported)
         checkpoints.remove()
-    progress("report", 1.0)
+    reported(1.0)
     return result
 
 

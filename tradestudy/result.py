@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from html import escape
@@ -220,7 +220,14 @@ class Result:
         """
         return replace(self, data=self.data.assign({"cost": type(self.data)(cost)}))
 
-    def write(self, directory: str | Path, *, pdf: bool = True, drawer: Drawer | None = None) -> Path:
+    def write(
+        self,
+        directory: str | Path,
+        *,
+        pdf: bool = True,
+        drawer: Drawer | None = None,
+        progress: Callable[[float], None] = lambda _share: None,
+    ) -> Path:
         """Write the results, tables, figures, report and provenance, each file completely or not at all.
 
         Parameters
@@ -231,6 +238,8 @@ class Result:
             Whether to write the report as a PDF, too.
         drawer
             Second process, which draws figures while this one composes the report. Default: this process does both.
+        progress
+            Called with the fraction that is done, from 0 to 1.
 
         Returns
         -------
@@ -243,7 +252,9 @@ class Result:
         target = Path(directory)
         drawing = None if drawer is None else drawer.begin(self.data, filed=True)
         try:
-            made = renderer.compose_files(self.data, storage.read_back(self.run_record), pdf=pdf, drawing=drawing)
+            made = renderer.compose_files(
+                self.data, storage.read_back(self.run_record), pdf=pdf, drawing=drawing, progress=progress
+            )
         finally:  # a report that cannot be made costs no results
             content = storage.encoded(self.data) if drawing is None else drawing.file()
             storage.remove_abandoned(target)

@@ -111,7 +111,7 @@ def table(record: dict[str, Any]) -> str:
         rows = {name: step for name, step in one["steps"].items() if step["took"] >= TENTH}
         for name, step in {"all": one, **rows}.items():
             predicted, took = step["predicted"] or 0.0, step["took"]
-            told = took >= LONG_ENOUGH and name not in ("all", "report")
+            told = took >= LONG_ENOUGH and name != "all"
             total, left = (f"{step[column]:.2f}" if told else "" for column in ("total", "left"))
             lines.append(
                 f"| {study} | {busy} | {one['load']:.1f} | {name} | {predicted:.2f} | {took:.2f} | "

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from tradestudy import figures
+from tradestudy import figures, report
 from tradestudy.figures import drawn
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.drawn import Drawer, drawer, drawn_here
@@ -59,6 +59,17 @@ def test_figures_that_another_process_could_not_draw_are_drawn_here(
         shared = there.begin(small, filed=True)
         assert shared.pictures(drawings) == drawn_here(drawings)
         assert shared.file() == storage.encoded(small)
+
+
+def test_every_figure_moves_the_progress_of_a_report(small: xr.DataTree, drawings: Mapping[str, Drawing]) -> None:
+    drawings = {"first": drawings["readings"], "second": drawings["readings"]}
+    told: list[float] = []
+    drawn_here(drawings, told.append)
+    assert told == [0.5, 1.0]
+    run = {"seconds": {"compute": 1.0}}
+    report.compose_files(small, run, pdf=False, progress=(told := []).append)
+    assert told == sorted(told)
+    assert 0.0 < told[0] < told[-1] < 1.0  # pages remain
 
 
 def test_an_interpreter_that_was_not_asked_ends_with_the_run() -> None:

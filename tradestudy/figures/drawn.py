@@ -30,11 +30,17 @@ _CODE: Final = (
 )
 
 
-def drawn_here(drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
+def drawn_here(
+    drawings: Mapping[str, Drawing], progress: Callable[[float], None] = lambda _share: None
+) -> Mapping[str, Plotted]:
     """Draw figures in this interpreter; they keep their names."""
     from tradestudy.figures.plotted import plotted
 
-    return {name: plotted(drawing.draw()) for name, drawing in drawings.items()}
+    found = {}
+    for name, drawing in drawings.items():
+        found[name] = plotted(drawing.draw())
+        progress(len(found) / len(drawings))
+    return found
 
 
 @dataclass(frozen=True)
@@ -72,11 +78,14 @@ class SharedDrawing:
         except CancelledError:
             return storage.encoded(self._tree)
 
-    def pictures(self, drawings: Mapping[str, Drawing]) -> Mapping[str, Plotted]:
+    def pictures(
+        self, drawings: Mapping[str, Drawing], progress: Callable[[float], None] = lambda _share: None
+    ) -> Mapping[str, Plotted]:
         """Take the drawn figures, by name; those that the second interpreter has not finished are drawn here."""
         self._listed.wait()
         for name in _taken(self._left.pop):
             self._drawn |= drawn_here({name: drawings[name]})
+            progress(len(self._drawn) / len(drawings))  # of both interpreters
         self.asking.join()
         found = self._drawn
         return {name: found[name] if name in found else drawn_here({name: one})[name] for name, one in drawings.items()}

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from tradestudy.figures.drawn import SharedDrawing
+
+# Typical fractions of the time until the report is composed and its figures are drawn, by two interpreters.
+_COMPOSED: Final = 0.35
+_DRAWN: Final = 0.85
 
 
 def write(
@@ -20,13 +24,19 @@ def write(
     *,
     pdf: bool = True,
     drawing: SharedDrawing | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> None:
     """Write the report of a finished run: `compose_files` explains the parameters, `place` the directory."""
-    place(compose_files(tree, run, pdf=pdf, drawing=drawing), directory)
+    place(compose_files(tree, run, pdf=pdf, drawing=drawing, progress=progress), directory)
 
 
 def compose_files(
-    tree: xr.DataTree, run: Mapping[str, Any], *, pdf: bool = True, drawing: SharedDrawing | None = None
+    tree: xr.DataTree,
+    run: Mapping[str, Any],
+    *,
+    pdf: bool = True,
+    drawing: SharedDrawing | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> Mapping[str, bytes]:
     """Make ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv``, by these paths.
 
@@ -42,6 +52,8 @@ def compose_files(
         Whether to make ``report.pdf``.
     drawing
         Figures of these results that another interpreter has begun to draw; None draws all here.
+    progress
+        Called with the fraction that is done, from 0 to 1.
     """
     from tradestudy import figures
     from tradestudy.figures.drawn import drawn_here
@@ -55,7 +67,12 @@ def compose_files(
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     values, designs = curve_values(tree), page_designs(tree)
     # Last, so that the other interpreter has time to draw.
-    pictures = drawn_here(drawings) if drawing is None else drawing.pictures(drawings)
+    progress(_COMPOSED)
+
+    def drawn(share: float) -> None:
+        progress(_COMPOSED + share * (_DRAWN - _COMPOSED))
+
+    pictures = drawn_here(drawings, drawn) if drawing is None else drawing.pictures(drawings, drawn)
     images = {name: picture.svg for name, picture in pictures.items()}
     made |= {f"figures/{name}.svg": svg for name, svg in images.items()}
     with ThreadPoolExecutor(1) as pool:  # other threads run while it typesets
