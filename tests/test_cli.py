@@ -250,7 +250,7 @@ class TestProgress:
             assert progress.progress is not None
             progress.progress.refresh()
         assert "depth" in screen.getvalue()
-        assert "6:40 left, 10:00 in all" in screen.getvalue()
+        assert "6:40 left, 10:00 left in all" in screen.getvalue()
 
     def test_the_time_left_runs_down_between_reports(self) -> None:
         now = 100.0

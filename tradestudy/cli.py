@@ -499,7 +499,7 @@ def _reporting_errors(*, debug: bool) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        typer.echo("interrupted; finished work is kept", err=True)
+        typer.echo("interrupted; if you run it again, it takes up what was finished", err=True)
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
         # The reader of our output has gone (`| head`); Python would complain about it again when it flushes at exit.

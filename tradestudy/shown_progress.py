@@ -75,7 +75,7 @@ class ProgressBar:
         """Remaining time of the current step and of the run, read anew whenever the bar is drawn."""
         step, run = self.left.of_step, self.left.of_run
         words = "" if math.isnan(step) else f"{_minutes(step)} left"
-        return f"{words}, {_minutes(run)} in all" if run > step else words
+        return f"{words}, {_minutes(run)} left in all" if run > step else words
 
     def close(self) -> None:
         """Leave the terminal as it was."""

@@ -38,12 +38,19 @@ def plan_lines(
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
     yield from (f"{name:<{width}}  {how}" for name, how in settled.items())
-    report = _seconds([step for step in steps if step.name == "report"])
-    yield f"{'run':<{width}}  about {_seconds(steps)} in total, of which {report} for the report"
+    yield f"{'run':<{width}}  about {_seconds(steps)} in total, of which {_longest(steps)}"
     if verbose:
         names = max(len(step.name) for step in steps)
         for step in steps:
             yield f"{'':<{width}}    {step.name:<{names}}  {_seconds([step]):>7}  {step.work}"
+
+
+def _longest(steps: Sequence[PredictedStep]) -> str:
+    """The longest step, if it is not the report, and the report, with their times."""
+    longest = max(steps, key=lambda step: step.seconds)
+    report = next(step for step in steps if step.name == "report")
+    before = "" if longest is report else f"{_seconds([longest])} for {longest.name} and "
+    return f"{before}{_seconds([report])} for the report"
 
 
 def summary(one: Chosen) -> str:

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
     from tradestudy.figures.drawn import SharedDrawing
 
-# Typical fractions of the time until the report is composed and its figures are drawn, by two interpreters.
+# Typical fractions of the time until figures are listed, the report is composed and figures are drawn, by two
+# interpreters.
+_LISTED: Final = 0.1
 _COMPOSED: Final = 0.35
 _DRAWN: Final = 0.85
 
@@ -63,15 +65,16 @@ def compose_files(
     from tradestudy.report.designs import page_designs
 
     drawings = figures.build(tree)
+    progress(_LISTED)
     document = contents.compose_report(tree, run, drawings)
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     values, designs = curve_values(tree), page_designs(tree)
-    # Last, so that the other interpreter has time to draw.
     progress(_COMPOSED)
 
     def drawn(share: float) -> None:
         progress(_COMPOSED + share * (_DRAWN - _COMPOSED))
 
+    # Last, so that the other interpreter has time to draw.
     pictures = drawn_here(drawings, drawn) if drawing is None else drawing.pictures(drawings, drawn)
     images = {name: picture.svg for name, picture in pictures.items()}
     made |= {f"figures/{name}.svg": svg for name, svg in images.items()}
