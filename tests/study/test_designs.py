@@ -23,7 +23,12 @@ BASELINES, FOCI = np.array([0.05, 0.1, 0.2]), np.array([0.004, 0.008])
 
 
 def tree(
-    met: Any = None, margins: Any = None, *, priority: tuple[str, ...] = ("must", "must"), **more: Any
+    met: Any = None,
+    margins: Any = None,
+    *,
+    priority: tuple[str, ...] = ("must", "must"),
+    of: str = "rig",
+    **more: Any,
 ) -> xr.DataTree:
     """Results of a sweep over the baseline (3) and the focal length (2) of a rig, with two requirements."""
     axes = {
@@ -41,6 +46,7 @@ def tree(
                 "design_margin_percent": (dims, np.broadcast_to(margins, (3, 2, 2)).astype(float)),
                 "design_reason": (dims, np.broadcast_to([["worst 1 %", "worst 2 %"]], (3, 2, 2))),
                 "priority": ("requirement", list(priority)),
+                "of": ("requirement", [of, of]),
                 "says": ("requirement", ["close enough", "far enough"]),
             },
             coords={**axes, "requirement": ["near", "far"]},
@@ -77,6 +83,8 @@ def test_one_feasible_design_and_all_feasible_designs_are_described() -> None:
     one = feasible_words(tree(grid((0, 0), (1, 0), (0, 0)), grid((-5, -5), (5, -5), (-5, -5))))
     assert one.startswith("1 of 6 designs meets both requirements: Rig with baseline 100 mm and focal length 4 mm.")
     assert feasible_words(tree(1, 7)).startswith("Every design meets both requirements: ")
+    by_any = feasible_words(tree(1, 7, of="any"))
+    assert by_any.startswith("Every design meets both requirements, with one camera or another: ")
 
 
 def test_without_a_feasible_design_the_nearest_one_is_named_with_the_requirement_it_misses() -> None:

@@ -74,6 +74,8 @@ class Feasible:
         Values of each parameter among the feasible designs, in words; empty where none is feasible.
     required, wishes
         Number of requirements that decide feasibility, and of the others.
+    by_any
+        Whether a requirement that decides feasibility is met if any camera meets it.
     fills_region
         Whether every combination of those values is feasible.
     missed
@@ -88,6 +90,7 @@ class Feasible:
     region: str
     required: int
     wishes: int
+    by_any: bool
     fills_region: bool
     missed: tuple[tuple[str, int], ...]
 
@@ -170,6 +173,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         region=_region_words(tree, data, axes, every),
         required=int(must.sum()),
         wishes=int((~must).sum()),
+        by_any=bool(np.any(data["of"].values[must] == "any")),
         fills_region=_fills_region(every),
         missed=_missed(data["says"].values[must], met),
     )
@@ -266,6 +270,7 @@ def feasible_words(tree: xr.DataTree) -> str:
         return ""
     what = {1: "the requirement", 2: "both requirements"}.get(found.required, f"all {found.required} requirements")
     what += " that must hold" if found.wishes and found.required > 1 else ""
+    what += ", with one camera or another" if found.by_any else ""
     known = np.isfinite(found.best.margin) and found.best.margin > -1.0
     share = pretty(abs(found.best.margin), FRACTION, digits=2) if known else ""
     if not found.count:
