@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 # Typical fractions of the time until figures are listed, the report is composed and figures are drawn, by two
 # interpreters.
-_LISTED: Final = 0.1
-_COMPOSED: Final = 0.35
+_LISTED: Final = 0.2
+_COMPOSED: Final = 0.4
 _DRAWN: Final = 0.85
 
 
