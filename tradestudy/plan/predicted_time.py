@@ -60,7 +60,6 @@ _PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond al
 _PARSED_IN_A_REPORT: Final = 100
 _PARSED_IN_A_FIGURE: Final = 30
 _PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
-_PARSED_IN_A_HARD_CASE: Final = 2.0  # most are quick; some read a study, a few integrate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -387,9 +386,9 @@ class _Prediction:
     def _hard_cases(self, names: tuple[str, ...]) -> PredictedStep:
         from tradestudy.verification.hard_case_families import all_families
 
-        cases = sum(len(family.cases) for family in all_families() if family.name in names)
-        seconds = cases * _PARSED_IN_A_HARD_CASE * self.parsing
-        return PredictedStep(name="hard cases", seconds=seconds, work=counted(cases, "case"))
+        efforts = [case.effort for family in all_families() if family.name in names for case in family.cases]
+        seconds = math.fsum(efforts) * self.parsing
+        return PredictedStep(name="hard cases", seconds=seconds, work=counted(len(efforts), "case"))
 
     def _claims(self) -> PredictedStep:
         """All claims under each of their readings, with the pictures of the spot that no earlier step needed."""
