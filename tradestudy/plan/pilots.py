@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -39,10 +40,11 @@ if TYPE_CHECKING:
     from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart
 
 _FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose time grows linearly beyond
-# A fit takes a few Gauss-Newton steps; sampling takes four ensembles of 500 steps, with two walkers per parameter.
-# Both evaluate the same views and corners, so their ratio per parameter is a constant count.
-_FITS_PER_PARAMETER: Final = 20
-_FITS_OF_A_RIG: Final = 600  # first fits of one of its cameras
+_HALF_STEPS_OF_A_PILOT: Final = 6
+# Moving the walkers and diagnosing the chains is mixed interpreter work, like parsing a study; see `parsing_seconds`.
+_PARSED_IN_A_TARGET: Final = 290
+_PARSED_IN_A_RIG: Final = 390  # with the loading of the libraries
+_FITS_OF_A_RIG: Final = 250  # first fits of one of its cameras; it is refitted, and so are its views to check draws
 _DRAWS_OF_A_PILOT: Final = 2**8
 _DRAWS_OF_A_BAR: Final = 2**12  # of a tornado, and of each of the sets from which Sobol indices are computed
 _SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are smaller than the requested ones
@@ -143,25 +145,43 @@ def correction_seconds(points: Sequence[LatticePoint]) -> float:
     return len(points) * _mean(seconds_of(partial(kirchhoff_correction, *point)) for point in some)
 
 
-def inference_seconds(asked: TargetToInfer | CornersToInfer) -> float:
-    """Time to infer a calibration by sampling, from one fit to its corners."""
-    from tradestudy.calibration.corners.corner_file import read_corners
-    from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
+def inference_seconds(asked: TargetToInfer | CornersToInfer, parsing: float) -> float:
+    """Time to infer a calibration by sampling, with the time to parse a small study [s]."""
+    from tradestudy.calibration.posterior.sampling import FIRST_ROUND, MINIMUM_ENSEMBLES
     from tradestudy.calibration.posteriors import CornersToInfer
-    from tradestudy.calibration.target.camera_target import target_problem
-    from tradestudy.calibration.target.target_inference import fit_target
 
     if isinstance(asked, CornersToInfer):
-        corners = read_corners(asked.folder / asked.part.file)
-        board, image, present = corners.board, corners.left, corners.present
+        return _FITS_OF_A_RIG * _first_fit_seconds(asked) + _PARSED_IN_A_RIG * parsing
+    steps = min(FIRST_ROUND, asked.part.max_steps)
+    half_steps = MINIMUM_ENSEMBLES * 2 * steps
+    return half_steps * _half_step_seconds(asked) + steps / FIRST_ROUND * _PARSED_IN_A_TARGET * parsing
 
-        def fit() -> None:
-            with suppress(TradestudyError):  # a wide lens is no pinhole; what was tried takes as long
-                first_poses(first_intrinsics(board, image, present), board, image, present)
 
-        return _FITS_OF_A_RIG * seconds_of(fit)
+def _first_fit_seconds(asked: CornersToInfer) -> float:
+    """Time to find a first guess of one camera of a rig."""
+    from tradestudy.calibration.corners.corner_file import read_corners
+    from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
+
+    corners = read_corners(asked.folder / asked.part.file)
+    board, image, present = corners.board, corners.left, corners.present
+
+    def fit() -> None:
+        with suppress(TradestudyError):  # a wide lens is no pinhole; what was tried takes as long
+            first_poses(first_intrinsics(board, image, present), board, image, present)
+
+    return min(seconds_of(fit) for _ in range(2))  # the first loads modules
+
+
+def _half_step_seconds(asked: TargetToInfer) -> float:
+    """Time to evaluate the posterior for half of the walkers, as samplers do twice in each step."""
+    from tradestudy.calibration.target.camera_target import target_problem
+    from tradestudy.calibration.target.target_inference import log_probability_about, walkers_of
+
     problem, _ = target_problem(asked)
-    return _FITS_PER_PARAMETER * len(problem.priors.names) * seconds_of(lambda: fit_target(problem))
+    design = problem.priors.mean
+    log_probability = log_probability_about(problem, design, problem.target.poses)
+    walkers = np.tile(design, (walkers_of(problem) // 2, 1))
+    return statistics.median(seconds_of(lambda: log_probability(walkers)) for _ in range(_HALF_STEPS_OF_A_PILOT))
 
 
 def pair_seconds(part: FresnelValidityPart, element: ElementPart, *, field_angle: float = 0.0) -> float:

@@ -247,7 +247,7 @@ class _Prediction:
         definition, file, case = self.definition, self.definition.file, self.definition.case
         asked = list(calibrations_to_infer(definition).values())
         if asked:
-            parts = _seconds_of_inference(asked)
+            parts = self._seconds_of_inference(asked)
             work = counted(len(asked), "posterior")
             yield PredictedStep(name="calibration", seconds=math.fsum(parts), work=work, parts=parts)
         yield from self._pictures()
@@ -283,6 +283,15 @@ class _Prediction:
             )
             work = f"the error sources of {cameras} at {counted(len(fields), 'field position')}"
             yield PredictedStep(name="sensitivity", seconds=seconds, work=work)
+
+    def _seconds_of_inference(self, asked: Sequence[TargetToInfer | CornersToInfer]) -> tuple[float, ...]:
+        """Time of each calibration [s]; in a sweep, the mean of a camera's first and last one stands for each."""
+        means: dict[str, float] = {}
+        for name in {one.name for one in asked}:
+            own = [one for one in asked if one.name == name]
+            tried = [pilots.inference_seconds(one, self.parsing) for one in own[:: max(1, len(own) - 1)]]
+            means[name] = math.fsum(tried) / len(tried)
+        return tuple(means[one.name] for one in asked)
 
     def _pictures(self) -> Iterator[PredictedStep]:
         points = kirchhoff_lattice(self.definition.case.cameras.values(), self.definition.case.distance)
@@ -480,13 +489,3 @@ class _Prediction:
         )
         parsed = _PARSED_IN_A_REPORT + figures * _PARSED_IN_A_FIGURE
         return PredictedStep(name="report", seconds=parsed * self.parsing, work=f"about {figures} figures, HTML, PDF")
-
-
-def _seconds_of_inference(asked: Sequence[TargetToInfer | CornersToInfer]) -> tuple[float, ...]:
-    """Time of each calibration [s]; in a sweep, the mean of a camera's first and last one stands for each of them."""
-    means: dict[str, float] = {}
-    for name in {one.name for one in asked}:
-        own = [one for one in asked if one.name == name]
-        tried = own[:: max(1, len(own) - 1)]
-        means[name] = math.fsum(map(pilots.inference_seconds, tried)) / len(tried)
-    return tuple(means[one.name] for one in asked)

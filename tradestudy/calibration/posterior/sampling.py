@@ -27,10 +27,11 @@ R_HAT_LIMIT = 1.01
 WALKER_R_HAT_LIMIT = 1.1  # walkers of one ensemble are short and correlated; stuck walkers give 2 and more
 MINIMUM_EFFECTIVE_SIZE = 400.0
 ACCEPTANCE_LIMITS = (0.2, 0.5)
+FIRST_ROUND = 500
+"""Steps of each ensemble, after which most posteriors have converged."""
 _ACCEPTANCE = "acceptance"
 
 _WARM_UP_TIMES = 10.0  # autocorrelation times dropped at the start
-_FIRST_ROUND = 500  # steps, after which most posteriors have converged
 _CHAINS = 0.75  # fraction of the time of sampling until the first round is done; the rest takes the diagnosis
 _PROPOSAL_DIMENSIONS = 5
 _PROPOSAL_SHARE = 1.0 / 40.0  # of the steps, per parameter; keeps acceptance within its limits
@@ -205,11 +206,11 @@ def sample_posterior(
     tell(0.0)
     steps = 0
     while True:
-        steps = min(max(_FIRST_ROUND, steps * 3 // 2), maximum_steps)
+        steps = min(max(FIRST_ROUND, steps * 3 // 2), maximum_steps)
         for sampler, start in zip(samplers, starts, strict=True):
             done = sampler.iteration
             sampler.run_mcmc(start if done == 0 else None, steps - done, skip_initial_state_check=True)
-            tell(_CHAINS * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * _FIRST_ROUND)))
+            tell(_CHAINS * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * FIRST_ROUND)))
         walks = np.stack([sampler.get_chain() for sampler in samplers])
         warm_up = _warm_up(walks)
         kept = walks[:, warm_up:]
