@@ -11,7 +11,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.cost import DEFAULT_BUDGET
-from tradestudy.execution.steps import Progress
+from tradestudy.execution.steps import Predicted, Progress
 from tradestudy.loaded_study import Study, load
 from tradestudy.result import Result, open_result, shown
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from tradestudy.execution import Executor
     from tradestudy.figures.drawn import Drawer
     from tradestudy.imaging.estimation.score import DepthScore
-    from tradestudy.plan.plan import Plan
 
 
 __all__ = [
@@ -63,7 +62,7 @@ def run(
     with_cost: bool = False,
     progress: Progress = lambda _s, _p: None,
     executor: Executor | None = None,
-    planned: Callable[[Plan], None] = lambda _plan: None,
+    predicted: Predicted = lambda _seconds: None,
 ) -> Result:
     """Run a study into a folder, reusing what a finished or interrupted run left there.
 
@@ -93,7 +92,7 @@ def run(
                         progress,
                         executor=executor,
                         checkpoints=checkpoints,
-                        planned=planned,
+                        predicted=predicted,
                         pictures=directory / "pictures",
                     )
                 if measuring:

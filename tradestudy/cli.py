@@ -160,7 +160,7 @@ def run(
                 with_cost=with_cost,
                 progress=progress,
                 executor=executor,
-                planned=lambda plan: progress.expect({step.name: step.seconds for step in plan.steps}),
+                predicted=progress.expect,
             )
         if as_json:
             typer.echo(json.dumps(result.conclusions(directory), indent=2, ensure_ascii=False))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.cost import DEFAULT_BUDGET
-from tradestudy.execution.steps import Progress
+from tradestudy.execution.steps import Predicted, Progress
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Value
@@ -238,7 +238,7 @@ class Study:
         *,
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
-        planned: Callable[[Plan], None] = lambda _plan: None,
+        predicted: Predicted = lambda _seconds: None,
         pictures: Path | None = None,
     ) -> Result:
         """Compute the study.
@@ -252,8 +252,9 @@ class Study:
             a cluster. Default: this process. Every executor gives the same results, to the last bit.
         checkpoints
             Where finished parts are stored, so that an interrupted run can resume. Default: nowhere.
-        planned
-            Function called with the plan before the computation starts.
+        predicted
+            Function called with the predicted time [s] of each step, by name: before the computation starts, and again
+            when the run can predict a step better.
         pictures
             Folder in which the pictures of the study's scene are saved. Default: they are not saved.
 
@@ -273,9 +274,16 @@ class Study:
         started = datetime.now(UTC)
         begin = time.perf_counter()
         seconds: dict[str, float] = {}
-        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
         plan = self.plan()
-        planned(plan)
+        known = {step.name: step.seconds for step in plan.steps}
+        predicted(known)
+
+        def predicted_anew(step: str, seconds: float) -> None:
+            predicted(known | {step: seconds})
+
+        steps = Steps(
+            executor=executor or Serial(), checkpoints=checkpoints, progress=progress, predicted=predicted_anew
+        )
         tree = compute(plan, steps, seconds, pictures)
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,20 +32,21 @@ def run(path: Path) -> dict[str, Any]:
     from tradestudy import api
     from tradestudy.execution.time_left import TimeLeft
 
-    left, reported, predicted = TimeLeft(time.perf_counter), [], {}
+    left, reported, planned = TimeLeft(time.perf_counter), [], dict[str, float]()
     began = dict[str, float]()
 
-    def planned(plan: Any) -> None:
-        began["plan"] = time.perf_counter()
-        predicted.update({step.name: step.seconds for step in plan.steps})
-        left.expect(predicted)
+    def predicted(seconds: Mapping[str, float]) -> None:
+        began.setdefault("plan", time.perf_counter())
+        if not planned:
+            planned.update(seconds)
+        left.expect(seconds)
 
     def progress(step: str, share: float) -> None:
         left(step, share)
         reported.append((time.perf_counter(), step, share, left.of_step))
 
     with tempfile.TemporaryDirectory() as folder:
-        api.run(api.load(path), Path(folder) / "run", progress=progress, planned=planned)
+        api.run(api.load(path), Path(folder) / "run", progress=progress, predicted=predicted)
     end = time.perf_counter()
     names = list(dict.fromkeys(step for _, step, _, _ in reported))
     starts = {name: next(at for at, step, _, _ in reported if step == name) for name in names}
@@ -52,14 +54,14 @@ def run(path: Path) -> dict[str, Any]:
     return {
         "planned after": began["plan"] - begin,
         "took": end - began["plan"],
-        "predicted": sum(predicted.values()),
+        "predicted": sum(planned.values()),
         "load": os.getloadavg()[0],
         "steps": {
             name: {
-                "predicted": predicted.get(name),
+                "predicted": planned.get(name),
                 "took": ends[name] - starts[name],
                 **_after_a_tenth(
-                    [one for one in reported if one[1] == name], starts[name], ends[name], predicted.get(name)
+                    [one for one in reported if one[1] == name], starts[name], ends[name], planned.get(name)
                 ),
             }
             for name in names

@@ -132,6 +132,19 @@ def cluster() -> Iterator[DaskCluster]:
         yield DaskCluster(local.scheduler_address)
 
 
+def test_a_run_predicts_draws_off_the_axis_anew(study_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Off the axis, cameras may need several times as many draws, so their first draws there predict the step."""
+    from tradestudy.run.groups import depth
+
+    told: list[tuple[str, float]] = []
+    monkeypatch.setattr(depth, "drawing_seconds", lambda _camera, _distances, fields: 3.0 * fields[0])
+    definition = tradestudy.load(study_file).plan().definition
+    cameras = definition.case.cameras
+    steps = Steps(predicted=lambda step, seconds: told.append((step, seconds)))
+    depth.depth_field_group(definition, (0.5,), steps, dict.fromkeys(cameras, 1.0))
+    assert told == [("depth off the axis", 1.5 * len(cameras))]
+
+
 def points(folder: Path, count: int, seconds: float = 0.0, **fates: str) -> list[LoggedPoint]:
     made = [LoggedPoint(folder=folder, number=number, seconds=seconds) for number in range(count)]
     for number, fate in fates.items():

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tradestudy.execution.steps import mixed
+from tradestudy.execution.steps import long_ones_first, mixed
 from tradestudy.execution.time_left import TimeLeft
 
 
@@ -132,3 +132,11 @@ def test_every_part_of_a_mixed_order_comes_up_early(count: int) -> None:
         for quarter in range(4):
             inside = [k for k in first if quarter * count / 4 <= k < (quarter + 1) * count / 4]
             assert len(inside) == pytest.approx(len(first) / 4, abs=1)
+
+
+def test_long_points_come_first_and_equal_ones_stay_mixed() -> None:
+    order = long_ones_first([1.0, 20.0, 1.0, 30.0, *[1.0] * 8])
+    assert order[:2] == [3, 1]
+    assert sorted(order) == list(range(12))
+    assert long_ones_first([2.0] * 24) == mixed(24)
+    assert long_ones_first([]) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -20,6 +20,9 @@ _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 
 # Called with the name of a step and the fraction of it that is done, from 0 to 1.
 Progress = Callable[[str, float], None]
+
+# Called with the predicted time [s] of each step, by name.
+Predicted = Callable[[Mapping[str, float]], None]
 
 
 # Wall time [s] by name of the task; for run.json, never for results, which must be equal for equal runs.
@@ -40,6 +43,16 @@ def mixed(count: int) -> list[int]:
     Neighbouring points often take equally long, so the golden ratio spreads the first ones evenly among all.
     """
     return sorted(range(count), key=lambda k: k * _GOLDEN % 1.0)
+
+
+def long_ones_first(efforts: Sequence[float]) -> list[int]:
+    """An order of points: those of more than twice the mean effort by falling effort, then the others, `mixed`.
+
+    How long a long point takes beyond its prediction, if it does, is known early then, and workers end together.
+    """
+    long = 2.0 * math.fsum(efforts) / max(1, len(efforts))
+    others = [i for i in mixed(len(efforts)) if efforts[i] <= long]
+    return [*sorted((i for i, effort in enumerate(efforts) if effort > long), key=lambda i: -efforts[i]), *others]
 
 
 def shares_before(seconds: Sequence[float], count: int) -> list[float]:
@@ -73,6 +86,8 @@ class Steps:
         Saves and finds finished points; None: nothing is saved.
     progress
         Called with the name of a step and the fraction of it that is done.
+    predicted
+        Called with the name of a step and its time [s], if the run predicts it better than the plan.
     counts
         Records, for each step, how many points were computed and how many were taken from an earlier run.
     """
@@ -80,6 +95,7 @@ class Steps:
     executor: Executor = field(default_factory=Serial)
     checkpoints: Checkpoints | None = None
     progress: Progress = lambda _step, _share: None
+    predicted: Callable[[str, float], None] = lambda _step, _seconds: None
     counts: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def map(
@@ -90,7 +106,7 @@ class Steps:
         labels: Sequence[str],
         efforts: Sequence[float] = (),
     ) -> list[Value]:
-        """Values of a function at points, in the order of the points; they are computed in `mixed` order.
+        """Values of a function at points, in the order of the points; they are computed in another order.
 
         Parameters
         ----------
@@ -119,10 +135,11 @@ class Steps:
             keys = [fingerprint(shared, point) for point in points]
             values = self.checkpoints.finished(keys)
         taken = len(values)
-        missing = [i for i in mixed(len(points)) if i not in values]
+        work = efforts or [1.0] * len(points)
+        missing = [i for i in long_ones_first(work) if i not in values]
         executor = self.executor if len(missing) > 1 else Serial()  # a single point needs no workers
         failed: dict[int, Exception] = {}
-        work, furthest = efforts or [1.0] * len(points), 0.0
+        furthest = 0.0
 
         def report(share_of_next: float = 0.0) -> None:
             nonlocal furthest

@@ -48,7 +48,7 @@ def depth_tables(
     distance = definition.case.distance
     points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
     counts = Counter(name for name, _ in labels.values())
-    seconds = _by_draws(seconds, definition.case)
+    seconds = _shared_out(seconds, _seconds_of_draws(definition.case))
     efforts = [seconds[name] / counts[name] for name, _ in labels.values()]
     words = [f"{name}, {label}" for name, label in labels.values()]
     return dict(zip(labels, steps.map("depth", depth_table, points, words, efforts), strict=True))
@@ -77,13 +77,16 @@ def depth_field_group(
 ) -> xr.Dataset:
     """/depth_field: depth errors off the axis, over (camera, field, distance), for the study as declared.
 
-    ``seconds`` are predicted for every camera; progress counts these.
+    ``seconds`` are predicted for every camera on the axis. Off it, some need several times as many draws, as the first
+    ones show.
     """
-    cameras, distance = definition.case.cameras, definition.case.distance
-    steps.progress("depth off the axis", 0.0)
+    step, cameras, distance = "depth off the axis", definition.case.cameras, definition.case.distance
+    steps.progress(step, 0.0)
     points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
-    efforts = list(_by_draws(seconds, definition.case, fields).values())
-    table = steps.map("depth off the axis", depth_over_field, points, list(cameras), efforts)
+    drawn = _seconds_of_draws(definition.case, fields)
+    efforts = [drawn[name] or len(fields) * seconds[name] for name in cameras]
+    steps.predicted(step, math.fsum(efforts))
+    table = steps.map(step, depth_over_field, points, list(cameras), efforts)
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
     shape = (len(cameras), len(fields))
@@ -97,14 +100,18 @@ def depth_field_group(
     )
 
 
-def _by_draws(seconds: Mapping[str, float], case: Case, fields: tuple[float, ...] = (0.0,)) -> dict[str, float]:
-    """The predicted seconds of the cameras, distributed anew among those with draws by a pilot of each.
+def _seconds_of_draws(case: Case, fields: tuple[float, ...] = (0.0,)) -> dict[str, float]:
+    """Predicted seconds of each camera's draws at field positions, from its first draws; 0 for cameras without."""
+    return {name: drawing_seconds(camera, case.distance.size, fields) for name, camera in case.cameras.items()}
 
-    The plan times the draws of one camera of each kind, on the axis.
+
+def _shared_out(seconds: Mapping[str, float], drawn: Mapping[str, float]) -> dict[str, float]:
+    """The predicted seconds of the cameras, with those of cameras with draws shared out in proportion to their draws.
+
+    The plan times the draws of one camera of each kind.
     """
-    pilots = {name: drawing_seconds(camera, case.distance.size, fields) for name, camera in case.cameras.items()}
-    drawn, total = math.fsum(seconds[name] for name in pilots if pilots[name]), math.fsum(pilots.values())
-    return {name: drawn * pilot / total if pilot else seconds[name] for name, pilot in pilots.items()}
+    planned, total = math.fsum(seconds[name] for name in drawn if drawn[name]), math.fsum(drawn.values())
+    return {name: planned * own / total if own else seconds[name] for name, own in drawn.items()}
 
 
 def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
