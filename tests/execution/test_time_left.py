@@ -84,14 +84,15 @@ def test_preparations_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> None
     assert left.of_step == pytest.approx(5.0)
 
 
-def test_later_steps_are_scaled_by_the_error_of_past_predictions(clock: Clock, left: TimeLeft) -> None:
+def test_half_of_the_error_of_past_predictions_recurs(clock: Clock, left: TimeLeft) -> None:
+    """The first step takes four times as long as predicted, so the others are expected to take twice as long."""
     left("depth", 0.0)
-    clock.now += 30.0
+    clock.now += 40.0
     left("depth", 1.0)
     assert left.of_step == 0.0
     left("decision", 0.0)
-    assert left.of_step == pytest.approx(15.0)
-    assert left.of_run == pytest.approx(24.0)
+    assert left.of_step == pytest.approx(10.0)
+    assert left.of_run == pytest.approx(16.0)
 
 
 def test_resumed_parts_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> None:

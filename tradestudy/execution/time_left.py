@@ -13,8 +13,9 @@ _WEIGHT: Final = 0.1  # of the predicted pace, which counts like the measured pa
 class TimeLeft:
     """Follows the progress of a run and extrapolates the pace of the running step.
 
-    Steps to come are assumed to take their predicted time, scaled by the ratio of measured to predicted time of the
-    finished steps. In the running step, the measured pace gradually replaces the predicted one.
+    Steps to come are assumed to take their predicted time, scaled by the square root of the ratio of measured to
+    predicted time of the finished steps, whose errors are partly those of the machine and partly their own. In the
+    running step, the measured pace gradually replaces the predicted one.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ class TimeLeft:
 
     @property
     def _off(self) -> float:
-        """Ratio of the measured to the predicted time of the finished steps."""
+        """Factor by which steps to come are expected to differ from their prediction."""
         finished = [name for name in self._took if name in self.predicted]
         predicted = math.fsum(self.predicted[name] for name in finished)
-        return math.fsum(self._took[name] for name in finished) / predicted if predicted > 0.0 else 1.0
+        return math.sqrt(math.fsum(self._took[name] for name in finished) / predicted) if predicted > 0.0 else 1.0

@@ -54,10 +54,10 @@ _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
 _TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
-_PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
+_PAIRS_OF_A_ROOT: Final = 1.2  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
 # Pilots of drawing and typesetting would need their libraries, whose loading takes half of the time. Both are
 # mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
-_PARSED_IN_A_REPORT: Final = 100
+_PARSED_IN_A_REPORT: Final = 80
 _PARSED_IN_A_FIGURE: Final = 30
 _PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
 
@@ -475,17 +475,20 @@ class _Prediction:
 
     def _report(self) -> PredictedStep:
         file = self.definition.file
+        pictured = len(self.definition.case.all_cameras) if file.scene is not None and file.scene.image else 0
         figures = (
-            4 * bool(self.definition.case.cameras)
-            + 2 * bool(file.sweep)
+            3 * bool(self.definition.case.cameras)
+            + 4 * bool(file.sweep)
             + bool(file.decision)
-            + 2 * (file.sensitivity is not None)
+            + 2 * len(calibrations_to_infer(self.definition))
+            + len(self.definition.case.cameras) * (file.sensitivity is not None)
+            + 2 * pictured
             + 3 * (file.depth_of_field is not None)
-            + 4 * (file.fresnel_validity is not None)
-            + 2 * (file.light_spot is not None)
+            + (file.fresnel_validity is not None)  # its figures are simple
+            + (file.light_spot is not None)
             + (file.point_spread is not None)
             + (file.hard_cases is not None)
             + (file.trade_off is not None)
         )
         parsed = _PARSED_IN_A_REPORT + figures * _PARSED_IN_A_FIGURE
-        return PredictedStep(name="report", seconds=parsed * self.parsing, work=f"about {figures} figures, HTML, PDF")
+        return PredictedStep(name="report", seconds=parsed * self.parsing, work="figures, HTML, PDF")
