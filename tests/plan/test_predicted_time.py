@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import pytest
@@ -64,10 +64,12 @@ def a_second_each(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pilots, "seconds_of", seconds_of)
 
 
-def test_the_predicted_time_follows_the_clock() -> None:
-    ticks = itertools.count(10.0, 2.5)
+@pytest.mark.parametrize(("processor", "wall"), [(2.5, 4.0), (5.0, 2.5)])
+def test_the_predicted_time_follows_the_clocks(processor: float, wall: float) -> None:
+    """Others use the processor, or threads share the work."""
+    clocks = [partial(next, itertools.count(10.0, step)) for step in (processor, wall)]
     done: list[int] = []
-    assert pilots.seconds_of(lambda: done.append(1), clock=lambda: next(ticks)) == 2.5
+    assert pilots.timed(lambda: done.append(1), clocks) == (None, 2.5)
     assert done == [1]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +22,7 @@ from tradestudy.optics.chain.spot_image import CHECKED_POINTS, followed_points
 from tradestudy.optics.chain.spot_parts import source_density
 from tradestudy.optics.chain.spot_points import point_light, prepare_spot
 from tradestudy.optics.propagation import PointSource
-from tradestudy.plan.pilots import seconds_of
+from tradestudy.plan.pilots import seconds_of, timed
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 _COARSE = 0.2  # tolerance of rays in a pilot
@@ -89,9 +88,7 @@ def _seconds_of_disc(
     """Time for the points of the disc, the tables of the main lens's field, and the separately checked points."""
     source = lit_disc(path, source, wavelength=wavelength, tolerance=accuracy.tolerance)
     nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
-    start = time.process_time()
-    spot = prepare_spot(path, source, nodes, wavelength, laws, accuracy, blank=True)
-    seconds = time.process_time() - start
+    spot, seconds = timed(lambda: prepare_spot(path, source, nodes, wavelength, laws, accuracy, blank=True))
     table = spot.tables.tables[0] if spot.tables else None
     at = float(nodes.rings[-1][0, 0]), float(nodes.rings[-1][0, 1])
     seconds += followed_points(path, source, nodes) * seconds_of(lambda: point_light(spot, at, table).on_pixels(spot))
@@ -105,10 +102,8 @@ def _seconds_of_disc(
     wave = spot.wave(source.x, source.y)
     assert isinstance(wave, PupilWave)  # rays have no tables
     wave = replace(wave, path=small)
-    start = time.process_time()
-    timed = array_table(wave, accuracy)
-    each = (time.process_time() - start) / timed.coefficients.size
-    return seconds + table_count(accuracy) * table.coefficients.size * each
+    part, taken = timed(lambda: array_table(wave, accuracy))
+    return seconds + table_count(accuracy) * table.coefficients.size * taken / part.coefficients.size
 
 
 def _nearest(path: LightPath, point: PointSource) -> LightPath:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from tradestudy.imaging.kirchhoff import LatticePoint
     from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart
 
+Value = TypeVar("Value")
+Clocks = Sequence[Callable[[], float]]
+
 _FEWEST, _FEW = 3, 12  # distances in two samples of a camera's table, whose time grows linearly beyond
 _HALF_STEPS_OF_A_PILOT: Final = 6
 # Moving the walkers and diagnosing the chains is mixed interpreter work, like parsing a study; see `parsing_seconds`.
@@ -51,11 +54,20 @@ _SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are
 _GROWTH: Final = 1.1  # exponent of the time of a field in its number of targets
 
 
-def seconds_of(work: Callable[[], object], clock: Callable[[], float] = time.process_time) -> float:
-    """Processor time of one call [s]; wall time of so short a call would depend on other programs."""
-    begin = clock()
-    work()
-    return clock() - begin
+def timed(work: Callable[[], Value], clocks: Clocks = (time.process_time, time.perf_counter)) -> tuple[Value, float]:
+    """The value of one call, and its time [s].
+
+    It is processor time, since wall time of so short a call would depend on other programs, unless several threads
+    share the work.
+    """
+    begin = [clock() for clock in clocks]
+    value = work()
+    return value, min(clock() - before for clock, before in zip(clocks, begin, strict=True))
+
+
+def seconds_of(work: Callable[[], object]) -> float:
+    """Time of one call [s]; see `timed`."""
+    return timed(work)[1]
 
 
 def parsing_seconds() -> float:

@@ -54,7 +54,7 @@ _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
 _TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
-_PAIRS_OF_A_ROOT: Final = 1.2  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
+_PAIRS_OF_A_ROOT: Final = 0.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
 # Pilots of drawing and typesetting would need their libraries, whose loading takes half of the time. Both are
 # mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
 _PARSED_IN_A_REPORT: Final = 80
@@ -353,7 +353,7 @@ class _Prediction:
         limits = len(part.elements) * len(part.lens_phases) * wavelengths * (1 + 2 * len(part.windows))
         yield PredictedStep(
             name="f-numbers at the limit",
-            seconds=_PAIRS_OF_A_ROOT * limits * self.pair_on_axis / 2.0,
+            seconds=_PAIRS_OF_A_ROOT * limits * self.pair_on_axis,
             work=counted(limits, "root"),
         )
         if part.off_axis is not None:
