@@ -59,6 +59,7 @@ _PAIRS_OF_A_ROOT: Final = 0.5  # on average: a limit is often below or beyond al
 # mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
 _PARSED_IN_A_REPORT: Final = 80
 _PARSED_IN_A_FIGURE: Final = 30
+_PARSED_IN_A_DATASHEET: Final = 10  # besides its tables
 _PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
 
 
@@ -305,7 +306,8 @@ class _Prediction:
         cases = [self.definition, *self.definition.readings.values()] if file.decision is not None else []
         pair = file.decision.between if file.decision is not None else ()
         verdicts = (self._tables_of(pair, one, _TABLES_OF_A_VERDICT) for one in cases)
-        parts = (_TABLES_OF_A_DATASHEET * self.all_tables, *verdicts)
+        datasheet = _TABLES_OF_A_DATASHEET * self.all_tables + _PARSED_IN_A_DATASHEET * self.parsing
+        parts = (datasheet, *verdicts)
         yield PredictedStep(
             name="decision",
             seconds=math.fsum(parts) + (self.all_tables if file.sweep else 0.0),

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
     from tradestudy.figures.drawn import SharedDrawing
 
-# Typical fractions of the time until figures are listed, the report is composed and figures are drawn, by two
-# interpreters.
-_LISTED: Final = 0.2
-_COMPOSED: Final = 0.4
-_DRAWN: Final = 0.85
+# Two interpreters list figures in the time in which they draw two of them, and typeset in that of three.
+_LISTED: Final = 2.0
+_TYPESET: Final = 3.0
+_COMPOSED: Final = 0.2  # typical fraction of the time that composing takes
+_DRAWN: Final = 0.85  # and until figures are drawn
 
 
 def write(
@@ -65,14 +65,16 @@ def compose_files(
     from tradestudy.report.designs import page_designs
 
     drawings = figures.build(tree)
-    progress(_LISTED)
+    listed = _LISTED / (_LISTED + _TYPESET + len(drawings))
+    composed = listed + _COMPOSED
+    progress(listed)
     document = contents.compose_report(tree, run, drawings)
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     values, designs = curve_values(tree), page_designs(tree)
-    progress(_COMPOSED)
+    progress(composed)
 
     def drawn(share: float) -> None:
-        progress(_COMPOSED + share * (_DRAWN - _COMPOSED))
+        progress(composed + share * (_DRAWN - composed))
 
     # Last, so that the other interpreter has time to draw.
     pictures = drawn_here(drawings, drawn) if drawing is None else drawing.pictures(drawings, drawn)
