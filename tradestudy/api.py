@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.cost import DEFAULT_BUDGET
-from tradestudy.execution.steps import Predicted, Progress
 from tradestudy.loaded_study import Study, load
 from tradestudy.result import Result, open_result, shown
 
 if TYPE_CHECKING:
     from tradestudy.comparison import Comparison
     from tradestudy.execution import Executor
+    from tradestudy.execution.steps import Predicted, Progress
     from tradestudy.figures.drawn import Drawer
     from tradestudy.imaging.estimation.score import DepthScore
 

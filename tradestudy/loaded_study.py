@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.cost import DEFAULT_BUDGET
-from tradestudy.execution.steps import Predicted, Progress
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Value
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from tradestudy.execution import Checkpoints, Executor
+    from tradestudy.execution.steps import Predicted, Progress
     from tradestudy.plan.plan import Plan
     from tradestudy.study.schema.root import StudyFile
 

@@ -293,6 +293,8 @@ class StudyDefinition:
 
     def calibrations_to_infer(self) -> dict[str, TargetToInfer | CornersToInfer]:
         """Calibrations yet to be inferred, by the keys of `posterior_keys`."""
+        if not self.posterior_keys:
+            return {}
         from tradestudy.calibration.posteriors import to_infer
 
         found = {}
