@@ -60,6 +60,7 @@ _PAIRS_OF_A_ROOT: Final = 0.5  # on average: a limit is often below or beyond al
 _PARSED_IN_A_REPORT: Final = 80
 _PARSED_IN_A_FIGURE: Final = 30
 _PARSED_IN_A_DATASHEET: Final = 10  # besides its tables
+_PARSED_IN_A_SWEPT_ANSWER: Final = 0.3  # to a requirement in one design, whose tables are known
 _PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
 
 
@@ -167,6 +168,10 @@ class _Prediction:
             yield self._hard_cases(file.hard_cases.families)
         if file.claims or file.requirements:
             yield self._claims()
+        if file.sweep and file.requirements:
+            answers = math.prod(len(axis.values) for axis in sweep_axes(self.definition)) * len(file.requirements)
+            seconds = answers * _PARSED_IN_A_SWEPT_ANSWER * self.parsing
+            yield PredictedStep(name="requirements", seconds=seconds, work=counted(answers, "answer"))
         if file.trade_off is not None:
             yield self._trade_off(file.trade_off)
         if file.solve:
