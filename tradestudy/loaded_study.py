@@ -276,13 +276,14 @@ class Study:
         seconds: dict[str, float] = {}
         plan = self.plan()
         known = {step.name: step.seconds for step in plan.steps}
-        predicted(known)
+        predicted(dict(known))
 
-        def predicted_anew(step: str, seconds: float) -> None:
-            predicted(known | {step: seconds})
+        def predict_anew(step: str, expected: float) -> None:
+            known[step] = expected
+            predicted(dict(known))
 
         steps = Steps(
-            executor=executor or Serial(), checkpoints=checkpoints, progress=progress, predicted=predicted_anew
+            executor=executor or Serial(), checkpoints=checkpoints, progress=progress, predict_anew=predict_anew
         )
         tree = compute(plan, steps, seconds, pictures)
         seconds["compute"] = time.perf_counter() - begin

@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -132,17 +132,54 @@ def cluster() -> Iterator[DaskCluster]:
         yield DaskCluster(local.scheduler_address)
 
 
-def test_a_run_predicts_draws_off_the_axis_anew(study_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Off the axis, cameras may need several times as many draws, so their first draws there predict the step."""
+FOLLOWED = (
+    EXACT.replace("sensitivity: {at: [0.5 m, 3 m]}", "sensitivity: {at: [0.5 m]}")
+    + """
+sweep: {rig.baseline: [100 mm, 200 mm]}
+requirements: {near: {camera: any, says: near, depth_uncertainty: {below_relative: 5 %, over: [0.5 m, 1 m]}}}
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def followed_study(tmp_path_factory: pytest.TempPathFactory) -> api.Study:
+    path = tmp_path_factory.mktemp("followed") / "followed.yaml"
+    path.write_text(FOLLOWED, encoding="utf-8")
+    return tradestudy.load(path)
+
+
+def test_every_step_of_a_run_is_predicted_and_the_one_off_the_axis_again(
+    followed_study: api.Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tradestudy.run.groups import depth
+
+    monkeypatch.setattr(depth, "drawing_seconds", lambda *_: 100.0)
+    begun: list[str] = []
+    predictions: list[Mapping[str, float]] = []
+    followed_study.run(lambda step, _share: begun.append(step), predicted=predictions.append)
+    first, anew = predictions
+    assert list(first) == [step.name for step in followed_study.plan().steps]
+    assert set(begun) == set(first) - {"report"}
+    assert {step for step in first if anew[step] != first[step]} == {"depth off the axis"}
+    assert anew["depth off the axis"] == 200.0
+    in_order = sorted(set(begun), key=begun.index)
+    assert in_order == [step for step in first if step in begun]
+
+
+@pytest.mark.parametrize(("drawn", "predicted"), [(7.0, 14.0), (2.0, 6.0), (0.0, None)])
+def test_draws_off_the_axis_are_predicted_anew_if_there_are_any(
+    followed_study: api.Study, monkeypatch: pytest.MonkeyPatch, drawn: float, predicted: float | None
+) -> None:
+    """The plan takes 3 s for each of two cameras off the axis, with the draws that they need on the axis."""
     from tradestudy.run.groups import depth
 
     told: list[tuple[str, float]] = []
-    monkeypatch.setattr(depth, "drawing_seconds", lambda _camera, _distances, fields: 3.0 * fields[0])
-    definition = tradestudy.load(study_file).plan().definition
-    cameras = definition.case.cameras
-    steps = Steps(predicted=lambda step, seconds: told.append((step, seconds)))
-    depth.depth_field_group(definition, (0.5,), steps, dict.fromkeys(cameras, 1.0))
-    assert told == [("depth off the axis", 1.5 * len(cameras))]
+    monkeypatch.setattr(depth, "drawing_seconds", lambda _camera, _distances, fields: drawn * len(fields))
+    definition = followed_study.plan().definition
+    steps = Steps(predict_anew=lambda step, seconds: told.append((step, seconds)))
+    depth.depth_field_group(definition, (0.5,), steps, dict.fromkeys(definition.case.cameras, 3.0))
+    assert len(definition.case.cameras) == 2
+    assert told == ([] if predicted is None else [("depth off the axis", predicted)])
 
 
 def points(folder: Path, count: int, seconds: float = 0.0, **fates: str) -> list[LoggedPoint]:

@@ -84,7 +84,7 @@ def test_preparations_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> None
     assert left.of_step == pytest.approx(5.0)
 
 
-def test_half_of_the_error_of_past_predictions_recurs(clock: Clock, left: TimeLeft) -> None:
+def test_the_square_root_of_the_error_of_past_predictions_recurs(clock: Clock, left: TimeLeft) -> None:
     """The first step takes four times as long as predicted, so the others are expected to take twice as long."""
     left("depth", 0.0)
     clock.now += 40.0
@@ -93,6 +93,27 @@ def test_half_of_the_error_of_past_predictions_recurs(clock: Clock, left: TimeLe
     left("decision", 0.0)
     assert left.of_step == pytest.approx(10.0)
     assert left.of_run == pytest.approx(16.0)
+
+
+def test_a_step_taken_from_an_earlier_run_says_nothing_about_later_ones(clock: Clock, left: TimeLeft) -> None:
+    left("depth", 1.0)
+    clock.now += 0.1
+    left("decision", 0.0)
+    assert left.of_step == pytest.approx(5.0)
+    assert left.of_run == pytest.approx(8.0)
+
+
+def test_a_step_resumed_after_another_one_keeps_its_time(clock: Clock, left: TimeLeft) -> None:
+    """As claims do, whose last part waits for requirements in every design."""
+    left("depth", 0.0)
+    clock.now += 8.0
+    left("decision", 0.0)
+    clock.now += 5.0
+    left("depth", 1.0)
+    assert left.of_run == pytest.approx(3.0 * math.sqrt(13.0 / 15.0))  # the decision is not to come again
+    clock.now += 2.0
+    left("report", 0.0)
+    assert left.of_step == pytest.approx(3.0)  # 15 s, as predicted
 
 
 def test_resumed_parts_do_not_count_as_pace(clock: Clock, left: TimeLeft) -> None:
@@ -139,5 +160,8 @@ def test_long_points_come_first_and_equal_ones_stay_mixed() -> None:
     order = long_ones_first([1.0, 20.0, 1.0, 30.0, *[1.0] * 8])
     assert order[:2] == [3, 1]
     assert sorted(order) == list(range(12))
+    two_kinds = long_ones_first([9.0] * 8 + [1.0] * 40)
+    assert sorted(two_kinds[:8]) == list(range(8)) != two_kinds[:8]
+    assert sorted(long_ones_first([1.0, math.nan, 2.0])) == [0, 1, 2]  # no point is lost
     assert long_ones_first([2.0] * 24) == mixed(24)
     assert long_ones_first([]) == []

@@ -7,11 +7,14 @@ import math
 from functools import lru_cache, partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tradestudy
 from tradestudy.analysis.claims import claims_in_order
+from tradestudy.calibration.target import target_inference
 from tradestudy.execution.steps import shares_before
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan import pilots
 from tradestudy.plan.predicted_time import PredictedStep, Stopwatch, predicted_steps
 from tradestudy.study.definition import StudyDefinition
@@ -94,11 +97,27 @@ def test_every_step_takes_some_seconds_of_counted_work(name: str) -> None:
         ("fresnel_validity", "fresnel_validity.f_numbers.points=22", "Fresnel against Kirchhoff, on axis", 24 / 13),
         ("fresnel_validity", "fresnel_validity.f_numbers.points=22", "Fresnel against Kirchhoff, off axis", 23 / 12),
         ("calibration_plan", "cameras.rig.calibration.target.max_steps=100", "calibration", 100 / 500),
+        ("calibration_plan", "cameras.rig.calibration.target.max_steps=5000", "calibration", 1.0),
+        ("stereo_design", "requirements.far=null", "requirements", 1 / 2),
     ],
 )
 def test_seconds_are_those_of_a_pilot_times_a_count(study: str, override: str, step: str, times: float) -> None:
     before, after = seconds_by_step(study)[step], seconds_by_step(study, override)[step]
     assert after == pytest.approx(times * before, rel=1e-12)
+
+
+def test_the_pilot_of_a_calibration_evaluates_half_of_the_walkers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten parameters, and twice as many walkers and two."""
+    shapes = []
+
+    def log_probability(tried: FloatArray) -> FloatArray:
+        shapes.append(tried.shape)
+        return np.zeros(len(tried))
+
+    monkeypatch.setattr(target_inference, "log_probability_about", lambda *_: log_probability)
+    (asked,) = planned("calibration_plan").calibrations_to_infer().values()
+    pilots.inference_seconds(asked, 0.0)
+    assert set(shapes) == {(11, 10)}
 
 
 @pytest.mark.usefixtures("a_second_each")

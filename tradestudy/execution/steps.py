@@ -46,13 +46,12 @@ def mixed(count: int) -> list[int]:
 
 
 def long_ones_first(efforts: Sequence[float]) -> list[int]:
-    """An order of points: those of more than twice the mean effort by falling effort, then the others, `mixed`.
+    """A `mixed` order in which points of more than twice the mean effort come first, by falling effort.
 
     How long a long point takes beyond its prediction, if it does, is known early then, and workers end together.
     """
-    long = 2.0 * math.fsum(efforts) / max(1, len(efforts))
-    others = [i for i in mixed(len(efforts)) if efforts[i] <= long]
-    return [*sorted((i for i, effort in enumerate(efforts) if effort > long), key=lambda i: -efforts[i]), *others]
+    limit = 2.0 * math.fsum(efforts) / max(1, len(efforts))
+    return sorted(mixed(len(efforts)), key=lambda i: -efforts[i] if efforts[i] > limit else 0.0)
 
 
 def shares_before(seconds: Sequence[float], count: int) -> list[float]:
@@ -86,7 +85,7 @@ class Steps:
         Saves and finds finished points; None: nothing is saved.
     progress
         Called with the name of a step and the fraction of it that is done.
-    predicted
+    predict_anew
         Called with the name of a step and its time [s], if the run predicts it better than the plan.
     counts
         Records, for each step, how many points were computed and how many were taken from an earlier run.
@@ -95,7 +94,7 @@ class Steps:
     executor: Executor = field(default_factory=Serial)
     checkpoints: Checkpoints | None = None
     progress: Progress = lambda _step, _share: None
-    predicted: Callable[[str, float], None] = lambda _step, _seconds: None
+    predict_anew: Callable[[str, float], None] = lambda _step, _seconds: None
     counts: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def map(
@@ -106,7 +105,7 @@ class Steps:
         labels: Sequence[str],
         efforts: Sequence[float] = (),
     ) -> list[Value]:
-        """Values of a function at points, in the order of the points; they are computed in another order.
+        """Values of a function at points, in the order of the points, but computed in that of `long_ones_first`.
 
         Parameters
         ----------

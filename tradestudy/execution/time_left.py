@@ -29,6 +29,7 @@ class TimeLeft:
         self._step = ""
         self._began = self._round = self._moved = self._told = clock()
         self._first = self._share = 0.0
+        self._resumed: dict[str, float] = {}  # fraction of each step that was done when it began
         self._took: dict[str, float] = {}
 
     def expect(self, predicted: Mapping[str, float]) -> None:
@@ -44,7 +45,8 @@ class TimeLeft:
         now = self.clock()
         if step != self._step:
             if self._step:
-                self._took[self._step] = now - self._began
+                self._took[self._step] = self._took.get(self._step, 0.0) + now - self._began
+            self._resumed.setdefault(step, share)
             self._step, self._first = step, share
             self._began = self._round = self._moved = now
         elif share < self._share:
@@ -72,13 +74,14 @@ class TimeLeft:
     def of_run(self) -> float:
         """Seconds left of the run."""
         names = list(self.predicted)
-        to_come = names[names.index(self._step) + 1 :] if self._step in names else []
+        later = names[names.index(self._step) + 1 :] if self._step in names else []
+        to_come = math.fsum(self.predicted[name] for name in later if name not in self._took)
         left = self.of_step
-        return (0.0 if math.isnan(left) else left) + self._off * math.fsum(self.predicted[name] for name in to_come)
+        return (0.0 if math.isnan(left) else left) + self._off * to_come
 
     @property
     def _off(self) -> float:
         """Factor by which steps to come are expected to differ from their prediction."""
         finished = [name for name in self._took if name in self.predicted]
-        predicted = math.fsum(self.predicted[name] for name in finished)
+        predicted = math.fsum((1.0 - self._resumed[name]) * self.predicted[name] for name in finished)
         return math.sqrt(math.fsum(self._took[name] for name in finished) / predicted) if predicted > 0.0 else 1.0

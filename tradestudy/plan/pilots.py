@@ -58,7 +58,7 @@ def timed(work: Callable[[], Value], clocks: Clocks = (time.process_time, time.p
     """The value of one call, and its time [s].
 
     It is processor time, since wall time of so short a call would depend on other programs, unless several threads
-    share the work.
+    share the work; then it is wall time, which is too long beside other programs.
     """
     begin = [clock() for clock in clocks]
     value = work()

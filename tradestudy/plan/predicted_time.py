@@ -16,6 +16,7 @@ from tradestudy.analysis.claims import claims_in_order
 from tradestudy.analysis.ranks import rank_distances
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.imaging.derived_error import kirchhoff_lattice
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan import pilots
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, Value
@@ -142,6 +143,8 @@ class _Prediction:
 
             planes, work = loop_work(self.definition, file.depth_loop)
             yield PredictedStep(name="depth loop", seconds=math.fsum(planes), work=work, parts=planes)
+        if file.sensitivity is not None:
+            yield self._sensitivity(np.array(file.sensitivity.at))
         if file.depth_of_field is not None:
             cameras = len(self.definition.case.all_cameras)
             seconds = cameras * self.parsing
@@ -280,15 +283,6 @@ class _Prediction:
             yield PredictedStep(
                 name="value of information", seconds=part.draws * each, work=counted(part.draws, "combination")
             )
-        if file.sensitivity is not None:
-            at, fields = np.array(file.sensitivity.at), file.propagation.axis_and_places
-            inferred = {one.name for one in asked}
-            seconds = math.fsum(
-                pilots.sensitivity_seconds(camera, at, fields, inferred=name in inferred)
-                for name, camera in self.prior_cameras.items()
-            )
-            work = f"the error sources of {cameras} at {counted(len(fields), 'field position')}"
-            yield PredictedStep(name="sensitivity", seconds=seconds, work=work)
 
     def _seconds_of_inference(self, asked: Sequence[TargetToInfer | CornersToInfer]) -> tuple[float, ...]:
         """Time of each calibration [s]; in a sweep, the mean of a camera's first and last one stands for each."""
@@ -298,6 +292,17 @@ class _Prediction:
             tried = [pilots.inference_seconds(one, self.parsing) for one in own[:: max(1, len(own) - 1)]]
             means[name] = math.fsum(tried) / len(tried)
         return tuple(means[one.name] for one in asked)
+
+    def _sensitivity(self, at: FloatArray) -> PredictedStep:
+        fields = self.definition.file.propagation.axis_and_places
+        inferred = {one.name for one in self.definition.calibrations_to_infer().values()}
+        seconds = math.fsum(
+            pilots.sensitivity_seconds(camera, at, fields, inferred=name in inferred)
+            for name, camera in self.prior_cameras.items()
+        )
+        cameras = counted(len(self.prior_cameras), "camera")
+        work = f"the error sources of {cameras} at {counted(len(fields), 'field position')}"
+        return PredictedStep(name="sensitivity", seconds=seconds, work=work)
 
     def _pictures(self) -> Iterator[PredictedStep]:
         points = kirchhoff_lattice(self.definition.case.cameras.values(), self.definition.case.distance)
@@ -483,19 +488,21 @@ class _Prediction:
     def _report(self) -> PredictedStep:
         file = self.definition.file
         pictured = len(self.definition.case.all_cameras) if file.scene is not None and file.scene.image else 0
-        figures = (
+        typical_figures = (
             3 * bool(self.definition.case.cameras)
             + 4 * bool(file.sweep)
             + bool(file.decision)
-            + 2 * len(calibrations_to_infer(self.definition))
+            + 2 * len(self.definition.calibrations_to_infer())
             + len(self.definition.case.cameras) * (file.sensitivity is not None)
             + 2 * pictured
+            + (file.depth_loop is not None)
+            + (file.value_of_information is not None)
             + 3 * (file.depth_of_field is not None)
-            + (file.fresnel_validity is not None)  # its figures are simple
+            + (file.fresnel_validity is not None)  # several simple ones
             + (file.light_spot is not None)
             + (file.point_spread is not None)
             + (file.hard_cases is not None)
             + (file.trade_off is not None)
         )
-        parsed = _PARSED_IN_A_REPORT + figures * _PARSED_IN_A_FIGURE
+        parsed = _PARSED_IN_A_REPORT + typical_figures * _PARSED_IN_A_FIGURE
         return PredictedStep(name="report", seconds=parsed * self.parsing, work="figures, HTML, PDF")

@@ -35,7 +35,7 @@ _PATTERN: Final = 512  # samples of a texture, whose size hardly matters for the
 
 
 def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, tuple[float, ...], str]]:
-    """Steps of rendering the scene with the chosen models: name, processor time of each camera [s], work in words."""
+    """Steps of rendering the scene with the chosen models: name, time of each camera [s], work in words."""
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
     rendering: list[float] = []
@@ -58,7 +58,7 @@ def scene_work(definition: StudyDefinition) -> Iterator[tuple[str, tuple[float, 
 
 
 def picture_seconds(whole: Tile) -> float:
-    """Processor time of a picture by rays [s], given as one tile: extrapolated from a patch in its middle."""
+    """Time of a picture by rays [s], given as one tile: extrapolated from a patch in its middle."""
     rows, columns = (
         (max(0, (size - _SIDE) // 2), min(size, (size + _SIDE) // 2)) for size in (whole.rows[1], whole.columns[1])
     )
@@ -69,7 +69,7 @@ def picture_seconds(whole: Tile) -> float:
 
 
 def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[tuple[float, ...], str]:
-    """Processor time of each plane of the study's depth loop [s], in order, and the amount of work in words."""
+    """Time of each plane of the study's depth loop [s], in order, and the amount of work in words."""
     varied = max(1, len(part.contrasts or ())) * max(1, len(part.electrons or ()))
     cameras = [definition.case.cameras[name] for name in part.cameras or definition.case.cameras]
     settings = _settings(definition, cameras[0])
@@ -86,7 +86,7 @@ def _settings(definition: StudyDefinition, camera: DepthCamera) -> PictureSettin
 
 
 def plane_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSettings) -> FloatArray:
-    """Processor time of a camera's plane at each distance of a depth loop [s], in one texture and light."""
+    """Time of a camera's plane at each distance of a depth loop [s], in one texture and light."""
     geometry = camera.picture_geometry(np.array(part.distances))
     window = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     window = np.minimum(window, geometry.compared.widest_px) * geometry.sample_pitch / camera.sensor.pixel_pitch
@@ -96,7 +96,7 @@ def plane_seconds(camera: DepthCamera, part: DepthLoopPart, settings: PictureSet
 
 
 def pixel_seconds(camera: DepthCamera, distance: float, settings: PictureSettings, samples: int) -> float:
-    """Processor time per pixel of a plane [s], in the middle of the first picture."""
+    """Time per pixel of a plane [s], in the middle of the first picture."""
     exposure = camera.exposures(distance, {}, None, settings.stop_separation)[0]
     sensor, texture = exposure.sensor, settings.texture
     plane = Flat(

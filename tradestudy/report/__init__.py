@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
     from tradestudy.figures.drawn import SharedDrawing
 
-# Two interpreters list figures in the time in which they draw two of them, and typeset in that of three.
+# Listing figures takes as long as two interpreters need to draw two, and all else but drawing takes as long as three.
 _LISTED: Final = 2.0
-_TYPESET: Final = 3.0
-_COMPOSED: Final = 0.2  # typical fraction of the time that composing takes
-_DRAWN: Final = 0.85  # and until figures are drawn
+_ALL_ELSE: Final = 3.0
+_COMPOSED: Final = 0.2  # typical fraction of the whole time that composing the report takes
+_DRAWN: Final = 0.85  # typical fraction of the whole time until figures are drawn
 
 
 def write(
@@ -65,7 +65,7 @@ def compose_files(
     from tradestudy.report.designs import page_designs
 
     drawings = figures.build(tree)
-    listed = _LISTED / (_LISTED + _TYPESET + len(drawings))
+    listed = _LISTED / (_LISTED + _ALL_ELSE + len(drawings))
     composed = listed + _COMPOSED
     progress(listed)
     document = contents.compose_report(tree, run, drawings)

@@ -16,7 +16,14 @@ from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.datasheet import datasheet_group
 from tradestudy.run.groups.decision import claims_group, decision_group, questions_group
-from tradestudy.run.groups.depth import DepthTables, depth_at_places_group, depth_field_group, depth_group, depth_tables
+from tradestudy.run.groups.depth import (
+    OFF_AXIS,
+    DepthTables,
+    depth_at_places_group,
+    depth_field_group,
+    depth_group,
+    depth_tables,
+)
 from tradestudy.run.groups.depth_map import depth_map_group
 from tradestudy.run.groups.designs import design_verdicts
 from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
@@ -117,7 +124,7 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
     groups = {"/depth": depth_group(definition, asked.designs, tables)}
     if file.propagation.field_places:
         groups["/depth_field"] = depth_field_group(
-            definition, file.propagation.field_places, steps, asked.plan.seconds_by_problem("depth")
+            definition, file.propagation.field_places, steps, asked.plan.seconds_by_problem(OFF_AXIS)
         )
     steps.progress("decision", 0.0)
     if (mapped := depth_map_group(definition)) is not None:

@@ -204,13 +204,13 @@ def sample_posterior(
     begin = time.perf_counter()
     samplers = [_sampler(log_probability, start, rng, proposal) for start in starts]
     tell(0.0)
-    steps = 0
+    steps, first = 0, min(FIRST_ROUND, maximum_steps)
     while True:
         steps = min(max(FIRST_ROUND, steps * 3 // 2), maximum_steps)
         for sampler, start in zip(samplers, starts, strict=True):
             done = sampler.iteration
             sampler.run_mcmc(start if done == 0 else None, steps - done, skip_initial_state_check=True)
-            tell(_CHAINS * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * FIRST_ROUND)))
+            tell(_CHAINS * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * first)))
         walks = np.stack([sampler.get_chain() for sampler in samplers])
         warm_up = _warm_up(walks)
         kept = walks[:, warm_up:]

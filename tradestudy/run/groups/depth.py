@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -29,6 +29,9 @@ from tradestudy.results import dataset
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.sweep import point_labels, sweep_axes
+
+OFF_AXIS: Final = "depth off the axis"
+"""Name of the step that computes depth off the axis."""
 
 DepthTables = Mapping[tuple[DepthCamera, UsableCriteria], DepthTable]
 
@@ -77,16 +80,16 @@ def depth_field_group(
 ) -> xr.Dataset:
     """/depth_field: depth errors off the axis, over (camera, field, distance), for the study as declared.
 
-    ``seconds`` are predicted for every camera on the axis. Off it, some need several times as many draws, as the first
-    ones show.
+    ``seconds`` are predicted for every camera, but with its draws on the axis. Off it, some need several times as many,
+    as the first ones show.
     """
-    step, cameras, distance = "depth off the axis", definition.case.cameras, definition.case.distance
-    steps.progress(step, 0.0)
+    cameras, distance = definition.case.cameras, definition.case.distance
     points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
     drawn = _seconds_of_draws(definition.case, fields)
-    efforts = [drawn[name] or len(fields) * seconds[name] for name in cameras]
-    steps.predicted(step, math.fsum(efforts))
-    table = steps.map(step, depth_over_field, points, list(cameras), efforts)
+    efforts = [max(seconds[name], drawn[name]) for name in cameras]
+    if any(drawn.values()):
+        steps.predict_anew(OFF_AXIS, math.fsum(efforts))
+    table = steps.map(OFF_AXIS, depth_over_field, points, list(cameras), efforts)
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
     shape = (len(cameras), len(fields))

@@ -331,7 +331,7 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
             naive=naive_constant,
             ours=constant,
             expected=("nan", "does not vary"),
-            effort=60.0,  # the first case that needs scipy.stats loads it
+            effort=60.0,  # it loads scipy.stats, as the first of all cases that need it
         ),
         OutcomeCase(
             name="an ensemble of walkers in a mode of its own",
