@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 
     from tradestudy.figures.drawn import SharedDrawing
 
-# Listing figures takes as long as two interpreters need to draw two, and all else but drawing takes as long as three.
-_LISTED: Final = 2.0
-_ALL_ELSE: Final = 3.0
-_COMPOSED: Final = 0.2  # typical fraction of the whole time that composing the report takes
-_DRAWN: Final = 0.85  # typical fraction of the whole time until figures are drawn
+# Typical times, in units of the time in which two interpreters draw a figure.
+_LISTING: Final = 2.0
+_COMPOSING: Final = 2.5
+_TYPESETTING: Final = 1.7
+_BYTES_IN_TABLES: Final = 2.6e6  # of results that are written as tables in a unit of time
 
 
 def write(
@@ -65,16 +65,17 @@ def compose_files(
     from tradestudy.report.designs import page_designs
 
     drawings = figures.build(tree)
-    listed = _LISTED / (_LISTED + _ALL_ELSE + len(drawings))
-    composed = listed + _COMPOSED
-    progress(listed)
+    composing = _COMPOSING + sum(node.dataset.nbytes for node in tree.subtree) / _BYTES_IN_TABLES
+    whole = _LISTING + composing + len(drawings) + _TYPESETTING
+    progress(_LISTING / whole)
     document = contents.compose_report(tree, run, drawings)
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     values, designs = curve_values(tree), page_designs(tree)
-    progress(composed)
 
     def drawn(share: float) -> None:
-        progress(composed + share * (_DRAWN - composed))
+        progress((_LISTING + composing + share * len(drawings)) / whole)
+
+    drawn(0.0)
 
     # Last, so that the other interpreter has time to draw.
     pictures = drawn_here(drawings, drawn) if drawing is None else drawing.pictures(drawings, drawn)
