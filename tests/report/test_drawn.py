@@ -54,11 +54,11 @@ def test_another_interpreter_writes_the_same_file(
 def test_figures_that_another_process_could_not_draw_are_drawn_here(
     small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    expected = drawn_here(drawings), storage.encoded(small)
     monkeypatch.setattr(sys, "path", [])  # where the other interpreter finds nothing
     with drawer() as there:
         shared = there.begin(small, filed=True)
-        assert shared.pictures(drawings) == drawn_here(drawings)
-        assert shared.file() == storage.encoded(small)
+        assert (shared.pictures(drawings), shared.file()) == expected
 
 
 def test_every_figure_moves_the_progress_of_a_report(small: xr.DataTree, drawings: Mapping[str, Drawing]) -> None:
