@@ -55,6 +55,7 @@ _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
 _TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
+_PAIRS_OF_A_CLAIM: Final = 0.6  # on average, since several claims read the same pair
 _PAIRS_OF_A_ROOT: Final = 0.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
 # Pilots of drawing and typesetting would need their libraries, whose loading takes half of the time. Both are
 # mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
@@ -463,7 +464,7 @@ class _Prediction:
     def _seconds_of_claim(self, claim: ClaimPart, reading: StudyDefinition) -> float:
         match claim:
             case PsfErrorClaim() | FresnelFNumberClaim():
-                return self.pair_on_axis
+                return _PAIRS_OF_A_CLAIM * self.pair_on_axis
             case DepthOfFieldClaim() | DepthOfFieldRatioClaim():
                 return self.parsing
             case LimitDistanceClaim():

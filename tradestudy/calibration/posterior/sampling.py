@@ -32,7 +32,7 @@ FIRST_ROUND = 500
 _ACCEPTANCE = "acceptance"
 
 _WARM_UP_TIMES = 10.0  # autocorrelation times dropped at the start
-_CHAINS = 0.6  # fraction of the time of sampling until the first round is done; the rest takes the diagnosis
+_CHAINS = 0.7  # fraction of the time of sampling until the first round is done; the rest takes the diagnosis
 _PROPOSAL_DIMENSIONS = 5
 _PROPOSAL_SHARE = 1.0 / 40.0  # of the steps, per parameter; keeps acceptance within its limits
 _PROPOSAL_FREEDOM = 10.0  # degrees of freedom of the t distribution
