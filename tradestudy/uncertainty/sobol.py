@@ -23,6 +23,7 @@ MOST_DIMENSIONS: Final = 1024
 _BITS: Final = 52
 _HALF_CELL: Final = 2.0 ** -(_BITS + 1)
 _WEIGHTS: Final = 2 ** np.arange(_BITS - 1, -1, -1, dtype=np.uint64)
+_BELOW: Final = np.tril(np.ones((_BITS, _BITS)), -1)
 _BLOCK_BITS: Final = 10
 
 
@@ -78,10 +79,10 @@ def scrambled_sobol(dimensions: int, rng: np.random.Generator) -> UniformStream:
 def _scrambled(dimensions: int, rng: np.random.Generator) -> tuple[Bits, Bits]:
     """Shift, shape (dimensions,), and the bits that each bit of a point's number flips, (dimensions, bits)."""
     shift = rng.integers(2, size=(dimensions, _BITS), dtype=np.uint64) @ _WEIGHTS[::-1]
-    scramble = np.tril(rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint64), -1).astype(float)
-    scramble += np.eye(_BITS)
-    generators = ((scramble @ _direction_bits(dimensions)) % 2.0).astype(np.uint64)
-    columns = np.einsum("i,dij->dj", _WEIGHTS, generators)
+    scramble = rng.integers(2, size=(dimensions, _BITS, _BITS), dtype=np.uint64) * _BELOW + np.eye(_BITS)
+    # Products of matrices are fast in floating point, and exact for sums below 2^53.
+    generators = (scramble @ _direction_bits(dimensions)).astype(np.int64) & 1
+    columns = (_WEIGHTS.astype(float) @ generators).astype(np.uint64)
     columns[:, 1:] ^= columns[:, :-1].copy()  # number n selects the bits of its Gray code, n ^ (n >> 1)
     return shift, columns
 
