@@ -177,8 +177,8 @@ def test_draws_off_the_axis_are_predicted_anew_if_there_are_any(
     monkeypatch.setattr(depth, "drawing_seconds", lambda _camera, _distances, fields: drawn * len(fields))
     definition = followed_study.plan().definition
     steps = Steps(predict_anew=lambda step, seconds: told.append((step, seconds)))
-    depth.depth_field_group(definition, (0.5,), steps, dict.fromkeys(definition.case.cameras, 3.0))
-    assert len(definition.case.cameras) == 2
+    found = depth.seconds_off_axis(definition, dict.fromkeys(definition.case.cameras, 3.0), steps)
+    assert list(found.values()) == [max(drawn, 3.0)] * 2
     assert told == ([] if predicted is None else [("depth off the axis", predicted)])
 
 

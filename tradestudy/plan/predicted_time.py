@@ -53,6 +53,7 @@ _TABLES_OF_A_CLAIM: Final = 0.4
 _TABLES_OF_AN_ANSWER: Final = 0.35  # to a requirement under one reading
 _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
+_TRIALS_OF_A_REQUIREMENT: Final = 6  # with new tables, on average: those of unchanged cameras are kept
 _TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
 _PAIRS_OF_A_CLAIM: Final = 0.6  # on average, since several claims read the same pair
@@ -61,7 +62,7 @@ _PAIRS_OF_A_ROOT: Final = 0.5  # on average: a limit is often below or beyond al
 # mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
 _PARSED_IN_A_REPORT: Final = 80
 _PARSED_IN_A_FIGURE: Final = 30
-_PARSED_IN_A_DATASHEET: Final = 10  # besides its tables
+_PARSED_IN_A_DATASHEET: Final = 20  # besides its tables
 _PARSED_IN_A_SWEPT_ANSWER: Final = 0.3  # to a requirement in one design, whose tables are known
 _PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
 
@@ -344,7 +345,7 @@ class _Prediction:
             plans[0]()  # fills caches
             return _TRIALS_OF_A_ROOT * len(plans) * pilots.seconds_of(plans[-1])
         tables = self._tables_of(tuple(self.cameras), definition)
-        return _TRIALS_OF_A_ROOT * (self.design + _TABLES_OF_A_TRIAL * tables)
+        return _TRIALS_OF_A_REQUIREMENT * (self.design + _TABLES_OF_A_TRIAL * tables)
 
     def _tables_of(self, names: tuple[str, ...], case: StudyDefinition, tables: float = 1.0) -> float:
         """Time of a number of tables of each camera [s], and of the draws of cameras that a reading changes."""

@@ -23,6 +23,7 @@ from tradestudy.run.groups.depth import (
     depth_field_group,
     depth_group,
     depth_tables,
+    seconds_off_axis,
 )
 from tradestudy.run.groups.depth_map import depth_map_group
 from tradestudy.run.groups.designs import design_verdicts
@@ -88,8 +89,10 @@ def compute(
     tables: DepthTables = {}
     if definition.case.cameras:
         compute_kirchhoff_pictures(definition, steps.progress)
+        places = definition.file.propagation.field_places
+        off_axis = seconds_off_axis(definition, plan.seconds_by_problem(OFF_AXIS), steps) if places else {}
         tables = depth_tables(definition, asked.designs, steps, plan.seconds_by_problem("depth"))
-        groups |= _depth_groups(asked, tables)
+        groups |= _depth_groups(asked, tables, off_axis)
     groups |= _groups_of_few(asked)
     groups |= _answers(asked, tables, groups.get("/criteria"))
     if definition.file.solve:
@@ -118,14 +121,12 @@ def _root(definition: StudyDefinition) -> xr.Dataset:
     return xr.Dataset(attrs=attributes | ({} if file.scene is None else {"wavelength": file.scene.wavelength}))
 
 
-def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
+def _depth_groups(asked: _Asked, tables: DepthTables, off_axis: Mapping[str, float]) -> dict[str, xr.Dataset]:
     """Groups about the cameras that measure depth, and which of them is best."""
     definition, steps, file = asked.definition, asked.steps, asked.definition.file
     groups = {"/depth": depth_group(definition, asked.designs, tables)}
     if file.propagation.field_places:
-        groups["/depth_field"] = depth_field_group(
-            definition, file.propagation.field_places, steps, asked.plan.seconds_by_problem(OFF_AXIS)
-        )
+        groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps, off_axis)
     steps.progress("decision", 0.0)
     if (mapped := depth_map_group(definition)) is not None:
         groups["/depth_map"] = mapped

@@ -75,20 +75,29 @@ def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]
     return dataset("depth_at_places", arrays, _coordinates(definition, distance, part_names))
 
 
+def seconds_off_axis(definition: StudyDefinition, seconds: Mapping[str, float], steps: Steps) -> Mapping[str, float]:
+    """Predict the step off the axis anew, for every camera, before depth is computed.
+
+    ``seconds`` are those of the plan, with the draws that a camera needs on the axis. Off it, some cameras need several
+    times as many, as the first ones show.
+    """
+    drawn = _seconds_of_draws(definition.case, definition.file.propagation.field_places)
+    found = {name: max(seconds[name], drawn[name]) for name in seconds}
+    if any(drawn.values()):
+        steps.predict_anew(OFF_AXIS, math.fsum(found.values()))
+    return found
+
+
 def depth_field_group(
     definition: StudyDefinition, fields: tuple[float, ...], steps: Steps, seconds: Mapping[str, float]
 ) -> xr.Dataset:
     """/depth_field: depth errors off the axis, over (camera, field, distance), for the study as declared.
 
-    ``seconds`` are predicted for every camera, but with its draws on the axis. Off it, some need several times as many,
-    as the first ones show.
+    ``seconds`` are predicted for every camera; progress counts these.
     """
     cameras, distance = definition.case.cameras, definition.case.distance
     points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
-    drawn = _seconds_of_draws(definition.case, fields)
-    efforts = [max(seconds[name], drawn[name]) for name in cameras]
-    if any(drawn.values()):
-        steps.predict_anew(OFF_AXIS, math.fsum(efforts))
+    efforts = [seconds[name] for name in cameras]
     table = steps.map(OFF_AXIS, depth_over_field, points, list(cameras), efforts)
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
