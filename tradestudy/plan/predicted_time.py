@@ -62,7 +62,7 @@ _PAIRS_OF_A_ROOT: Final = 0.5  # on average: a limit is often below or beyond al
 # mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
 _PARSED_IN_A_REPORT: Final = 80
 _PARSED_IN_A_FIGURE: Final = 30
-_PARSED_IN_A_DATASHEET: Final = 20  # besides its tables
+_PARSED_IN_A_DATASHEET: Final = 10  # and in a verdict, besides their tables
 _PARSED_IN_A_SWEPT_ANSWER: Final = 0.3  # to a requirement in one design, whose tables are known
 _PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
 
@@ -318,8 +318,8 @@ class _Prediction:
         cases = [self.definition, *self.definition.readings.values()] if file.decision is not None else []
         pair = file.decision.between if file.decision is not None else ()
         verdicts = (self._tables_of(pair, one, _TABLES_OF_A_VERDICT) for one in cases)
-        datasheet = _TABLES_OF_A_DATASHEET * self.all_tables + _PARSED_IN_A_DATASHEET * self.parsing
-        parts = (datasheet, *verdicts)
+        besides = _PARSED_IN_A_DATASHEET * self.parsing
+        parts = (_TABLES_OF_A_DATASHEET * self.all_tables + besides, *(verdict + besides for verdict in verdicts))
         yield PredictedStep(
             name="decision",
             seconds=math.fsum(parts) + (self.all_tables if file.sweep else 0.0),
