@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -107,13 +109,19 @@ def read_corners(path: str | Path) -> StereoCorners:
     _refuse_utf16(path)
     try:
         _require_affordable(path)
-        table, scale = _read_table(path)
+        return _corners_in(path.name, path.read_bytes().decode("utf-8-sig"))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise CornerFileError(
             f"{path.name} cannot be read",
             value=getattr(error, "strerror", None) or "not UTF-8 text",
             remedy="check its path; corner files are CSV",
         ) from None
+
+
+@lru_cache(maxsize=4)  # a study's camera, its calibration and its plan read the same file
+def _corners_in(name: str, text: str) -> StereoCorners:
+    """The corners in the text of a file; read-only, since callers share them."""
+    table, scale = _read_table(name, text)
     groups = _group_views(table)
     size = max(len(group) for group in groups.values())
     board, left, right = (np.zeros((len(groups), size, 2)) for _ in range(3))
@@ -123,6 +131,8 @@ def read_corners(path: str | Path) -> StereoCorners:
         board[row, :count] = group[:, 2:4] * scale
         left[row, :count], right[row, :count] = group[:, 4:6], group[:, 6:8]
         present[row, :count] = True
+    for shared in (board, left, right, present):
+        shared.flags.writeable = False
     corners = StereoCorners(views=tuple(groups), board=board, left=left, right=right, present=present)
     _check_counts(corners)
     _check_handedness(corners)
@@ -148,33 +158,32 @@ def board_unit(header: Sequence[str]) -> str:
     return next((u for u in _BOARD_UNITS if {f"board_x_{u}", f"board_y_{u}"} <= names), "mm")
 
 
-def _read_table(path: Path) -> tuple[FloatArray, float]:
+def _read_table(name: str, text: str) -> tuple[FloatArray, float]:
     """Rows of the file in the canonical order of columns, and the board's unit in metres."""
-    with path.open(newline="", encoding="utf-8-sig") as stream:
-        reader = csv.DictReader(stream, restkey=_SURPLUS)
-        header = [name.strip() for name in reader.fieldnames or ()]
-        reader.fieldnames = header
-        unit = board_unit(header)
-        required = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
-        missing = [name for name in required if name not in header]
-        if missing and any(";" in name for name in header):
-            raise CornerFileError(
-                f"{path.name}:1: semicolons separate the columns",
-                value=header[0][:40],
-                limit="commas, and decimal points in the numbers",
-                remedy="save it as CSV with commas",
-            )
-        if missing:
-            raise CornerFileError(
-                f"{path.name} lacks columns",
-                value=", ".join(missing),
-                limit=", ".join(required),
-                remedy="name the columns in the first line",
-            )
-        rows = [_numbers(path, line, row, required) for line, row in enumerate(reader, start=2)]
+    reader = csv.DictReader(io.StringIO(text, newline=""), restkey=_SURPLUS)
+    header = [column.strip() for column in reader.fieldnames or ()]
+    reader.fieldnames = header
+    unit = board_unit(header)
+    required = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
+    missing = [column for column in required if column not in header]
+    if missing and any(";" in column for column in header):
+        raise CornerFileError(
+            f"{name}:1: semicolons separate the columns",
+            value=header[0][:40],
+            limit="commas, and decimal points in the numbers",
+            remedy="save it as CSV with commas",
+        )
+    if missing:
+        raise CornerFileError(
+            f"{name} lacks columns",
+            value=", ".join(missing),
+            limit=", ".join(required),
+            remedy="name the columns in the first line",
+        )
+    rows = [_numbers(name, line, row, required) for line, row in enumerate(reader, start=2)]
     if not rows:
         raise CornerFileError(
-            f"{path.name} has no corners", value="0 rows", limit=">= 1", remedy="write one row per corner and view"
+            f"{name} has no corners", value="0 rows", limit=">= 1", remedy="write one row per corner and view"
         )
     return np.array(rows), _BOARD_UNITS[unit]
 
@@ -186,12 +195,12 @@ def _refuse_utf16(path: Path) -> None:
             raise CornerFileError(f"{path.name} is UTF-16 text", limit="UTF-8", remedy="save it as CSV in UTF-8")
 
 
-def _numbers(path: Path, line: int, row: dict[str, Any], required: Sequence[str]) -> list[float]:
+def _numbers(file: str, line: int, row: dict[str, Any], required: Sequence[str]) -> list[float]:
     """Cells of one row as finite numbers."""
     if surplus := row.get(_SURPLUS):
         fields = len(row) - 1 + len(surplus)
         raise CornerFileError(
-            f"{path.name}:{line}: there are more fields than columns",
+            f"{file}:{line}: there are more fields than columns",
             value=f"{fields} fields",
             limit=f"{len(row) - 1} as in the first line",
             remedy="write decimal points, not commas, and remove surplus fields",
@@ -204,21 +213,21 @@ def _numbers(path: Path, line: int, row: dict[str, Any], required: Sequence[str]
             number = float("nan")
         if not np.isfinite(number):
             raise CornerFileError(
-                f"{path.name}:{line}: {name} is not a finite number",
+                f"{file}:{line}: {name} is not a finite number",
                 value=repr(row[name]),
                 limit="a number",
                 remedy="correct the number, or remove the row if the corner was not detected",
             )
         if name == "view" and number != round(number):
             raise CornerFileError(
-                f"{path.name}:{line}: view is not a whole number",
+                f"{file}:{line}: view is not a whole number",
                 value=repr(row[name]),
                 limit="a whole number",
                 remedy="number the views 1, 2, 3, …",
             )
         if name not in ("view", "corner") and abs(number) > _LARGEST_COORDINATE:
             raise CornerFileError(
-                f"{path.name}:{line}: {name} is too large",
+                f"{file}:{line}: {name} is too large",
                 value=repr(row[name]),
                 limit=f"-{_LARGEST_COORDINATE:.0e} to {_LARGEST_COORDINATE:.0e}",
                 remedy="correct the number, or remove the row",
