@@ -95,6 +95,8 @@ def _print_version(asked: bool) -> None:
 def main() -> None:
     """Run the command line; the exit status says how it ended."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that SIGTERM ends a run as Ctrl-C does
+    # Read when NumPy loads OpenBLAS, whose threads make no study faster and wait for each other beside busy cores.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(20_000, 20, 20)  # most objects live until the end: collect garbage rarely
     atexit.register(gc.freeze)  # and not at exit, where it takes half a second
     try:
@@ -256,7 +258,6 @@ def plan(
     debug: DebugOption = False,
 ) -> None:
     """Say what a run will simulate and how long it will take. Also say which effects it will leave out, and why."""
-    _stay_on_one_core()
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -298,7 +299,6 @@ def cost(
 @app.command()
 def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = False) -> None:
     """Check a study and report every mistake in it; compute nothing."""
-    _stay_on_one_core()
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
@@ -422,11 +422,6 @@ def _line(said: str) -> str:
     for name in reversed(outer):
         line = f"{name}: {{{line}}}"
     return line
-
-
-def _stay_on_one_core() -> None:
-    """Keep OpenBLAS from starting threads, which do not help with small matrices; it reads this when NumPy loads it."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def _warned(study: Study, *, quiet: bool = False) -> Study:

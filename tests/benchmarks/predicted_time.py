@@ -130,12 +130,15 @@ def main() -> None:
     given = asked.parse_args()
     names = given.studies or sorted(path.stem for path in STUDIES.glob("*.yaml"))
     record = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.is_file() else {}
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # as the command line sets it
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(given.busy)]
     try:
         for name in names:
             code = f"import json, runpy; from pathlib import Path; m = runpy.run_path({str(Path(__file__))!r}); "
             code += f"print('RECORD' + json.dumps(m['run'](Path({str(STUDIES / f'{name}.yaml')!r}))))"
-            done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+            done = subprocess.run(
+                [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment
+            )
             found = [line for line in done.stdout.splitlines() if line.startswith("RECORD")]
             if not found:
                 print(f"{name}: {done.stderr.strip().splitlines()[-1:]}")
