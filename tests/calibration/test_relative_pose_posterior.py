@@ -17,6 +17,7 @@ from tradestudy.calibration.corners.rig_posterior import (
     sample_rig,
 )
 from tradestudy.cameras.calibrated_pair import RADIAL
+from tradestudy.execution.point_progress import heard_by
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +69,10 @@ def test_the_check_refuses_a_wrong_marginalisation(rig, calibrated_webcams):
     """Linearised in the wrong place, the approximate posterior must fail the exact points."""
     away = rig.explained.shared + 40.0 * np.sqrt(np.diag(rig.covariance))
     views = linearised_rig(replace(rig, explained=replace(rig.explained, shared=away)))
-    check = check_marginalisation(calibrated_webcams.sample.thinned(50), views, rig)
+    told: list[float] = []
+    with heard_by(told.append):
+        check = check_marginalisation(calibrated_webcams.sample.thinned(50), views, rig)
+    assert told == pytest.approx(np.arange(1, 51) / 50, abs=1e-12)
     assert not check.passed
 
 

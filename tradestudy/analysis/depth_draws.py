@@ -238,9 +238,11 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> 
     return np.asarray(np.broadcast_to(read, (1, distance.size))[0])
 
 
-def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
+def trial_distribution(
+    camera: DepthCamera, distance: FloatArray, field: float, error_source: str, rounds: int = TRIAL_ROUNDS
+) -> DepthDistribution:
     """The distribution from a few draws, with its error, for checking a cheaper model."""
-    return _of_draws(camera, distance, field, error_source, TRIAL_ROUNDS * _FIRST_DRAWS)
+    return _of_draws(camera, distance, field, error_source, rounds * _FIRST_DRAWS)
 
 
 def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:

@@ -35,7 +35,8 @@ from tradestudy.uncertainty.streams import point_generator
 MOST_DRAWS = 2**13
 """Number of joint posterior draws to propagate, spread evenly over ensembles, steps and walkers."""
 _CHECKED_DRAWS = 1000
-_FITTED, _LOADED = 0.2, 0.3  # fractions of the time of a calibration from corners until the fit, and until sampling
+_FITTED, _LOADED, _CHECKED = 0.13, 0.22, 0.9
+"""Fractions of the time of a calibration from corners until it is fitted, until chains begin, and until their check."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,7 +209,7 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
     check_geometry(request.name, rig, normal.mean, draws, says="corners say", lens=lens)
     rng = point_generator(seed=request.seed, point=f"corners/{request.name}", replicate=0)
-    with part_of_point(_LOADED, 1.0):
+    with part_of_point(_LOADED, _CHECKED):
         found = sample_rig(fit, rng=rng, maximum_steps=request.part.max_steps)
     draws_kept = propagated(names, found.sample)
     posterior = replace(

@@ -17,7 +17,6 @@ import numpy as np
 from tradestudy import study
 from tradestudy.analysis.depth_draws import (
     DRAWN,
-    TRIAL_ROUNDS,
     expected_rounds,
     outcome_model,
     trial_distribution,
@@ -49,6 +48,7 @@ _PARSED_IN_A_TARGET: Final = 290
 _PARSED_IN_A_RIG: Final = 390  # with the loading of the libraries
 _FITS_OF_A_RIG: Final = 250  # first fits of one of its cameras; it is refitted, and so are its views to check draws
 _DRAWS_OF_A_PILOT: Final = 2**8
+_ROUNDS_OF_A_PILOT: Final = 4
 _DRAWS_OF_A_BAR: Final = 2**12  # of a tornado, and of each of the sets from which Sobol indices are computed
 _SMALLER: Final = 4.0  # factor by which the windows of a pilot off the axis are smaller than the requested ones
 _GROWTH: Final = 1.1  # exponent of the time of a field in its number of targets
@@ -117,9 +117,14 @@ def drawing_seconds(camera: DepthCamera, distances: int, fields: tuple[float, ..
 
 @lru_cache(maxsize=1024)
 def _round_seconds(camera: DepthCamera) -> float:
-    """Time of the first draws at the judged distances, once all is prepared; timed once, as draws are kept."""
+    """Time that as many draws as the first ones add at the judged distances; timed once, as draws are kept."""
     judged = np.array(camera.propagation.judged, dtype=np.float64)
-    return seconds_of(lambda: trial_distribution(camera, judged, 0.0, DRAWN[-1])) / TRIAL_ROUNDS
+
+    def timed_rounds(rounds: int) -> float:
+        return seconds_of(lambda: trial_distribution(camera, judged, 0.0, DRAWN[-1], rounds))
+
+    first, more = min(timed_rounds(1), timed_rounds(1)), timed_rounds(_ROUNDS_OF_A_PILOT)
+    return (more - first) / (_ROUNDS_OF_A_PILOT - 1) if more > first else more / _ROUNDS_OF_A_PILOT
 
 
 def seconds_per_draw(camera: DepthCamera, distance: FloatArray) -> float:

@@ -48,8 +48,8 @@ if TYPE_CHECKING:  # few studies ask for light, or infer
 # Time of other questions about a camera, in units of its table over all distances: a verdict finds crossovers and
 # switches of the winner for three error sources; a claim needs part of one, if it is not cached.
 _TABLES_OF_A_DATASHEET: Final = 1.0  # and of the distances of the decision
-_TABLES_OF_A_VERDICT: Final = 1.5
-_TABLES_OF_A_CLAIM: Final = 0.4
+_TABLES_OF_A_VERDICT: Final = 0.8
+_TABLES_OF_A_CLAIM: Final = 0.2
 _TABLES_OF_AN_ANSWER: Final = 0.35  # to a requirement under one reading
 _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
@@ -62,7 +62,7 @@ _PAIRS_OF_A_ROOT: Final = 0.5  # on average: a limit is often below or beyond al
 # mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
 _PARSED_IN_A_REPORT: Final = 80
 _PARSED_IN_A_FIGURE: Final = 30
-_PARSED_IN_A_DATASHEET: Final = 10  # and in a verdict, besides their tables
+_PARSED_IN_A_DATASHEET: Final = 4  # and in a verdict, besides their tables
 _PARSED_IN_A_SWEPT_ANSWER: Final = 0.3  # to a requirement in one design, whose tables are known
 _PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
 

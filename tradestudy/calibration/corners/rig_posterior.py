@@ -18,10 +18,11 @@ from tradestudy.calibration.posterior.laplace import (
     compare_log_posteriors,
 )
 from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
-from tradestudy.execution.point_progress import part_of_point
+from tradestudy.execution.point_progress import part_of_point, tell
 from tradestudy.optics.arrays import FloatArray
 
-_SAMPLED = 0.4  # fraction of the time that sampling takes; the rest takes the check
+_SAMPLED, _CHAINS = 0.5, 0.27
+"""Fraction of the time that sampling takes, before the check, and of sampling that the first round of steps takes."""
 
 
 def posterior_names(free: Sequence[str]) -> tuple[str, ...]:
@@ -89,8 +90,11 @@ def sample_rig(fit: RigFit, *, rng: np.random.Generator, maximum_steps: int = 20
             rng=rng,
             proposal=laplace,
             maximum_steps=maximum_steps,
+            chains_fraction=_CHAINS,
         )
-    return CheckedPosterior(sample=sample, check=check_marginalisation(sample.thinned(CHECKED_POINTS), views, fit))
+    with part_of_point(_SAMPLED, 1.0):
+        check = check_marginalisation(sample.thinned(CHECKED_POINTS), views, fit)
+    return CheckedPosterior(sample=sample, check=check)
 
 
 def check_marginalisation(draws: FloatArray, views: CompressedViews, fit: RigFit) -> LaplaceCheck:
@@ -111,19 +115,17 @@ def check_marginalisation(draws: FloatArray, views: CompressedViews, fit: RigFit
         The check of the log ratios.
     """
     noises, scales = np.exp(draws[:, -2]), draws[:, -1]
-    exact = np.array(
-        [
-            exact_log_likelihood(
-                draw[:-5],
-                fit.explained.states,
-                warped(fit.corners, draw[-5:-2]),
-                fit.explained.lever,
-                noise_px=float(noise),
-                motion_scale=float(scale),
-            )
-            for draw, noise, scale in zip(draws, noises, scales, strict=True)
-        ]
-    )
+    exact = np.empty(len(draws))
+    for k, (draw, noise, scale) in enumerate(zip(draws, noises, scales, strict=True)):
+        exact[k] = exact_log_likelihood(
+            draw[:-5],
+            fit.explained.states,
+            warped(fit.corners, draw[-5:-2]),
+            fit.explained.lever,
+            noise_px=float(noise),
+            motion_scale=float(scale),
+        )
+        tell((k + 1) / len(draws))
     return compare_log_posteriors(exact, views.log_likelihood(draws[:, :-2], noises, scales))
 
 

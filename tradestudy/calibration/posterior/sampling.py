@@ -32,7 +32,6 @@ FIRST_ROUND = 500
 _ACCEPTANCE = "acceptance"
 
 _WARM_UP_TIMES = 10.0  # autocorrelation times dropped at the start
-_CHAINS = 0.7  # fraction of the time of sampling until the first round is done; the rest takes the diagnosis
 _PROPOSAL_DIMENSIONS = 5
 _PROPOSAL_SHARE = 1.0 / 40.0  # of the steps, per parameter; keeps acceptance within its limits
 _PROPOSAL_FREEDOM = 10.0  # degrees of freedom of the t distribution
@@ -164,6 +163,7 @@ def sample_posterior(
     rng: np.random.Generator,
     proposal: LaplaceFit | None = None,
     maximum_steps: int = 20_000,
+    chains_fraction: float = 0.7,
 ) -> PosteriorSample:
     """Sample with independent affine-invariant ensembles until all diagnostics pass or the steps are used up.
 
@@ -184,6 +184,9 @@ def sample_posterior(
         used, because other moves are as fast.
     maximum_steps : int
         Number of steps of each ensemble after which sampling ends, converged or not.
+    chains_fraction : float
+        Expected fraction of the time until the first round of steps is done, for progress; the diagnosis takes the
+        rest.
 
     Returns
     -------
@@ -210,7 +213,7 @@ def sample_posterior(
         for sampler, start in zip(samplers, starts, strict=True):
             done = sampler.iteration
             sampler.run_mcmc(start if done == 0 else None, steps - done, skip_initial_state_check=True)
-            tell(_CHAINS * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * first)))
+            tell(chains_fraction * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * first)))
         walks = np.stack([sampler.get_chain() for sampler in samplers])
         warm_up = _warm_up(walks)
         kept = walks[:, warm_up:]
