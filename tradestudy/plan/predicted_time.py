@@ -57,11 +57,12 @@ _TRIALS_OF_A_REQUIREMENT: Final = 9  # with new tables, on average: those of unc
 _TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
 _PAIRS_OF_A_CLAIM: Final = 0.6  # on average, since several claims read the same pair
-_PAIRS_OF_A_ROOT: Final = 0.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
+_PAIRS_OF_A_ROOT: Final = 0.55  # on average: a limit is often below or beyond all f-numbers, whose pairs are cached
 # Pilots of drawing and typesetting would need their libraries, whose loading takes half of the time. Both are
 # mixed interpreter work, like parsing a study: these are the numbers of small studies parsed in the same time.
-_PARSED_IN_A_REPORT: Final = 80
-_PARSED_IN_A_FIGURE: Final = 30
+_PARSED_IN_A_REPORT: Final = 60
+_PARSED_IN_A_FIGURE: Final = 25
+_PARSED_IN_A_ROW: Final = 1  # a verdict on a claim under one reading
 _PARSED_IN_A_DATASHEET: Final = 4  # and in a verdict, besides their tables
 _PARSED_IN_A_SWEPT_ANSWER: Final = 0.3  # to a requirement in one design, whose tables are known
 _PARSED_IN_A_RANKED_VALUE: Final = 0.25  # over all weights
@@ -500,11 +501,12 @@ class _Prediction:
             + (file.depth_loop is not None)
             + (file.value_of_information is not None)
             + 3 * (file.depth_of_field is not None)
-            + (file.fresnel_validity is not None)  # several simple ones
+            + 2 * (file.fresnel_validity is not None)
             + (file.light_spot is not None)
             + (file.point_spread is not None)
             + (file.hard_cases is not None)
             + (file.trade_off is not None)
         )
-        parsed = _PARSED_IN_A_REPORT + typical_figures * _PARSED_IN_A_FIGURE
+        rows = len(file.claims) * (1 + len(self.definition.readings))
+        parsed = _PARSED_IN_A_REPORT + typical_figures * _PARSED_IN_A_FIGURE + rows * _PARSED_IN_A_ROW
         return PredictedStep(name="report", seconds=parsed * self.parsing, work="figures, HTML, PDF")

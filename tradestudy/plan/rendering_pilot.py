@@ -65,7 +65,7 @@ def picture_seconds(whole: Tile) -> float:
     patch = replace(whole, rows=rows, columns=columns)
     expected_electrons(replace(patch, rows=(rows[0], rows[0] + 1)))  # prepares texture and surfaces
     share = whole.rows[1] * whole.columns[1] / (float(np.diff(rows)[0]) * float(np.diff(columns)[0]))
-    return share * seconds_of(lambda: expected_electrons(patch))
+    return share * min(seconds_of(lambda: expected_electrons(patch)) for _ in range(2))
 
 
 def loop_work(definition: StudyDefinition, part: DepthLoopPart) -> tuple[tuple[float, ...], str]:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawn import SharedDrawing
 
 # Typical times, in units of the time in which two interpreters draw a figure.
-_LISTING: Final = 2.7
+_LISTING: Final = 3.3
 _COMPOSING: Final = 2.5
 _TYPESETTING: Final = 1.7
 _BYTES_IN_TABLES: Final = 2.6e6  # of results that are written as tables in a unit of time

@@ -63,7 +63,7 @@ class RawPictureReader(DepthReader):
         The camera, and the depths to search.
     """
 
-    relative_effort: ClassVar[float] = 2.7
+    relative_effort: ClassVar[float] = 3.5
 
     camera: FocusedPlenoptic
     search: DepthSearch
