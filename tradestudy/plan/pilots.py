@@ -110,21 +110,31 @@ def drawing_seconds(camera: DepthCamera, distances: int, fields: tuple[float, ..
     if camera.propagation.model != "exact" or not camera.calibration.groups:
         return 0.0
     camera = _without_kirchhoff(camera)
-    rounds = sum(expected_rounds(camera, field, error_source) for field in fields for error_source in DRAWN)
-    # Doubling until there are enough draws costs as much again; then every distance is evaluated.
-    return rounds * _round_seconds(camera) * (2.0 + distances / max(1, len(camera.propagation.judged)))
+    fixed, drawn, read = _seconds_of_draws(camera)
+    wider = distances / max(1, len(camera.propagation.judged))
+    expected = [expected_rounds(camera, field, error_source) for field in fields for error_source in DRAWN]
+    # The first draws are known. Draws double until there are enough of them; then depth is read at every distance.
+    return math.fsum(
+        fixed * (math.log2(rounds) + wider) + drawn * 2.0 * (rounds - 1.0) + read * rounds * wider
+        for rounds in expected
+    )
 
 
 @lru_cache(maxsize=1024)
-def _round_seconds(camera: DepthCamera) -> float:
-    """Time that as many draws as the first ones add at the judged distances; timed once, as draws are kept."""
+def _seconds_of_draws(camera: DepthCamera) -> tuple[float, float, float]:
+    """Time of a distribution at the judged distances that does not depend on draws, and times that each round adds.
+
+    A round has as many draws as the first ones. It adds time to draw and to read depth, or only to read it if the draws
+    are known.
+    """
     judged = np.array(camera.propagation.judged, dtype=np.float64)
 
     def timed_rounds(rounds: int) -> float:
         return seconds_of(lambda: trial_distribution(camera, judged, 0.0, DRAWN[-1], rounds))
 
-    first, more = min(timed_rounds(1), timed_rounds(1)), timed_rounds(_ROUNDS_OF_A_PILOT)
-    return (more - first) / (_ROUNDS_OF_A_PILOT - 1) if more > first else more / _ROUNDS_OF_A_PILOT
+    first = min(timed_rounds(1), timed_rounds(1))  # the draws of both are known after the first call
+    drawn, read = ((timed_rounds(_ROUNDS_OF_A_PILOT) - first) / (_ROUNDS_OF_A_PILOT - 1) for _ in range(2))
+    return max(0.0, first - read), max(0.0, drawn), max(0.0, read)
 
 
 def seconds_per_draw(camera: DepthCamera, distance: FloatArray) -> float:

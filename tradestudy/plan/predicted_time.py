@@ -273,12 +273,11 @@ class _Prediction:
             problems={name: self.designs[name] * sum(seconds) for name, seconds in self.cameras.items()},
         )
         if places := len(file.propagation.field_places):
-            off_axis = {name: places * sum(seconds) for name, seconds in self.cameras.items()}
             yield PredictedStep(
                 name="depth off the axis",
-                seconds=math.fsum(off_axis.values()),
+                seconds=places * math.fsum(sum(seconds) for seconds in self.cameras.values()),
                 work=f"{counted(places, 'place')} of {cameras} at {distances}",
-                problems=off_axis,
+                problems={name: places * table for name, (table, _) in self.cameras.items()},  # the run adds draws
             )
         yield from self._decision()
         if (part := file.value_of_information) is not None:

@@ -78,11 +78,11 @@ def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]
 def seconds_off_axis(definition: StudyDefinition, seconds: Mapping[str, float], steps: Steps) -> Mapping[str, float]:
     """Predict the step off the axis anew, for every camera, before depth is computed.
 
-    ``seconds`` are those of the plan, with the draws that a camera needs on the axis. Off it, some cameras need several
-    times as many, as the first ones show.
+    ``seconds`` are those of the plan for every camera, without draws. Off the axis, some cameras need several times as
+    many draws as on it, as the first ones show.
     """
     drawn = _seconds_of_draws(definition.case, definition.file.propagation.field_places)
-    found = {name: max(seconds[name], drawn[name]) for name in seconds}
+    found = {name: planned + drawn[name] for name, planned in seconds.items()}
     if any(drawn.values()):
         steps.predict_anew(OFF_AXIS, math.fsum(found.values()))
     return found
