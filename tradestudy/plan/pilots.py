@@ -110,7 +110,7 @@ def drawing_seconds(camera: DepthCamera, distances: int, fields: tuple[float, ..
     if camera.propagation.model != "exact" or not camera.calibration.groups:
         return 0.0
     camera = _without_kirchhoff(camera)
-    fixed, drawn, read = _seconds_of_draws(camera)
+    fixed, drawn, read = _seconds_of_rounds(camera)
     wider = distances / max(1, len(camera.propagation.judged))
     expected = [expected_rounds(camera, field, error_source) for field in fields for error_source in DRAWN]
     # The first draws are known. Draws double until there are enough of them; then depth is read at every distance.
@@ -121,8 +121,8 @@ def drawing_seconds(camera: DepthCamera, distances: int, fields: tuple[float, ..
 
 
 @lru_cache(maxsize=1024)
-def _seconds_of_draws(camera: DepthCamera) -> tuple[float, float, float]:
-    """Time of a distribution at the judged distances that does not depend on draws, and times that each round adds.
+def _seconds_of_rounds(camera: DepthCamera) -> tuple[float, float, float]:
+    """Time of a distribution at the judged distances without its draws, and the times that each round of draws adds.
 
     A round has as many draws as the first ones. It adds time to draw and to read depth, or only to read it if the draws
     are known.
@@ -132,7 +132,7 @@ def _seconds_of_draws(camera: DepthCamera) -> tuple[float, float, float]:
     def timed_rounds(rounds: int) -> float:
         return seconds_of(lambda: trial_distribution(camera, judged, 0.0, DRAWN[-1], rounds))
 
-    first = min(timed_rounds(1), timed_rounds(1))  # the draws of both are known after the first call
+    first = min(timed_rounds(1), timed_rounds(1))  # the second call knows the draws
     drawn, read = ((timed_rounds(_ROUNDS_OF_A_PILOT) - first) / (_ROUNDS_OF_A_PILOT - 1) for _ in range(2))
     return max(0.0, first - read), max(0.0, drawn), max(0.0, read)
 
