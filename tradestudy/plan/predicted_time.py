@@ -49,8 +49,8 @@ if TYPE_CHECKING:  # few studies ask for light, or infer
 # switches of the winner for three error sources; a claim needs part of one, if it is not cached.
 _TABLES_OF_A_DATASHEET: Final = 1.0  # and of the distances of the decision
 _TABLES_OF_A_VERDICT: Final = 0.8
-_TABLES_OF_A_CLAIM: Final = 0.14
-_TABLES_OF_AN_ANSWER: Final = 0.35  # to a requirement under one reading
+_TABLES_OF_A_CLAIM: Final = 0.16
+_TABLES_OF_AN_ANSWER: Final = 0.23  # to a requirement under one reading
 _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
 _TRIALS_OF_A_REQUIREMENT: Final = 9  # with new tables, on average: those of unchanged cameras are kept
