@@ -39,7 +39,7 @@ DRAWN: Final = ("calibration", "both")
 """Error sources with draws; noise alone has a closed form."""
 _FIRST_DRAWS: Final = 2**8  # of each scramble
 TRIAL_ROUNDS: Final = 2
-"""How many times as many draws as the first ones `trial_distribution` takes."""
+"""How many times as many draws as the first ones `trial_distribution` takes by default."""
 _DIRECTIONS: Final = 6  # distances at which the effect of a posterior on depth is evaluated
 _MANY_DRAWS: Final = 2**13  # per scramble; from here on scrambles are drawn on several threads
 _AT_ONCE: Final = 2**14  # depths that fit into a processor's cache
@@ -241,7 +241,7 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> 
 def trial_distribution(
     camera: DepthCamera, distance: FloatArray, field: float, error_source: str, rounds: int = TRIAL_ROUNDS
 ) -> DepthDistribution:
-    """The distribution from a few draws, with its error, for checking a cheaper model."""
+    """The distribution from ``rounds`` times the first draws, with its error, for checking a cheaper model."""
     return _of_draws(camera, distance, field, error_source, rounds * _FIRST_DRAWS)
 
 
