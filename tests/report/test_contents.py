@@ -218,6 +218,18 @@ def test_assumed_values_come_first_with_the_cameras_they_belong_to(tree: xr.Data
     ]
 
 
+def test_values_without_a_stated_basis_follow_those_set_for_the_run(tree: xr.DataTree) -> None:
+    assumptions = tree["assumptions"].to_dataset().copy(deep=True)
+    assumptions["basis"] = ("path", ["", "set for this run"])
+    tree = tree.copy()
+    tree["assumptions"] = xr.DataTree(assumptions)
+    document = document_of(tree)
+    headings = [row[0] for row in table(document, "assumption-register") if len(row) == 1]
+    assert headings == ["Set for this run (1)", "Without a stated basis (1)"]
+    texts = [plain(spans(b.text)) for b in all_blocks(document.blocks) if hasattr(b, "text")]
+    assert any("after values set for this run alone" in text for text in texts)
+
+
 def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> None:
     says = tree["claims/reading_says"].to_series()
     assert table(document_of(tree), "claim-values") == [

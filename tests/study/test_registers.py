@@ -9,6 +9,7 @@ import pytest
 from tradestudy import load
 from tradestudy.cameras.contradictions import Contradiction
 from tradestudy.run.groups.registers import assumptions_group, contradictions
+from tradestudy.study.starter import starter
 
 CLOSE = Path(__file__).parents[2] / "studies" / "close_range.yaml"
 Row = tuple[str, str, str]
@@ -39,6 +40,28 @@ def test_the_step_of_depth_discrimination_is_a_tenth_of_a_pixel_unless_declared(
     table = assumptions_group(loaded).to_dataframe().reset_index()
     rows = table[(table["path"] == "depth.discrimination_step") & table["note"].str.contains("default")]
     assert rows[["cameras", "value", "basis"]].values.tolist() == [[camera, "0.1 px", "assumed"]]
+
+
+def test_values_without_a_basis_and_unlimited_defaults_are_listed(tmp_path: Path) -> None:
+    """The starter states no basis for pixels, lenses and wavelength; the added picture none for texture and light."""
+    path = tmp_path / "start.yaml"
+    path.write_text(starter("start"), encoding="utf-8")
+    picture = (
+        "{texture: {contrast: 15 %, correlation_length: 1 mm}, matching_window: 9 px, light: {electrons: 4000 "
+        "electrons, at_f_number: 4}, read_noise: 5 electrons, full_well: 10000 electrons, bit_depth: 10}"
+    )
+    path.write_text(path.read_text().replace("  wavelength: 550 nm", f"  wavelength: 550 nm\n  picture: {picture}"))
+    table = assumptions_group(load(path).definition).to_dataframe().reset_index()
+    rows = {(row.cameras, row.path): (row.value, row.basis) for row in table.itertuples()}
+    assert rows["stereo", "sensor.pixels"] == ("[1024, 1024]", "")
+    assert rows["plenoptic", "calibration.correlations.mla_distance.focal_length"] == ("0.9", "")
+    assert rows["", "scene.picture.texture.contrast"] == ("15 %", "")
+    assert rows["", "scene.picture.light.electrons"] == ("4000 electrons", "")
+    assert rows["", "scene.wavelength"] == ("550 nm", "")
+    assert rows["", "scene.picture.matcher"] == ("none: errors at the Cramér–Rao bound", "assumed")
+    assert rows["stereo", "depth.disparity_error"] == ("0.1 px", "assumed")
+    unsupported = {path for (_, path), (_, basis) in rows.items() if not basis}
+    assert not [one for one in unsupported if one.endswith(("title", "kind")) or "distances" in one]
 
 
 def test_a_value_shared_by_cameras_is_set_for_the_named_one_alone() -> None:

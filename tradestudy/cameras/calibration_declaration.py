@@ -192,6 +192,15 @@ class CalibrationPart(Part):
     posterior: PosteriorPart | None = None
     stability: StabilityPart = Field(default_factory=StabilityPart)
 
+    def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """A perfect calibration, and no change since, where the part declares no errors or changes."""
+        yield from super().assumed()
+        if self.source == "errors" and not self.errors.given():
+            yield ("errors",), "none: a perfect calibration"
+        changed = self.stability
+        if not (changed.temperature or changed.pressure or changed.color or changed.ageing.given()):
+            yield ("stability",), "none: no change since the calibration"
+
     @property
     def source(self) -> SourceName:
         """The source of the errors' distribution."""

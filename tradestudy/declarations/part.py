@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
@@ -14,6 +14,8 @@ class Part(BaseModel):
     """A mapping in a study file: unknown keys are mistakes, and values never change after reading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    absent: ClassVar[Mapping[str, str]] = {}
+    """What leaving a key out means, such as "unlimited", for keys where that is an assumption."""
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:  # noqa: ARG003 - for parts that refer to names
@@ -21,13 +23,15 @@ class Part(BaseModel):
         return []
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
-        """Omitted values whose default is an assumption: path in this part, and default.
+        """Omitted values whose default is an assumption: path in this part, and default, or the words of `absent`.
 
-        Such a default is text with its unit and is validated as if it were in the file.
+        A default is text with its unit and is validated as if it were in the file.
         """
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if isinstance(value, Part):
                 yield from (((name, *path), text) for path, text in value.assumed())
+            elif name in self.absent and (value is None or name not in self.model_fields_set):
+                yield (name,), self.absent[name]
             elif field.validate_default and isinstance(field.default, str) and name not in self.model_fields_set:
                 yield (name,), field.default

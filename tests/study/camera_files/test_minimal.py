@@ -53,6 +53,9 @@ def test_the_register_lists_every_default_and_the_first_page_perfect_calibration
         "depth.estimator": "disparity",
         "depth.disparity_error": "0.1 px",
         "depth.discrimination_step": "0.1 px",
+        "distortion": "none",
+        "calibration.errors": "none: a perfect calibration",
+        "calibration.stability": "none: no change since the calibration",
     }
     result.write(tmp_path / "out", pdf=False)
     page = re.sub(r"<[^>]+>", " ", (tmp_path / "out" / "report.html").read_text(encoding="utf-8"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -33,6 +33,11 @@ from tradestudy.optics.thin_lens import image_distance
 
 class MicrolensesPart(Part):
     """The microlens array."""
+
+    absent: ClassVar[Mapping[str, str]] = {
+        "focal_lengths": "such that the depths of field of the types adjoin",
+        "aperture_diameter": "the pitch",
+    }
 
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
@@ -130,6 +135,8 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     reader: ClassVar[DepthReaderOfKind | None] = RawPictureReader
 
     imports: ClassVar[tuple[type, ...]] = (ImportedPlenoptic,)
+
+    absent: ClassVar[Mapping[str, str]] = {"field_curvature": "none"}
 
     kind: Literal["focused-plenoptic"]
     main_lens: LensPart

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Final, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -64,6 +64,8 @@ class StereoDeclaration(DepthCameraDeclaration):
 
     camera: ClassVar[type[StereoRig]] = StereoRig
     reader: ClassVar[DepthReaderOfKind | None] = PairReader
+
+    absent: ClassVar[Mapping[str, str]] = {"distortion": "none"}
 
     kind: Literal["stereo"]
     imports: ClassVar[tuple[type, ...]] = (ImportedRig, ImportedCorners)
@@ -177,8 +179,8 @@ class StereoDeclaration(DepthCameraDeclaration):
         return self
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
-        """As for every part, except the convergence distance of a calibrated pair, which its geometry determines."""
-        known = () if self.geometry is None else (("convergence_distance",),)
+        """As for every part, except what the geometry of a calibrated pair determines."""
+        known = () if self.geometry is None else (("convergence_distance",), ("distortion",))
         yield from (one for one in super().assumed() if one[0] not in known)
 
     @classmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -30,6 +31,8 @@ from tradestudy.optics.thin_lens import image_distance
 class UnfocusedMicrolensesPart(Part):
     """The microlens array of an unfocused plenoptic camera. The sensor lies in the focal plane of the microlenses."""
 
+    absent: ClassVar[Mapping[str, str]] = {"aperture_diameter": "the pitch"}
+
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
     pitch: MicrolensPitch = Field(
         description="Distance between neighbouring microlens centres; each microlens corresponds to one pixel of every "
@@ -53,6 +56,10 @@ class UnfocusedMicrolensesPart(Part):
         if self.aperture_diameter is not None and self.f_number is not None:
             raise MistakeAt((), "give at most one of aperture_diameter and f_number")
         return self
+
+    def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """As for every part, except an aperture that the f-number gives."""
+        yield from (one for one in super().assumed() if self.f_number is None or one[0] != ("aperture_diameter",))
 
 
 class UnfocusedFocusPart(Part):
@@ -87,6 +94,8 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
 
     camera: ClassVar[type[UnfocusedPlenoptic]] = UnfocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = ViewsReader
+
+    absent: ClassVar[Mapping[str, str]] = {"field_curvature": "none"}
 
     kind: Literal["unfocused-plenoptic"]
     main_lens: LensPart

@@ -36,6 +36,7 @@ _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES: Final[Mapping[str, str]] = {
     "set for this run": "set for this run",
     "assumed": "assumed",
+    "": "without a stated basis",
     "derived": "derived",
     "datasheet": "from data sheets",
     "measured": "measured",
@@ -99,7 +100,7 @@ def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Tab
 
 
 def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
-    """Write the register of assumptions: every value with a basis, assumed ones first."""
+    """Write the register of assumptions: the values of cameras and scene, unsupported ones first."""
     rows, warned = records(tree, "assumptions", "path"), records(tree, "assumptions", "warned")
     if not rows and not warned:
         return
@@ -121,7 +122,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
             + listed([f"{counts[one]} {'is' if counts[one] == 1 else 'are'} {_BASES.get(one, one)}" for one in known])
             if len(known) > 1
             else f"Every value is {_BASES.get(known[0], known[0])}",
-            order=_ORDER.format(given=_SET if known[0] in _SET else "") if len(known) > 1 else "",
+            order=_ORDER.format(given=_SET if known[0] == "set for this run" else "") if len(known) > 1 else "",
             sources=" Sections, tables and figures in the notes are those of the paper." if counts["paper"] else "",
         )
     )
@@ -139,7 +140,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
 
 
 _SET: Final = ", after values set for this run alone, on the command line or in Python"
-_ORDER: Final = " Assumed values come first{given}, because no source supports them."
+_ORDER: Final = " Values that no source supports come first{given}."
 
 
 def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -> Iterator[tuple[Text, ...]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from typing import Final
 
 import xarray as xr
 
@@ -12,10 +13,14 @@ from tradestudy.cameras.contradictions import Contradiction, digitiser_contradic
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Document, Place
+from tradestudy.study.document import Annotation, Document, ListEntry, Path, Place, ScalarEntry, walk
 from tradestudy.study.plausibility import implausible
 
 SET_FOR_THIS_RUN = "set for this run"
+_NO_INPUTS: Final = ("kind", "title", "note", "from", "like", "read_as", "stated")
+"""Keys of a camera that describe it and decide no result."""
+_ASKED: Final = (("distances",), ("image",))
+"""Keys of the scene that say what the study asks about."""
 
 
 def cameras_group(definition: StudyDefinition) -> xr.Dataset:
@@ -47,9 +52,10 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
 
 
 def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
-    """/assumptions: every value with its basis, listed once for all cameras that inherit it from the same place.
+    """/assumptions: the values of cameras and scene, and every other one with a basis.
 
-    Values set for this run are marked, with the values that they replace.
+    Each is listed once for all cameras that inherit it from the same place. Values set for this run are marked, with
+    the values that they replace.
     """
     document = definition.under_tolerance
     rows = [*_set_for_this_run(document), *_declared(document), *_defaults(definition)]
@@ -75,27 +81,44 @@ def _set_for_this_run(document: Document) -> Iterator[dict[str, str | None]]:
 
 def _declared(document: Document) -> Iterator[dict[str, str | None]]:
     given = {override.path for override in document.overrides}
-    written: dict[tuple[Place, tuple[str | int, ...]], list[tuple[str | int, ...]]] = {}
-    for path in document.annotations:
+    written: dict[tuple[Place, Path], list[Path]] = {}
+    for path in (*document.annotations, *_without_basis(document)):
         if path not in given:
             written.setdefault((document.locate(path), _camera_and_tail(path)[1]), []).append(path)
     for (_, tail), paths in written.items():
-        annotation = document.annotations[paths[0]]
+        annotation = document.annotations.get(paths[0], Annotation())
         yield {
             "path": ".".join(map(str, tail)),
             "cameras": ", ".join(filter(None, (_camera_and_tail(path)[0] for path in paths))),
             "value": document.text_of(paths[0]),
-            "basis": annotation.basis,
+            "basis": annotation.basis or "",
             "note": annotation.note,
         }
 
 
+def _without_basis(document: Document) -> Iterator[Path]:
+    """Values of cameras and scene that the study gives without a basis or note, and without a --set for this run."""
+    given = [override.path for override in document.overrides]
+    for path, entry in walk(document.root, ()):
+        if not path or entry.annotation is not None or any(path[: len(one)] == one for one in given):
+            continue
+        camera, tail = _camera_and_tail(path)
+        is_input = tail[0] not in _NO_INPUTS if camera and tail else tail[:1] == ("scene",) and tail[1:2] not in _ASKED
+        is_value = isinstance(entry, ListEntry) or (isinstance(entry, ScalarEntry) and entry.value is not None)
+        in_list = any(isinstance(step, int) for step in path)
+        if is_input and is_value and not in_list and tail[-1] != "file":
+            yield path
+
+
 def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
-    """Defaults of values that cameras need but do not declare, listed once for all cameras that rely on them."""
+    """Defaults of values that the study does not declare, listed once for all cameras that rely on them."""
     left_out: dict[tuple[tuple[str, ...], str], list[str]] = {}
     for name, part in definition.file.cameras.items():
         for path, text in part.assumed():
             left_out.setdefault((path, text), []).append(name)
+    if definition.file.scene is not None and definition.file.scene.picture is not None:
+        for path, text in definition.file.scene.picture.assumed():
+            left_out[("scene", "picture", *path), text] = []
     for (path, text), cameras in left_out.items():
         yield {
             "path": ".".join(path),
@@ -120,9 +143,9 @@ def _note(definition: StudyDefinition, name: str) -> str:
     )
 
 
-def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int, ...]]:
+def _camera_and_tail(path: Path) -> tuple[str, Path]:
     """The camera that a value belongs to, "" if none, and the rest of the path."""
-    return (str(path[1]), path[2:]) if path[0] == "cameras" else ("", path)
+    return (str(path[1]), path[2:]) if path[0] == "cameras" and len(path) > 1 else ("", path)
 
 
 def contradictions_group(definition: StudyDefinition) -> xr.Dataset:

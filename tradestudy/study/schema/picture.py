@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
@@ -89,6 +90,8 @@ class TexturePart(Part):
 class LightPart(Part):
     """The light that a pixel collects during an exposure."""
 
+    absent: ClassVar[Mapping[str, str]] = {"at_pixel_pitch": "every pixel collects this light, whatever its size"}
+
     electrons: PositiveElectrons | None = Field(
         default=None, description="Mean number of electrons that a pixel on the optical axis collects."
     )
@@ -148,6 +151,13 @@ class PicturePart(Part):
 
     They apply to every camera; keys of a camera, such as `depth.matcher`, replace some of them.
     """
+
+    absent: ClassVar[Mapping[str, str]] = {
+        "matcher": "none: errors at the Cramér–Rao bound",
+        "stop_separation": "no vignetting",
+        "linear_fill_factor": "100 %",
+        "spectrum": "scene.wavelength alone",
+    }
 
     texture: TexturePart
     matching_window: PictureWindow = Field(
