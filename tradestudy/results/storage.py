@@ -29,16 +29,25 @@ _PART = re.compile(r"\..+\.[0-9a-f]{8}\.(?P<process>\d+)@(?P<machine>.+)\.part")
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside ``path``; it replaces ``path`` only if the block succeeds."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    owner = f"{os.getpid()}@{platform.node()}"
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.{owner}.part")
+    temporary = _temporary(path)
     try:
         yield temporary
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())  # or a power failure could leave a truncated file under the final name
+        _flush(temporary)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _temporary(path: Path) -> Path:
+    """An unused path beside ``path``, in a folder that exists; its name says which process writes it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.{os.getpid()}@{platform.node()}.part")
+
+
+def _flush(path: Path) -> None:
+    """Wait until the disk has a file, or a power failure could leave a truncated one under its final name."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -54,7 +63,9 @@ def replace_file(path: Path, content: bytes) -> None:
 
 
 def remove_abandoned(directory: Path) -> None:
-    """Remove files that killed processes of this machine left half-written in a folder and its subfolders."""
+    """Finish or remove what killed processes of this machine left half-written in a folder and its subfolders."""
+    with _locked(directory):
+        _place_results(directory)
     for part in (*directory.glob(".*.part"), *directory.glob("*/.*.part")):
         owner = _PART.fullmatch(part.name)
         if owner and owner["machine"] == platform.node() and not _is_running(int(owner["process"])):
@@ -80,13 +91,67 @@ def encoded(tree: xr.DataTree) -> bytes:
 
 
 def write_finished(content: bytes, run: Mapping[str, Any], directory: Path) -> None:
-    """Write ``run.json`` with the checksum of the results, then ``results.nc``, each whole or not at all.
+    """Replace ``results.nc`` and ``run.json`` together: at every moment, one whole run can be read.
 
-    Results come last: once they exist, the run is finished and its record exists too.
+    The new results lie complete beside the old ones before ``run.json``, which names them by their checksum, is
+    replaced. From then on they are the results, even if this process dies before it gives them their final name.
     """
-    with replacing(directory / RESULTS) as results:
-        results.write_bytes(content)
-        replace_file(directory / RUN, _text_of({**run, CHECKSUM: _checksum(content)}).encode())
+    temporary = _temporary(directory / RESULTS)
+    try:
+        temporary.write_bytes(content)
+        _flush(temporary)
+        with _locked(directory):
+            try:
+                replace_file(directory / RUN, _text_of({**run, CHECKSUM: _checksum(content)}).encode())
+            finally:  # an interruption may come after the record was replaced
+                _place_results(directory)
+    finally:
+        if not _is_named(temporary):
+            temporary.unlink(missing_ok=True)
+
+
+def _place_results(directory: Path) -> None:
+    """Give the results that ``run.json`` names their final name, if they do not have it yet."""
+    for part in directory.glob(f".{RESULTS}.*.part"):
+        if _is_named(part):
+            part.replace(directory / RESULTS)
+
+
+def _is_named(part: Path) -> bool:
+    """Whether ``run.json`` names results that lie here only, without their final name."""
+    try:
+        found = _named_results(part.parent, _read_run(part.parent))
+    except ResultsError:  # no record
+        return False
+    return found is not None and found[0] == part
+
+
+def _named_results(directory: Path, record: Mapping[str, Any]) -> tuple[Path, bytes] | None:
+    """The file with the results that a record names by their checksum, and its content; None if there is none."""
+    path = directory / RESULTS
+    # Twice the final name: another process may give it to the results meanwhile.
+    for one in (path, *sorted(directory.glob(f".{RESULTS}.*.part")), path):
+        with contextlib.suppress(FileNotFoundError):
+            if _checksum(content := one.read_bytes()) == record.get(CHECKSUM):
+                return one, content
+    return None
+
+
+@contextlib.contextmanager
+def _locked(directory: Path) -> Iterator[None]:
+    """Let no other run replace results in a folder meanwhile, where the system can lock folders."""
+    if os.name != "posix" or not directory.is_dir():
+        yield
+        return
+    import fcntl
+
+    folder = os.open(directory, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # some network file systems cannot lock
+            fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(folder)
 
 
 def read_back(run: Mapping[str, Any]) -> dict[str, Any]:
@@ -104,21 +169,22 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
         If a file is missing, damaged or of another format version, or if they belong to different runs.
     """
     path = directory / RESULTS
-    if not path.is_file():
+    if not path.is_file() and not (directory / RUN).is_file():
         raise NoResultsError("no results here", value=str(path), remedy="run the study first")
+    record = _read_run(directory)
     try:
-        content = path.read_bytes()
+        named = _named_results(directory, record)
     except OSError as error:
         raise _unreadable(path, error) from error
-    record = _read_run(directory)
-    # Checked before HDF5 reads the bytes: what it does with damaged ones is undefined.
-    if record.get(CHECKSUM) != _checksum(content):
+    if named is None and not path.is_file():
+        raise NoResultsError("no results here", value=str(path), remedy="run the study first")
+    if named is None:  # checked before HDF5 reads the bytes: what it does with damaged ones is undefined
         raise ResultsError(
             "the results are damaged or belong to another run than their record: the checksum differs",
             value=str(path),
             remedy="run the study again",
         )
-    return _tree_of(content, path), record
+    return _tree_of(named[1], path), record
 
 
 def _text_of(run: Mapping[str, Any]) -> str:

@@ -1,0 +1,151 @@
+"""Results on disk: deaths, interruptions and other runs never leave a folder without a whole run."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from tradestudy.errors import NoResultsError
+from tradestudy.results import FORMAT_VERSION, storage
+
+
+def _tree(says: str) -> xr.DataTree:
+    return xr.DataTree(xr.Dataset(attrs={"format_version": FORMAT_VERSION, "study": says}))
+
+
+def _write(says: str, folder: Path) -> None:
+    storage.write_finished(storage.encoded(_tree(says)), {"study": says}, folder)
+
+
+def _read(folder: Path) -> str:
+    """Which run a folder holds; its results and its record agree."""
+    tree, record = storage.read_finished(folder)
+    assert tree.attrs["study"] == record["study"]
+    return str(record["study"])
+
+
+def _parts(folder: Path) -> list[Path]:
+    return list(folder.glob(".*.part"))
+
+
+# Writes another run over a finished one, once for every rename, and dies there, before or after it.
+_DIE = """
+import os, sys
+from pathlib import Path
+from tests.test_stored_results import _write
+
+deaths = 0
+for number in range(10):
+    for dies_after in (False, True):
+        folder = Path(sys.argv[1]) / f"{number}-{dies_after}"
+        if sys.argv[2] == "over":
+            _write("old", folder)
+        child = os.fork()
+        if child == 0:
+            renames, replace = 0, os.replace
+            def fatal(*paths, **more):
+                global renames
+                if renames == number and not dies_after:
+                    os._exit(9)
+                replace(*paths, **more)
+                if renames == number:
+                    os._exit(9)
+                renames += 1
+            os.replace = fatal
+            _write("new", folder)
+            os._exit(0)
+        if os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0:
+            sys.exit()
+"""
+
+
+@pytest.mark.parametrize("over", ["over", "empty"])
+def test_a_death_at_any_rename_leaves_one_whole_run(over: str, tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-c", _DIE, str(tmp_path), over], check=True, cwd=Path(__file__).parents[1])
+    folders = sorted(tmp_path.iterdir())
+    assert len(folders) == 5  # before and after each of two renames, and one undisturbed
+    found = []
+    for folder in folders:
+        try:
+            found.append(_read(folder))
+        except NoResultsError:
+            found.append("none")
+        storage.remove_abandoned(folder)
+        assert not _parts(folder)
+        if found[-1] != "none":
+            assert _read(folder) == found[-1]
+        _write("third", folder)
+        assert _read(folder) == "third"
+        assert not _parts(folder)
+    assert found == ["old" if over == "over" else "none", "new", "new", "new", "new"]
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("says", ["old", "new"])
+def test_an_interruption_at_any_rename_leaves_one_whole_run(
+    number: int, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _write("old", tmp_path)
+    replace, renames = os.replace, 0
+
+    def interrupted(source: Path, target: Path) -> None:
+        nonlocal renames
+        replace(source, target)
+        renames += 1
+        if renames == number + 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    if says == "old" and number == 1:  # the same results need no second rename
+        _write(says, tmp_path)
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            _write(says, tmp_path)
+    assert _read(tmp_path) == says
+    assert not _parts(tmp_path)
+
+
+def test_a_full_disk_keeps_the_old_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _write("old", tmp_path)
+    for number in range(2):
+        flushed = 0
+
+        def full(_: int, last: int = number) -> None:
+            nonlocal flushed
+            if flushed == last:
+                raise OSError(28, "No space left on device")
+            flushed += 1
+
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="No space"):
+            _write("new", tmp_path)
+        assert _read(tmp_path) == "old"
+        assert not _parts(tmp_path)
+
+
+def test_two_runs_that_end_at_once_leave_one_whole_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second run begins to replace the record when the first has just replaced it."""
+    script = "import sys; from pathlib import Path; from tests.test_stored_results import _write; "
+    script += "print('begins', flush=True); _write('second', Path(sys.argv[1]))"
+    replace_file: Callable[[Path, bytes], None] = storage.replace_file
+    others: list[subprocess.Popen[str]] = []
+
+    def with_another(path: Path, content: bytes) -> None:
+        replace_file(path, content)
+        command = [sys.executable, "-c", script, str(tmp_path)]
+        others.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[1]))
+        assert others[0].stdout is not None
+        assert others[0].stdout.readline() == "begins\n"
+
+    monkeypatch.setattr(storage, "replace_file", with_another)
+    _write("first", tmp_path)
+    with others[0] as other:
+        assert other.wait() == 0
+    assert _read(tmp_path) == "second"
+    assert not _parts(tmp_path)
