@@ -40,7 +40,10 @@ def mahli(focus_distance, stack=None):
 def test_depth_of_field_published_for_a_working_distance_of_22_5_millimetres():
     # The instrument's description: about 14.5 µm per pixel and a depth of field of about 0.9 mm; the paper: 0.82 mm.
     camera = mahli(18.3e-3 * (1 + 14.5 / 7.4))
-    assert camera.focus.lateral_resolution(camera.focus_distance) == pytest.approx(14.5e-6, rel=1e-12)
+    found = camera.focus.lateral_resolution(camera.focus_distance, 550e-9)
+    assert found.sampling == pytest.approx(14.5e-6, rel=1e-12)
+    # By hand: N_w = 9.8 (1 + 7.4/14.5) = 14.80, Airy radius 1.22 · 0.55 µm · 14.80 = 9.93 µm on pixels of 7.4 µm.
+    assert found.size == found.diffraction == pytest.approx(9.93e-6 * 14.5 / 7.4, rel=1e-3)
     assert camera.focus.sharp_range(sharp()).extent == pytest.approx(0.84e-3, abs=5e-6)
     assert camera.focus.sharp_range(sharp()).extent == pytest.approx(0.82e-3, rel=0.05)
 
@@ -110,6 +113,10 @@ def test_diffraction_on_the_object_is_the_airy_pattern_of_the_pupil_seen_from_th
     assert camera.focus.diffraction_width(0.15, 550e-9, "fwhm") == pytest.approx(expected, rel=1e-12)
     refocused = EveryObjectFocus(lens=MAHLI_LENS, sample_pitch=7.4e-6, mechanisms=1)
     assert refocused.diffraction_width(0.15, 550e-9, "fwhm") == pytest.approx(expected, rel=1e-12)
+    assert stacked().focus.diffraction_width(0.15, 550e-9, "fwhm") == pytest.approx(expected, rel=1e-12)
+    assert refocused.lateral_resolution(0.15, 550e-9).diffraction == pytest.approx(
+        1.219669891 * 550e-9 * 0.15 / MAHLI_LENS.pupil_diameter, rel=1e-9
+    )
 
 
 # ---- focus stacks ---------------------------------------------------------------------------------------------------
@@ -161,15 +168,20 @@ def test_too_few_images_leave_equal_gaps_that_are_reported():
 def test_a_stack_resolves_what_its_best_image_resolves():
     focus = stacked().focus
     distance = np.linspace(0.13, 0.17, 41)
-    singles = [mahli(float(at)).focus.lateral_resolution(distance) for at in focus.focus_distances(sharp())]
-    np.testing.assert_array_equal(focus.lateral_resolution(distance), np.min(singles, axis=0))
+    for wavelength in (1e-9, 550e-9):
+        singles = [
+            mahli(float(at)).focus.lateral_resolution(distance, wavelength).size
+            for at in focus.focus_distances(sharp())
+        ]
+        np.testing.assert_array_equal(focus.lateral_resolution(distance, wavelength).size, np.min(singles, axis=0))
 
 
 @pytest.mark.parametrize("resolution", [60e-6, 100e-6, 160e-6])
 def test_a_stack_at_a_given_resolution_covers_all_that_its_pixels_allow(resolution):
-    found = stacked(most_images=20).focus.sharp_range_at_resolution(resolution)
+    found = stacked(most_images=20).focus.sharp_range_at_resolution(resolution, 550e-9)
     pixel_limit = 18.3e-3 * (1 + resolution / 7.4e-6)  # beyond, a pixel in focus covers more
-    assert found.share_of(0.14, min(0.16, pixel_limit) * (1 - 1e-9)) == pytest.approx(1.0, abs=1e-9)
+    airy_limit = resolution * MAHLI_LENS.pupil_diameter / (1.219669891 * 550e-9)  # beyond, the Airy radius does
+    assert found.share_of(0.14, min(0.16, pixel_limit, airy_limit) * (1 - 1e-9)) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_stack_reaches_infinity_when_asked_to():
@@ -193,8 +205,10 @@ def test_lenses_that_refocus_are_sharp_everywhere_but_need_more_exposures():
     assert focus.sharp_range(sharp()).slices.near[0] == pytest.approx(18.3e-3)
     assert focus.sharp_range(sharp()).extent == math.inf
     assert focus.images(sharp(), 0.14, 0.16) == stacked().focus.images(sharp(), 0.14, 0.16)
-    far = float(focus.sharp_range_at_resolution(100e-6).slices.far[0])
-    assert focus.lateral_resolution(far) == pytest.approx(100e-6, rel=1e-12)
+    for wavelength in (100e-9, 2e-6):
+        far = float(focus.sharp_range_at_resolution(100e-6, wavelength).slices.far[0])
+        assert focus.lateral_resolution(far, wavelength).size == pytest.approx(100e-6, rel=1e-9)
+    assert focus.sharp_range_at_resolution(1e-6, 2e-6).extent == 0.0
 
 
 def test_lenses_that_refocus_are_sharp_up_to_where_their_diffraction_spot_fills_the_criterion():

@@ -65,8 +65,8 @@ def test_equal_resolution_agrees_with_a_scan():
     camera = builders.r5()
     distance = np.linspace(0.1, 0.5, 4001)
     for resolution in (125e-6, 147e-6, 300e-6):
-        found = camera.focus.sharp_range_at_resolution(resolution).union.covered
-        resolved = camera.focus.lateral_resolution(distance) <= resolution
+        found = camera.focus.sharp_range_at_resolution(resolution, 550e-9).union.covered
+        resolved = camera.focus.lateral_resolution(distance, 550e-9).size <= resolution
         inside = np.any([(distance >= near) & (distance <= far) for near, far in found], axis=0)
         assert np.count_nonzero(resolved != inside) <= 2 * len(found)  # the points next to an end
         assert resolved.any()
@@ -76,14 +76,14 @@ def test_the_gain_over_a_conventional_camera_all_but_vanishes_at_equal_resolutio
     # Published for 165 mm and 147 µm: 14.8 mm against 18.2 mm.
     camera = builders.r5()
     conventional = SingleLensFocus(lens=camera.main_lens, focus_distance=0.165, sample_pitch=5.5e-6)
-    assert conventional.sharp_range_at_resolution(147e-6).extent == pytest.approx(14.8e-3, abs=0.1e-3)
-    assert camera.focus.sharp_range_at_resolution(147e-6).extent == pytest.approx(18.2e-3, abs=0.4e-3)
+    assert conventional.sharp_range_at_resolution(147e-6, 550e-9).extent == pytest.approx(14.8e-3, abs=0.1e-3)
+    assert camera.focus.sharp_range_at_resolution(147e-6, 550e-9).extent == pytest.approx(18.2e-3, abs=0.4e-3)
     assert camera.focus.sharp_range(sharp()).extent == math.inf
 
 
 def test_outside_the_main_lens_nothing_is_resolved_and_nothing_fails():
     focus = builders.r5().focus
-    assert np.isnan(focus.lateral_resolution([0.005, 12.5e-3])).all()
+    assert np.isnan(focus.lateral_resolution([0.005, 12.5e-3], 550e-9).size).all()
     assert np.isnan(focus.diffraction_width([0.005], 550e-9, "fwhm")).all()
 
 

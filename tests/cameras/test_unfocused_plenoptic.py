@@ -236,7 +236,11 @@ def test_refocusing_reaches_as_far_as_each_view_is_sharp():
         edges = [crossing_on_array(near, s * found.view_pupil_diameter / 2, F_M, found.mla_distance) for s in (1, -1)]
     assert float(abs(edges[0] - edges[1])) == pytest.approx(0.5 * PITCH, rel=1e-9)
     assert found.blur_px(near) == pytest.approx(0.5, rel=1e-9)
-    assert found.focus.lateral_resolution(A0) == pytest.approx(PITCH * A0 / found.mla_distance, rel=1e-12)
+    in_focus = found.focus.lateral_resolution(A0, 550e-9)
+    assert in_focus.sampling == pytest.approx(PITCH * A0 / found.mla_distance, rel=1e-12)
+    # A pixel p sees p z/f_L of the pupil, whose Airy radius on the object is 1.22 λ a/(p z/f_L).
+    view = found.sensor.pixel_pitch * found.mla_distance / found.microlenses.focal_lengths[0]
+    assert in_focus.diffraction == pytest.approx(1.219669891 * 550e-9 * A0 / view, rel=1e-9)
 
 
 def test_limits_of_the_usable_range():

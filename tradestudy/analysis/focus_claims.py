@@ -29,7 +29,7 @@ def depth_of_field_ratio(claim: DepthOfFieldRatioClaim, case: Case) -> float:
 def _extent(claim: DepthOfFieldRatioClaim, case: Case, name: str) -> float:
     focus = case.all_cameras[name].focus
     if claim.resolution is not None:
-        found = focus.sharp_range_at_resolution(claim.resolution)
+        found = focus.sharp_range_at_resolution(claim.resolution, case.wavelength)
     else:
         assert claim.blur is not None
         found = focus.sharp_range(

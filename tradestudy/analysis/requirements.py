@@ -39,6 +39,8 @@ _POINTS: Final = 101  # over the distances of a requirement, and again around th
 _COARSE: Final = 9
 _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
 _ABSENT: Final = "the camera has no overlap"
+_RESOLUTION: Final = "lateral_resolution"
+_Key = tuple[RequirementPart, DepthCamera, UsableCriteria, float]  # the last is the wavelength [m]
 
 
 def check_requirement(
@@ -46,7 +48,8 @@ def check_requirement(
 ) -> RequirementAnswer:
     """Check a requirement against one camera, which must measure depth if the requirement asks for depth.
 
-    Its usable intervals over the distances of the study are computed unless they are ``known``.
+    The usable intervals of a camera that measures depth are computed over the distances of the study unless they are
+    ``known``. Other cameras have no limits.
     """
     match requirement.required:
         case CriterionPart() as criterion:
@@ -63,12 +66,11 @@ def check_requirement(
 def _check_measured(
     requirement: RequirementPart, required: MeasuredPart, case: Case, name: str, intervals: Sequence[Interval]
 ) -> RequirementAnswer:
-    camera = case.cameras[name]
     above = isinstance(required, ShareAbovePart)
     bound, dimension = _bound(required)
 
     def measured(points: FloatArray) -> FloatArray:
-        return _MEASURED[requirement.quantity](camera, points) / _scale(required, points)
+        return _values(requirement, case, name, points) / _scale(required, points)
 
     def broken_by(points: FloatArray) -> FloatArray:
         """Severity of the values; unknown ones are the worst."""
@@ -80,7 +82,7 @@ def _check_measured(
     place = _worst_place(broken_by, required.over)
     at = np.array([place])
     value = float(measured(at)[0])
-    error = float((_ERRORS[requirement.quantity](camera, at) / _scale(required, at))[0])
+    error = float((_errors(requirement, case, name, at) / _scale(required, at))[0])
     unusable, gap = _unusable(intervals, required.over)
     small, large = (bound, value) if above else (value, bound)
     margin = (large / small if small > 0.0 else math.inf) - 1.0
@@ -89,6 +91,8 @@ def _check_measured(
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
     worst = "no value" if math.isnan(value) else f"worst {_distinguished(bound, value, dimension)}"
     reason, limit = f"{worst} at {pretty(place, LENGTH)}", ""
+    if requirement.quantity == _RESOLUTION and math.isfinite(value):
+        reason += f", by {_coarsest_part(case, name, place)}"
     if unusable > 0.0:
         broken = _limit_of(intervals, gap, case, name)
         reason = f"{_not_usable(gap, broken)}; {reason}"
@@ -134,23 +138,23 @@ class Judge:
 
     def __init__(self, usable: Mapping[tuple[DepthCamera, UsableCriteria], Sequence[Interval]] | None = None) -> None:
         self._usable = usable or {}
-        self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], RequirementAnswer] = {}
+        self._known: dict[_Key, RequirementAnswer] = {}
 
     def check(self, asked: Iterable[tuple[RequirementPart, Case]], steps: Steps) -> None:
         """Check the requirements of several designs in one step, before their answers are needed."""
-        points: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], _Alone] = {}
+        points: dict[_Key, _Alone] = {}
         for requirement, case in asked:
-            for name in _names(requirement, case) if requirement.asks_for_depth else ():
-                key = (requirement, case.cameras[name], case.criteria)
-                if key not in self._known and key not in points:
+            for name in _names(requirement, case):
+                key = _key(requirement, case, name)
+                if key is not None and key not in self._known and key not in points:
                     alone = Case(
                         cameras={name: key[1]},
-                        all_cameras={},
+                        all_cameras={name: key[1]},
                         criteria=case.criteria,
                         distance=case.distance,
                         wavelength=case.wavelength,
                     )
-                    points[key] = _Alone(requirement=requirement, case=alone, known=self._usable.get(key[1:]))
+                    points[key] = _Alone(requirement=requirement, case=alone, known=self._usable.get(key[1:3]))
         labels = [f"{one.requirement.says}, {next(iter(one.case.cameras))}" for one in points.values()]
         answer = steps.map("requirements", _check_alone, list(points.values()), labels)
         self._known.update(zip(points, answer, strict=True))
@@ -177,18 +181,18 @@ class Judge:
         return deciding(known, key=lambda one: _closeness(one, above=above)), found
 
     def _answer_of(self, requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
-        if not requirement.asks_for_depth:  # closed forms that depend on more than the camera
+        key = _key(requirement, case, name)
+        if key is None:  # closed forms that depend on more than the camera
             return check_requirement(requirement, case, name)
-        key = (requirement, case.cameras[name], case.criteria)
         if key not in self._known:
-            self._known[key] = check_requirement(requirement, case, name, self._usable.get(key[1:]))
+            self._known[key] = check_requirement(requirement, case, name, self._usable.get(key[1:3]))
         return replace(self._known[key], camera=name)
 
 
 def is_kept(requirement: RequirementPart, case: Case) -> bool:
     """Whether a requirement is met on a coarse grid of distances, without its guard band; fast enough for draws."""
     names, together = _names(requirement, case), all if requirement.camera == ALL else any
-    if not requirement.asks_for_depth:
+    if not requirement.needs_usable_range:
         return together(check_requirement(requirement, case, name).met is True for name in names)
     points = np.geomspace(requirement.over[0], requirement.over[1], _COARSE)
     return together(_is_kept_by(requirement, case, name, points) for name in names)
@@ -201,15 +205,22 @@ def _names(requirement: RequirementPart, case: Case) -> list[str]:
     return list(case.cameras if requirement.asks_for_depth else case.all_cameras)
 
 
+def _key(requirement: RequirementPart, case: Case, name: str) -> _Key | None:
+    """What an answer depends on; None if it is cheap and depends on more."""
+    if not requirement.needs_usable_range or name not in case.cameras:
+        return None
+    return requirement, case.cameras[name], case.criteria, case.wavelength
+
+
 def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> bool:
     required = requirement.required
     if isinstance(required, MeasuredPart):
         bound, _ = _bound(required)
-        values = _MEASURED[requirement.quantity](case.cameras[name], points) / _scale(required, points)
+        values = _values(requirement, case, name, points) / _scale(required, points)
         kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
         if not kept.all():
             return False
-    return bool(is_usable(case, name, points).all())
+    return name not in case.cameras or bool(is_usable(case, name, points).all())
 
 
 def _distinguished(bound: float, value: float, dimension: Dimension) -> str:
@@ -260,6 +271,8 @@ def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, 
 
 def _intervals(case: Case, name: str, over: tuple[float, ...], known: Sequence[Interval] | None) -> Sequence[Interval]:
     """Usable intervals of a camera over the distances of the study, extended to those of the requirement if needed."""
+    if name not in case.cameras:
+        return [Interval(near=over[0], far=over[1], near_limit=END_OF_STUDY, far_limit=END_OF_STUDY)]
     inside = case.distance[0] * _LESS <= over[0] and over[1] <= case.distance[-1] * _MORE
     if known is not None and inside:
         return known
@@ -352,28 +365,37 @@ def _overlap(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     return limits["overlap"].value if "overlap" in limits else np.full(distance.shape, np.nan)
 
 
-def _lateral_resolution(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    return np.asarray(camera.focus.lateral_resolution(distance))
+def _coarsest_part(case: Case, name: str, place: float) -> str:
+    """Which part of the lateral resolution is the largest at a distance [m]."""
+    found = case.all_cameras[name].focus.lateral_resolution(place, case.wavelength)
+    return max(("sampling", "blur", "diffraction"), key=lambda part: float(getattr(found, part)))
+
+
+def _values(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> FloatArray:
+    """The required quantity at each distance [m], in SI."""
+    if requirement.quantity == _RESOLUTION:
+        return case.all_cameras[name].focus.lateral_resolution(points, case.wavelength).size
+    return _MEASURED[requirement.quantity](case.cameras[name], points)
+
+
+def _errors(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> FloatArray:
+    """The numerical error of the required quantity; closed forms are exact."""
+    if requirement.quantity not in _ERRORS:
+        return np.zeros(points.shape)
+    return _ERRORS[requirement.quantity](case.cameras[name], points)
 
 
 def _failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     return DepthErrors.of(camera, distance).failed_fraction
 
 
-def _no_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:  # noqa: ARG001 - closed forms are exact
-    return np.zeros(distance.shape)
-
-
 _Measured = Callable[[DepthCamera, FloatArray], FloatArray]
 _MEASURED: Final[Mapping[str, _Measured]] = {
     "depth_uncertainty": depth_uncertainty,
     "overlap": _overlap,
-    "lateral_resolution": _lateral_resolution,
     "failed_fraction": _failed_fraction,
 }
 _ERRORS: Final[Mapping[str, _Measured]] = {
     "depth_uncertainty": depth_uncertainty_error,
-    "overlap": _no_error,
-    "lateral_resolution": _no_error,
     "failed_fraction": lambda camera, at: evaluate_depth(camera, at).failed_fraction_error[-1],
 }

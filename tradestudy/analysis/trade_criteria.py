@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import AttributesPart
 from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus
@@ -142,10 +140,9 @@ def _data_volume(camera: Camera, part: AttributesPart, relief: Relief) -> Attrib
 
 def _depth_map_samples(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     """Number of independent lateral samples in one all-in-focus image at the middle of the scene."""
-    width = np.array([relief.middle])
     lens = camera.gathering_lens
     b = float(image_distance(relief.middle, lens.focal_length))
-    resolved = float(camera.focus.lateral_resolution(width)[0])
+    resolved = float(camera.focus.lateral_resolution(relief.middle, relief.sharp.wavelength).size)
     field = camera.sensor.width * camera.sensor.height * (relief.middle / b) ** 2
     count = field / resolved**2
     size, unit = next(pair for pair in ((1e6, " M"), (1e3, " k"), (1.0, "")) if count >= pair[0] or pair[0] == 1.0)

@@ -53,8 +53,10 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="lateral-resolution",
-        caption="Size of the detail that each camera resolves: the larger of the sampling interval and the geometric "
-        "blur, both on the object. Full colour: where " + _criterion_words(tree) + "; pale: elsewhere.",
+        caption="Size of the detail that each camera resolves: the largest of the sampling interval, the geometric "
+        "blur and the radius of the Airy disc, all on the object. Full colour: where "
+        + _criterion_words(tree)
+        + "; pale: elsewhere.",
         alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
         draw=partial(draw_lateral_resolution, tree),
     )

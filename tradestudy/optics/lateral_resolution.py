@@ -1,19 +1,59 @@
 """Lateral resolution of a camera on the object over distance, and the range in which it resolves a given size.
 
-One rule for every camera: a detail is resolved when neither the lateral sample nor the geometric blur, both projected
-to the object, is larger. The resolution is therefore the larger of the two, and the depth of field *at equal
-resolution* is the range in which it does not exceed a given size. `depth_of_field.diffraction_allowance` judges
-diffraction.
+One rule for every camera: a detail is resolved when neither the lateral sample, nor the geometric blur, nor the radius
+of the Airy disc, all projected to the object, is larger. The radius of the Airy disc, 1.22 λ N_w/m, is Rayleigh's
+criterion: two points are told apart when one lies on the first dark ring of the other. The resolution is therefore the
+largest of the three, and the depth of field *at equal resolution* is the range in which it does not exceed a given
+size.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field.single_lens import DepthOfField, as_floats, require
+from tradestudy.optics.depth_of_field.single_lens import DepthOfField, as_floats, diffraction_diameter, require
 from tradestudy.optics.thin_lens import focus_shift, image_distance
+
+
+@dataclass(frozen=True, kw_only=True)
+class LateralResolution:
+    """The three lengths on the object that limit the lateral resolution [m], each of the same shape."""
+
+    sampling: FloatArray
+    """The lateral sample: a pixel, or a microlens of an unfocused plenoptic camera."""
+    blur: FloatArray
+    """The diameter of the geometric blur."""
+    diffraction: FloatArray
+    """The radius of the Airy disc."""
+
+    @property
+    def size(self) -> FloatArray:
+        """The smallest detail that is resolved: the largest of the three [m]."""
+        return np.asarray(np.maximum(np.maximum(self.sampling, self.blur), self.diffraction))
+
+
+def airy_radius(distance: ArrayLike, pupil_diameter: ArrayLike, wavelength: ArrayLike) -> FloatArray:
+    """Radius of the Airy disc of a pupil on the object [m]: 1.22 λ a/A, Rayleigh's criterion; broadcast.
+
+    Parameters
+    ----------
+    distance, pupil_diameter
+        a > 0 and A > 0 [m].
+    wavelength
+        λ > 0 [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        For values that are not positive.
+    """
+    a, A = as_floats(distance, pupil_diameter)
+    _require_lengths(distance=a, pupil_diameter=A)
+    return np.asarray(diffraction_diameter(wavelength, a / A, "airy-diameter") / 2.0)
 
 
 def lateral_resolution(
@@ -23,8 +63,9 @@ def lateral_resolution(
     focal_length: ArrayLike,
     pupil_diameter: ArrayLike,
     sample_pitch: ArrayLike,
-) -> FloatArray:
-    """Lateral resolution on the object for samples in the image plane of a lens: max(p a/b₀, A |a − a₀|/a₀).
+    wavelength: ArrayLike,
+) -> LateralResolution:
+    """Lateral resolution on the object for samples in the image plane of a lens: p a/b₀, A |a − a₀|/a₀, 1.22 λ a/A.
 
     Parameters
     ----------
@@ -36,11 +77,13 @@ def lateral_resolution(
         A [m] of the lens; for an unfocused plenoptic camera, of one view (`view_pupil_diameter`).
     sample_pitch
         p [m]: the pixel pitch; for an unfocused plenoptic camera the microlens pitch.
+    wavelength
+        λ > 0 [m].
 
     Returns
     -------
-    Size on the object [m], broadcast. For a₀ = ∞ the blur is A at every distance: the width of the beam that comes from
-    infinity.
+    Sample, blur and Airy radius on the object [m], broadcast. For a₀ = ∞ the blur is A at every distance: the width of
+    the beam that comes from infinity.
 
     Raises
     ------
@@ -50,7 +93,11 @@ def lateral_resolution(
     a, a0, f, A, p = as_floats(distance, focus_distance, focal_length, pupil_diameter, sample_pitch)
     _require_lengths(distance=a, focal_length=f, pupil_diameter=A, sample_pitch=p)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
-    return np.asarray(np.maximum(p * (a / image_distance(a0, f)), A * np.abs(a * (1 / a0) - 1)))
+    return _broadcast(
+        sampling=p * (a / image_distance(a0, f)),
+        blur=A * np.abs(a * (1 / a0) - 1),
+        diffraction=airy_radius(a, A, wavelength),
+    )
 
 
 def depth_of_field_at_resolution(
@@ -60,20 +107,21 @@ def depth_of_field_at_resolution(
     focal_length: ArrayLike,
     pupil_diameter: ArrayLike,
     sample_pitch: ArrayLike,
+    wavelength: ArrayLike,
 ) -> DepthOfField:
-    """Where `lateral_resolution` is at most r: from a₀ (1 − r/A) to the smaller of a₀ (1 + r/A) and r b₀/p.
+    """Where `lateral_resolution` is at most r: a₀ (1 − r/A) to the smallest of a₀ (1 + r/A), r b₀/p and r A/(1.22 λ).
 
     Parameters
     ----------
     resolution
         r > 0, size on the object [m].
-    focus_distance, focal_length, pupil_diameter, sample_pitch
+    focus_distance, focal_length, pupil_diameter, sample_pitch, wavelength
         As in `lateral_resolution` [m].
 
     Returns
     -------
-    The limits [m], broadcast; the near one is at the lens (0) for r ≥ A. There are none where the samples are too
-    coarse even at the near limit, or for a focus at infinity with r < A; the reason says so.
+    The limits [m], broadcast; the near one is at the lens (0) for r ≥ A. There are none where the samples or the Airy
+    disc are too coarse even at the near limit, or for a focus at infinity with r < A; the reason says so.
 
     Raises
     ------
@@ -86,9 +134,10 @@ def depth_of_field_at_resolution(
     reachable = np.isfinite(a0) | (r >= A)
     nearest = np.maximum(1 - r / A, 0.0)
     near = np.where(nearest > 0, np.where(np.isfinite(a0), a0, 0.0) * nearest, 0.0)
-    far = np.minimum(a0 * (1 + r / A), r * (image_distance(a0, f) / p))
+    coarser = np.maximum(p / image_distance(a0, f), airy_radius(1.0, A, wavelength))  # per distance
+    far = np.minimum(a0 * (1 + r / A), r / coarser)
     empty = ~reachable | (far < near)
-    reason = "no distance meets the required resolution in both samples and blur" if np.any(empty) else ""
+    reason = "no distance meets the required resolution in samples, blur and diffraction" if np.any(empty) else ""
     return DepthOfField(near=np.where(empty, np.nan, near), far=np.where(empty, np.nan, far), reason=reason)
 
 
@@ -101,8 +150,10 @@ def focused_plenoptic_lateral_resolution(
     inverse_focus_virtual_depth: ArrayLike,
     microlens_aperture: ArrayLike,
     pixel_pitch: ArrayLike,
-) -> FloatArray:
-    """Lateral resolution on the object for one type of microlens: max(p |v|, D |1 − v/v₀|) f/s.
+    pupil_diameter: ArrayLike,
+    wavelength: ArrayLike,
+) -> LateralResolution:
+    """Lateral resolution on the object for one type of microlens: sample, blur and Airy radius.
 
     Parameters
     ----------
@@ -111,21 +162,28 @@ def focused_plenoptic_lateral_resolution(
     mla_distance, microlens_gap, focal_length
         z, b_L and f of the main lens [m].
     inverse_focus_virtual_depth
-        1/v₀ of the type [1], signed. For several types, take the minimum of the result along their axis.
+        1/v₀ of the type [1], signed. For several types, take the smallest `size`.
     microlens_aperture, pixel_pitch
         D and p [m].
+    pupil_diameter
+        A of the main lens [m].
+    wavelength
+        λ > 0 [m].
 
     Returns
     -------
-    Size on the object [m], broadcast. A micro-image is |v| times smaller than the main lens's image; the blur D |1/v −
-    1/v₀| is projected back with it. For an image on the array itself, a microlens resolves only its own aperture, D.
+    Sample p |v|, blur D |1 − v/v₀| and Airy radius 1.22 λ b_L |v|/D, each times (a − f)/f [m], broadcast. A micro-image
+    is |v| times smaller than the main lens's image; the blur D |1/v − 1/v₀| is projected back with it. For an image on
+    the array itself, a microlens resolves only its own aperture, D. The Airy disc is that of the part of the main
+    lens's pupil through which a microlens sees the object, D b/|a_L| wide. Where that part would be wider than the
+    pupil A, the pupil diffracts instead: 1.22 λ a/A.
 
     Raises
     ------
     OutOfRangeError
         For a distance within the focal length, and for lengths that are not positive.
     """
-    a, z, b_L, f, w0, D, p = as_floats(
+    a, z, b_L, f, w0, D, p, A = as_floats(
         distance,
         mla_distance,
         microlens_gap,
@@ -133,11 +191,17 @@ def focused_plenoptic_lateral_resolution(
         inverse_focus_virtual_depth,
         microlens_aperture,
         pixel_pitch,
+        pupil_diameter,
     )
     _require_lengths(mla_distance=z, microlens_gap=b_L, focal_length=f, microlens_aperture=D, pixel_pitch=p)
     require(a > f, "object distance", a, limit="beyond the focal length", remedy="leave out nearer objects")
-    v = ((z - f) - focus_shift(a, f)) / b_L
-    return np.asarray(np.maximum(p * np.abs(v), D * np.abs(1 - v * w0)) * ((a - f) / f))
+    v, enlarged = ((z - f) - focus_shift(a, f)) / b_L, (a - f) / f
+    through_microlens = diffraction_diameter(wavelength, b_L / D, "airy-diameter") / 2.0
+    return _broadcast(
+        sampling=p * np.abs(v) * enlarged,
+        blur=D * np.abs(1 - v * w0) * enlarged,
+        diffraction=np.maximum(through_microlens * np.abs(v) * enlarged, airy_radius(a, A, wavelength)),
+    )
 
 
 def focused_plenoptic_depth_of_field_at_resolution(
@@ -149,12 +213,14 @@ def focused_plenoptic_depth_of_field_at_resolution(
     inverse_focus_virtual_depth: ArrayLike,
     microlens_aperture: ArrayLike,
     pixel_pitch: ArrayLike,
+    pupil_diameter: ArrayLike,
+    wavelength: ArrayLike,
     keplerian: bool,
 ) -> DepthOfField:
     """Where `focused_plenoptic_lateral_resolution` is at most r, on one side of the array.
 
-    Both conditions are linear in the focus shift s: p f |z − f − s| ≤ r b_L s and D f |1 − (z − f − s)/(b_L
-    v₀)| ≤ r s.
+    All conditions are linear in the focus shift s: q f |z − f − s| ≤ r b_L s with q the larger of pixel pitch and Airy
+    radius 1.22 λ b_L/D, D f |1 − (z − f − s)/(b_L v₀)| ≤ r s, and 1.22 λ (f + f²/s)/A ≤ r.
 
     Parameters
     ----------
@@ -162,12 +228,14 @@ def focused_plenoptic_depth_of_field_at_resolution(
         r > 0, size on the object [m].
     mla_distance, microlens_gap, focal_length, inverse_focus_virtual_depth, microlens_aperture, pixel_pitch
         As in `focused_plenoptic_lateral_resolution`.
+    pupil_diameter, wavelength
+        As in `focused_plenoptic_lateral_resolution`.
     keplerian
         Whether the main lens's image is used in front of the array.
 
     Returns
     -------
-    The limits [m], broadcast. There are none where the two conditions have no common range on that side; the reason
+    The limits [m], broadcast. There are none where the conditions have no common range on that side; the reason
     says so.
 
     Raises
@@ -175,7 +243,7 @@ def focused_plenoptic_depth_of_field_at_resolution(
     OutOfRangeError
         For lengths that are not positive.
     """
-    r, z, b_L, f, w0, D, p = as_floats(
+    r, z, b_L, f, w0, D, p, A = as_floats(
         resolution,
         mla_distance,
         microlens_gap,
@@ -183,17 +251,20 @@ def focused_plenoptic_depth_of_field_at_resolution(
         inverse_focus_virtual_depth,
         microlens_aperture,
         pixel_pitch,
+        pupil_diameter,
     )
     _require_lengths(
         resolution=r, mla_distance=z, microlens_gap=b_L, focal_length=f, microlens_aperture=D, pixel_pitch=p
     )
     array_shift, side = z - f, 1.0 if keplerian else -1.0
     slope, offset, allowed = w0, array_shift * w0 - b_L, r * b_L / f
+    coarser = np.maximum(p, diffraction_diameter(wavelength, b_L / D, "airy-diameter") / 2.0)
     low, high = _solve(
-        (1 + allowed / p, array_shift),  # the sample, where the image lies in front of the array
-        (allowed / p - 1, -array_shift),  # and behind it
+        (1 + allowed / coarser, array_shift),  # sample and microlens, where the image lies in front of the array
+        (allowed / coarser - 1, -array_shift),  # and behind it
         (allowed / D + slope, offset),  # the blur
         (allowed / D - slope, -offset),
+        (r / airy_radius(1.0, A, wavelength) - f, f * f),  # the pupil of the main lens
         (-side, -side * array_shift),
     )
     empty = (low > high) | ~(high > 0)
@@ -201,7 +272,7 @@ def focused_plenoptic_depth_of_field_at_resolution(
         near = f + f * (f / np.where(empty, np.nan, high))
         far = f + f * (f / np.where(empty, np.nan, np.maximum(low, 0.0)))
     reason = (
-        "no distance on this side of the array meets the required resolution in both samples and blur"
+        "no distance on this side of the array meets the required resolution in samples, blur and diffraction"
         if np.any(empty)
         else ""
     )
@@ -217,6 +288,11 @@ def _solve(*conditions: tuple[ArrayLike, ArrayLike]) -> tuple[FloatArray, FloatA
         low = np.maximum(low, np.where(c >= 0, bound, -np.inf))
         high = np.minimum(high, np.where(c < 0, bound, np.inf))
     return low, high
+
+
+def _broadcast(*, sampling: FloatArray, blur: FloatArray, diffraction: FloatArray) -> LateralResolution:
+    sampling, blur, diffraction = np.broadcast_arrays(sampling, blur, diffraction)
+    return LateralResolution(sampling=sampling, blur=blur, diffraction=diffraction)
 
 
 def _require_lengths(**lengths: FloatArray) -> None:

@@ -92,12 +92,28 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "lateral_resolution": _length(
         ("camera", "distance"),
-        "size of the smallest detail on the object that the camera resolves, diffraction disregarded; if the camera "
-        "takes a focus stack, its images are assumed to be spaced for a blur of 1 px; NaN where the camera forms no "
-        "image",
+        "size of the smallest detail on the object that the camera resolves: the largest of resolution_of_sampling, "
+        "resolution_of_blur and resolution_of_diffraction; if the camera takes a focus stack, its images are assumed "
+        "to be spaced for a blur of 1 px; NaN where the camera forms no image",
         "r",
-        "the larger of the pixel pitch (or microlens pitch) and the geometric blur, both projected to the object; see "
-        "tradestudy.optics.lateral_resolution",
+        "Rayleigh's criterion, unless sample or blur is larger; see tradestudy.optics.lateral_resolution",
+    ),
+    "resolution_of_sampling": _length(
+        ("camera", "distance"),
+        "pixel pitch (or microlens pitch) projected to the object; NaN where the camera forms no image",
+        "p/m",
+    ),
+    "resolution_of_blur": _length(
+        ("camera", "distance"),
+        "geometric blur of defocus projected to the object; NaN where the camera forms no image",
+        "A |a − a₀|/a₀",
+    ),
+    "resolution_of_diffraction": _length(
+        ("camera", "distance"),
+        "radius of the Airy disc projected to the object, whether or not a blur criterion includes diffraction; NaN "
+        "where the camera forms no image",
+        "1.22 λ N_w/m",
+        "Rayleigh's criterion; N_w and m as for diffraction_width",
     ),
     "diffraction_width": _length(
         ("camera", "distance"),
@@ -126,9 +142,9 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
     ),
     "resolved_near": _length(
         ("camera", "resolved"),
-        "near end of a range in which the camera resolves a detail of size depth_of_field.equal_resolution, "
-        "diffraction neglected; if the camera takes a focus stack, its images are assumed to be spaced for this "
-        "resolution; NaN for indices after the last range",
+        "near end of a range in which the camera resolves a detail of size depth_of_field.equal_resolution; "
+        "if the camera takes a focus stack, its images are assumed to be spaced for this resolution; NaN for indices "
+        "after the last range",
         reference="",
     ),
     "resolved_far": _length(

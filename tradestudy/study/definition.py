@@ -223,7 +223,7 @@ class StudyDefinition:
             distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
         )
         asked = {float(one) for one in some} | set(() if file.decision is None else file.decision.at)
-        asked |= {end for one in file.requirements.values() if one.asks_for_depth for end in one.over}
+        asked |= {end for one in file.requirements.values() if one.needs_usable_range for end in one.over}
         return replace(
             file.propagation.propagation(file.accuracy.asked().tolerances["depth_uncertainty"]),
             judged=tuple(sorted(asked)),

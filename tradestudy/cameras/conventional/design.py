@@ -167,7 +167,8 @@ class ConventionalCamera(Camera):
             ),
         ]
         if math.isfinite(self.focus_distance):
-            scale = float(single.lateral_resolution(self.focus_distance))
+            in_focus = image_distance(self.focus_distance, self.lens.focal_length)
+            scale = self.sensor.pixel_pitch * self.focus_distance / float(in_focus)
             rows.insert(3, ("image scale in focus, per pixel", pretty(scale, LENGTH, 4)))
         if self.front_to_principal_plane is not None:
             working = self.focus_distance - self.front_to_principal_plane

@@ -14,7 +14,8 @@ from tradestudy.cameras.focus.single_lens import SingleLensFocus, require_focus
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field import DiffractionMeasure, images_needed, plan_focus_stack
+from tradestudy.optics.depth_of_field import DiffractionMeasure, diffraction_diameter, images_needed, plan_focus_stack
+from tradestudy.optics.lateral_resolution import LateralResolution, airy_radius
 from tradestudy.optics.thin_lens import image_distance
 
 
@@ -95,14 +96,18 @@ class ImageStackFocus:
         names = tuple(image.name for image in images)
         return sharp_range(names, ranges, self._planning_blur(criterion)[1])
 
-    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+    def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
         """The slices of a stack planned for a resolution on the object instead of a blur on the sensor.
 
         An image focused at a₀ resolves r from ``a₀ (1 − r/A)`` to ``a₀ (1 + r/A)``, a constant ratio, so that
         adjoining slices form a geometric progression.
         """
-        # Beyond this distance, a pixel covers more than the resolution at any focus.
-        far = min(self.far, self.lens.focal_length * (1.0 + resolution / self.sample_pitch))
+        # Beyond this distance, a pixel or the Airy radius covers more than the resolution at any focus.
+        far = min(
+            self.far,
+            self.lens.focal_length * (1.0 + resolution / self.sample_pitch),
+            resolution / float(airy_radius(1.0, self.lens.pupil_diameter, wavelength)),
+        )
         share = resolution / self.lens.pupil_diameter
         if share >= 1.0 or far <= self.near:  # one focus resolves everything closer, or nothing is resolved
             focus = np.array([max(far, self.near)])
@@ -114,7 +119,7 @@ class ImageStackFocus:
             focus = middles / math.sqrt(1.0 - share**2)
         images = self._stack(focus)
         names = tuple(image.name for image in images)
-        return sharp_range(names, [image.sharp_range_at_resolution(resolution).slices for image in images])
+        return sharp_range(names, [image.sharp_range_at_resolution(resolution, wavelength).slices for image in images])
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - the stack has its own range
         """Number of images of the stack for its own range."""
@@ -130,12 +135,19 @@ class ImageStackFocus:
         """The stack planned for a geometric blur of one pixel, by which resolution is judged."""
         return self._images(BlurCriterion(blur_px=1.0, measure="none", wavelength=1e-6))  # λ does not enter
 
-    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
-        """Resolution of the best image of the stack planned for one pixel of blur [m]."""
-        return np.asarray(np.min([image.lateral_resolution(distance) for image in self._sharpest], axis=0))
+    def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
+        """Resolution of the best image at each distance, of the stack planned for one pixel of blur [m]."""
+        images = [image.lateral_resolution(distance, wavelength) for image in self._sharpest]
+        # Images whose diffraction is the same differ in sample and blur, so the best has the smaller of those.
+        best = np.argmin([np.maximum(one.sampling, one.blur) for one in images], axis=0)[np.newaxis]
+        return LateralResolution(
+            **{
+                part: np.take_along_axis(np.stack([getattr(one, part) for one in images]), best, axis=0)[0]
+                for part in ("sampling", "blur", "diffraction")
+            }
+        )
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Diffraction width of the image that resolves best at each distance [m]."""
-        best = np.argmin([image.lateral_resolution(distance) for image in self._sharpest], axis=0)
-        widths = np.stack([image.diffraction_width(distance, wavelength, measure) for image in self._sharpest])
-        return np.asarray(np.take_along_axis(widths, best[np.newaxis], axis=0)[0])
+        """Width of the diffraction spot on the object, ``∝ λ a/A`` [m], the same in every image."""
+        spot = diffraction_diameter(wavelength, 1.0 / self.lens.pupil_diameter, measure)
+        return np.asarray(spot * np.asarray(distance, dtype=np.float64))

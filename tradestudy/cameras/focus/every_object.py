@@ -12,6 +12,7 @@ from tradestudy.cameras.focus.focus import BlurCriterion, SharpRange, sharp_rang
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DepthOfField, DiffractionMeasure, diffraction_diameter, images_needed
+from tradestudy.optics.lateral_resolution import LateralResolution, airy_radius
 from tradestudy.optics.thin_lens import image_distance
 
 
@@ -52,10 +53,14 @@ class EveryObjectFocus:
         near = f + f * spot / (widest - spot) if widest > spot else math.inf
         return sharp_range(("refocused",), [DepthOfField(near=np.asarray(near), far=np.asarray(math.inf))])
 
-    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
-        """From the focal length to the distance at which a pixel covers the resolution: ``p (a − f)/f = r``."""
+    def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
+        """From the focal length to the nearer of ``p (a − f)/f = r`` and ``1.22 λ a/A = r``."""
         f = self.lens.focal_length
-        far = f + f * (resolution / self.sample_pitch)
+        diffraction = resolution / float(airy_radius(1.0, self.lens.pupil_diameter, wavelength))
+        far = min(f + f * (resolution / self.sample_pitch), diffraction)
+        if far < f:
+            nothing = DepthOfField(near=np.asarray(np.nan), far=np.asarray(np.nan))
+            return sharp_range(("refocused",), [nothing], "diffraction is coarser at every distance")
         return sharp_range(("refocused",), [DepthOfField(near=np.asarray(f), far=np.asarray(far))])
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:
@@ -69,13 +74,15 @@ class EveryObjectFocus:
             return 0
         return images_needed(near, far, focal_length=f, pupil_diameter=self.lens.pupil_diameter, blur_diameter=blur)
 
-    def _magnified(self, distance: ArrayLike, on_sensor: ArrayLike) -> FloatArray:
+    def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
+        """``p (a − f)/f``, size of a pixel on an object in focus, no blur, and ``1.22 λ a/A`` [m]."""
         a, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
-        return np.asarray(np.where(a > f, np.asarray(on_sensor) * ((a - f) / f), np.nan))
-
-    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
-        """``p (a − f)/f``: size of a pixel on an object in focus [m]."""
-        return self._magnified(distance, self.sample_pitch)
+        real = np.where(a > f, 1.0, np.nan)
+        return LateralResolution(
+            sampling=np.asarray(real * self.sample_pitch * ((a - f) / f)),
+            blur=np.asarray(0.0 * real),
+            diffraction=np.asarray(real * airy_radius(a, self.lens.pupil_diameter, wavelength)),
+        )
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
         """Width ``∝ λ a/A`` [m] of the diffraction spot on an object in focus; on the sensor it is ``∝ λ b/A``."""

@@ -20,6 +20,7 @@ from tradestudy.optics.depth_of_field import (
     diffraction_diameter,
     union,
 )
+from tradestudy.optics.lateral_resolution import LateralResolution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,16 +112,16 @@ class Focus(Protocol):
         """The sharp range for a blur criterion."""
         ...
 
-    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
-        """The range in which details of a given size on the object [m] are resolved, by geometric optics."""
+    def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
+        """The range in which `lateral_resolution` is at most a given size on the object [m]."""
         ...
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:
         """Number of exposures for a scene from near to far [m]; 0 if no number suffices."""
         ...
 
-    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
-        """The larger of sample and geometric blur on the object [m]; NaN where there is no real image."""
+    def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
+        """Sample, geometric blur and Airy radius on the object [m]; NaN where there is no real image."""
         ...
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:

@@ -12,7 +12,7 @@ from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure, depth_of_field, diffraction_diameter
-from tradestudy.optics.lateral_resolution import depth_of_field_at_resolution, lateral_resolution
+from tradestudy.optics.lateral_resolution import LateralResolution, depth_of_field_at_resolution, lateral_resolution
 from tradestudy.optics.thin_lens import image_distance
 
 
@@ -72,14 +72,18 @@ class SingleLensFocus:
         )
         return sharp_range((self.name,), [limits], allowance.reason)
 
-    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
-        """``a₀ (1 − r/A)`` to the nearer of ``a₀ (1 + r/A)`` and ``r b₀/p``; see `depth_of_field_at_resolution`."""
+    def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
+        """From ``a₀ (1 − r/A)`` to the nearest of ``a₀ (1 + r/A)``, ``r b₀/p`` and ``r A/(1.22 λ)``.
+
+        See `depth_of_field_at_resolution`.
+        """
         limits = depth_of_field_at_resolution(
             resolution,
             focus_distance=self.focus_distance,
             focal_length=self.lens.focal_length,
             pupil_diameter=self.lens.pupil_diameter,
             sample_pitch=self.sample_pitch,
+            wavelength=wavelength,
         )
         return sharp_range((self.name,), [limits])
 
@@ -87,14 +91,15 @@ class SingleLensFocus:
         """Always one."""
         return 1
 
-    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
-        """``max(p a/b₀, A |a − a₀|/a₀)`` [m]; see `lateral_resolution`."""
+    def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
+        """``p a/b₀``, ``A |a − a₀|/a₀`` and ``1.22 λ a/A`` [m]; see `lateral_resolution`."""
         return lateral_resolution(
             distance,
             focus_distance=self.focus_distance,
             focal_length=self.lens.focal_length,
             pupil_diameter=self.lens.pupil_diameter,
             sample_pitch=self.sample_pitch,
+            wavelength=wavelength,
         )
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:

@@ -17,6 +17,7 @@ from tradestudy.optics.depth_of_field import (
     relay_depth_of_field,
 )
 from tradestudy.optics.lateral_resolution import (
+    LateralResolution,
     focused_plenoptic_depth_of_field_at_resolution,
     focused_plenoptic_lateral_resolution,
 )
@@ -79,7 +80,7 @@ class MicrolensTypesFocus:
         ]
         return sharp_range(self.names, parts, allowance.reason)
 
-    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+    def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
         """See `focused_plenoptic_depth_of_field_at_resolution`."""
         array = self.microlenses
         parts = [
@@ -91,6 +92,8 @@ class MicrolensTypesFocus:
                 inverse_focus_virtual_depth=inverse,
                 microlens_aperture=array.aperture_diameter,
                 pixel_pitch=self.sample_pitch,
+                pupil_diameter=self.main_lens.pupil_diameter,
+                wavelength=wavelength,
                 keplerian=bool(inverse >= 0.0),
             )
             for inverse in self._inverse_focus
@@ -101,14 +104,14 @@ class MicrolensTypesFocus:
         """Always one."""
         return 1
 
-    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
-        """``max(p |v|, D |1 − v/v₀|) (a − f)/f`` [m] of the sharpest type.
+    def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
+        """``p |v| (a − f)/f``, ``D |1 − v/v₀| (a − f)/f`` of the sharpest type, and the Airy radius [m].
 
         See `focused_plenoptic_lateral_resolution`.
         """
         a, f, array = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length, self.microlenses
         real = a > f
-        sizes = [
+        types = [
             focused_plenoptic_lateral_resolution(
                 np.where(real, a, 2.0 * f),
                 mla_distance=self.mla_distance,
@@ -117,15 +120,27 @@ class MicrolensTypesFocus:
                 inverse_focus_virtual_depth=inverse,
                 microlens_aperture=array.aperture_diameter,
                 pixel_pitch=self.sample_pitch,
+                pupil_diameter=self.main_lens.pupil_diameter,
+                wavelength=wavelength,
             )
             for inverse in self._inverse_focus
         ]
-        return np.asarray(np.where(real, np.min(sizes, axis=0), np.nan))
+        blur = np.min([one.blur for one in types], axis=0)  # the only part in which types differ
+        sampling, diffraction = types[0].sampling, types[0].diffraction
+        return LateralResolution(
+            sampling=np.where(real, sampling, np.nan),
+            blur=np.where(real, blur, np.nan),
+            diffraction=np.where(real, diffraction, np.nan),
+        )
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Width of the diffraction spot behind a microlens, times ``|v| (a − f)/f`` [m]."""
+        """Width of the diffraction spot behind a microlens, times ``|v| (a − f)/f`` [m].
+
+        Where a microlens could see more than the whole pupil of the main lens, the pupil diffracts: ``∝ λ a/A``.
+        """
         a, f, array = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length, self.microlenses
         real = a > f
         v = virtual_depth(np.where(real, a, 2.0 * f), self.mla_distance, array.gap, f)
         spot = diffraction_diameter(wavelength, array.gap / array.aperture_diameter, measure)
-        return np.asarray(np.where(real, spot * np.abs(v) * ((a - f) / f), np.nan))
+        of_pupil = diffraction_diameter(wavelength, 1.0 / self.main_lens.pupil_diameter, measure) * a
+        return np.asarray(np.where(real, np.maximum(spot * np.abs(v) * ((a - f) / f), of_pupil), np.nan))

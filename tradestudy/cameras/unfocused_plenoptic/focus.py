@@ -12,6 +12,7 @@ from tradestudy.cameras.focus.single_lens import SingleLensFocus
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure
+from tradestudy.optics.lateral_resolution import LateralResolution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,17 +55,17 @@ class RefocusedViewsFocus:
         """Depth of field of one view, with blur and diffraction of its small pupil in microlenses."""
         return self._view.sharp_range(criterion)
 
-    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+    def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
         """See `depth_of_field_at_resolution`."""
-        return self._view.sharp_range_at_resolution(resolution)
+        return self._view.sharp_range_at_resolution(resolution, wavelength)
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
         """Always one: images are refocused by computation."""
         return 1
 
-    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
-        """``max(p a/z, B |a − a₀|/a₀)`` [m], p the microlens pitch and B the pupil of a view."""
-        return self._view.lateral_resolution(distance)
+    def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
+        """``p a/z``, ``B |a − a₀|/a₀`` and ``1.22 λ a/B`` [m], p the microlens pitch and B the pupil of a view."""
+        return self._view.lateral_resolution(distance, wavelength)
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
         """Width of the diffraction spot of one view's pupil on the array, times a/z [m].

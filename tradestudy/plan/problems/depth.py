@@ -296,7 +296,7 @@ def _distances_asked(file: StudyFile) -> Iterator[float]:
     yield from () if file.sensitivity is None else file.sensitivity.at
     yield from (one.at for one in file.solve.values() if one.at is not None)
     for requirement in file.requirements.values():
-        yield from requirement.over if requirement.asks_for_depth else ()
+        yield from requirement.over if requirement.needs_usable_range else ()
     for claim in file.claims.values():
         yield from getattr(claim, "over", None) or ()
 

@@ -185,9 +185,9 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
         ),
         rows=tuple(cells(row) for row in rows),
         notes=(
-            "Resolves in scene: the larger of sampling interval and defocus blur on the object, where it is coarsest "
-            "within the scene. Diffraction spot: width at half maximum on the object. Distances are from the principal "
-            "plane.",
+            "Resolves in scene: the largest of sampling interval, defocus blur and radius of the Airy disc on the "
+            "object, where it is coarsest within the scene. Diffraction spot: width at half maximum on the object. "
+            "Distances are from the principal plane.",
         ),
     )
 
@@ -290,8 +290,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
     unresolved = any(str(reason) for reason in data["resolved_reason"].values)
     yield Table(
         name="equal-resolution-table",
-        caption=f"Comparison at equal lateral resolution: distances at which {size} on the object is resolved, "
-        "without regard to diffraction.",
+        caption=f"Comparison at equal lateral resolution: distances at which {size} on the object is resolved.",
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Resolved", weight=3),

@@ -46,7 +46,8 @@ def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -
     }
     attributes: dict[str, Any] = {"scene_near": asked.range[0], "scene_far": asked.range[1]}
     if asked.equal_resolution is not None:
-        resolved = [camera.focus.sharp_range_at_resolution(asked.equal_resolution) for camera in cameras.values()]
+        size = asked.equal_resolution
+        resolved = [camera.focus.sharp_range_at_resolution(size, wavelength) for camera in cameras.values()]
         values |= {
             "resolved_near": _padded([found.union.covered[:, 0] for found in resolved]),
             "resolved_far": _padded([found.union.covered[:, 1] for found in resolved]),
@@ -54,7 +55,7 @@ def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -
             "resolved_scene_share": [found.share_of(*asked.range) for found in resolved],
             "resolved_reason": ["" if found.extent > 0.0 else found.reason for found in resolved],
         }
-        attributes["equal_resolution"] = asked.equal_resolution
+        attributes["equal_resolution"] = size
     coordinates: dict[str, Any] = {"camera": list(cameras), "sharp": list(sharp), "distance": case.distance}
     return dataset("depth_of_field", values, coordinates, attributes=attributes)
 
@@ -94,12 +95,17 @@ def _resolutions(
     cameras: Mapping[str, Camera], distance: FloatArray, wavelength: float, scene: tuple[float, float]
 ) -> Mapping[str, Any]:
     within = np.linspace(*scene, _SCENE_POINTS)
+    found = [camera.focus.lateral_resolution(distance, wavelength) for camera in cameras.values()]
+    in_scene = [camera.focus.lateral_resolution(within, wavelength).size for camera in cameras.values()]
     return {
-        "lateral_resolution": [camera.focus.lateral_resolution(distance) for camera in cameras.values()],
+        "lateral_resolution": [one.size for one in found],
+        "resolution_of_sampling": [one.sampling for one in found],
+        "resolution_of_blur": [one.blur for one in found],
+        "resolution_of_diffraction": [one.diffraction for one in found],
         "diffraction_width": [
             camera.focus.diffraction_width(distance, wavelength, "fwhm") for camera in cameras.values()
         ],
-        "scene_resolution": [float(np.max(camera.focus.lateral_resolution(within))) for camera in cameras.values()],
+        "scene_resolution": [float(np.max(sizes)) for sizes in in_scene],
         "scene_diffraction": [
             float(np.max(camera.focus.diffraction_width(within, wavelength, "fwhm"))) for camera in cameras.values()
         ],

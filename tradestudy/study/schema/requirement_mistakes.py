@@ -27,7 +27,7 @@ def requirement_mistakes(
             yield from _of_criterion(one.required, (*place,), attributes, relief=relief)
         elif isinstance(one.required, SharpPart):
             yield from _of_sharpness(one.required, (*place,), focus)
-        elif not measures_depth:
+        elif one.asks_for_depth and not measures_depth:
             yield MistakeAt(place, "no camera of this study measures depth")
 
 

@@ -167,10 +167,9 @@ class GuardBandPart(Part):
         return -NormalDist().inv_cdf(self.risk)
 
 
-_OF_ANY_CAMERA = ("depth_of_field", "criterion")
-_QUANTITIES = (
-    "depth_uncertainty", "usable", "overlap", "lateral_resolution", "failed_fraction", *_OF_ANY_CAMERA,
-)  # fmt: skip
+_WITHOUT_USABLE_RANGE = ("depth_of_field", "criterion")
+_OF_ANY_CAMERA = ("lateral_resolution", *_WITHOUT_USABLE_RANGE)
+_QUANTITIES = ("depth_uncertainty", "usable", "overlap", "failed_fraction", *_OF_ANY_CAMERA)
 MeasuredPart = BoundOverPart | ShareAbovePart | ShareBelowPart | LengthBelowPart
 Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
@@ -197,8 +196,9 @@ class RequirementPart(Part):
     )
     lateral_resolution: LengthBelowPart | None = Field(
         default=None,
-        description="Bound on the size of the smallest detail on the object that the camera resolves; blur and "
-        "sampling determine it.",
+        description="Bound on the size of the smallest detail on the object that the camera resolves: the largest "
+        "of lateral sample, blur and radius of the Airy disc (Rayleigh's criterion), each projected to the object. "
+        "Cameras that measure no depth can meet it too.",
     )
     failed_fraction: ShareBelowPart | None = Field(
         default=None,
@@ -217,7 +217,7 @@ class RequirementPart(Part):
     def _one_quantity(self) -> Self:
         if sum(getattr(self, name) is not None for name in _QUANTITIES) != 1:
             raise MistakeAt((), f"give exactly one of {', '.join(_QUANTITIES[:-1])} and {_QUANTITIES[-1]}")
-        if self.guard_band is not None and not self.asks_for_depth:
+        if self.guard_band is not None and not self.needs_usable_range:
             raise MistakeAt(
                 ("guard_band",), f"{self.quantity} has no standard error, so a guard band does not apply; remove it"
             )
@@ -227,6 +227,11 @@ class RequirementPart(Part):
     def asks_for_depth(self) -> bool:
         """Whether the requirement applies only to cameras that measure depth."""
         return self.quantity not in _OF_ANY_CAMERA
+
+    @property
+    def needs_usable_range(self) -> bool:
+        """Whether a camera that measures depth must also be usable at the distances of the requirement."""
+        return self.quantity not in _WITHOUT_USABLE_RANGE
 
     @property
     def over(self) -> tuple[float, ...]:
