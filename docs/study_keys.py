@@ -151,6 +151,10 @@ _EXAMPLES: Final = {
     "PosePart.rotation": "[20 deg, -10 deg, 0 deg]",
     "position": "[50 mm, -30 mm, 600 mm]",
     "housing_expansion": "23 ppm/K",
+    "sensor_expansion": "2.6 ppm/K",
+    "baseline_expansion": "1 ppm/K",
+    "array_expansion": "7 ppm/K",
+    "microlens_centers": "found-again",
     "focal_length_expansion": "10 ppm/K",
     "glass_index": "1.52",
     # Lens models

@@ -176,7 +176,8 @@ def test_both_cameras_share_one_change_of_temperature() -> None:
     )
 
     housing = Environment(
-        housing_expansion=23e-6, focal_length_expansion=5e-6, glass_index=1.52, wavelength=550e-9,
+        housing_expansion=23e-6, baseline_expansion=23e-6, array_expansion=23e-6, scale_expansion=0.0,
+        focal_length_expansion=5e-6, glass_index=1.52, wavelength=550e-9,
         temperature=293.15, pressure=101_325.0,
     )  # fmt: skip
     calm, warm = (

@@ -82,9 +82,12 @@ def test_noise_of_disparity_goes_half_to_each_side():
 
 
 def test_a_warmer_housing_moves_depth_as_it_does_that_of_the_ideal_rig():
-    """Disparity f B/Z grows with the square of the lengths: 23 ppm/K and 10 K, twice."""
+    """Disparity f B/Z in pixels: f grows by 23 ppm/K, B by 1 and a pixel by 2.6, over 10 K."""
     warm = Environment(
         housing_expansion=23e-6,
+        baseline_expansion=1e-6,
+        array_expansion=0.0,
+        scale_expansion=2.6e-6,
         focal_length_expansion=0.0,
         glass_index=1.5,
         wavelength=550e-9,
@@ -94,7 +97,7 @@ def test_a_warmer_housing_moves_depth_as_it_does_that_of_the_ideal_rig():
     parallel = [800.0, 800.0, 511.5, 511.5, 0.0, 0.0] * 2 + [0.0, 0.0, 0.0, -0.1, 0.0, 0.0]
     changes = {"temperature_change": np.array([[10.0]]), "pressure_change": np.array([[1e3]])}
     found = measurement(parallel)(DISTANCES, 0.0, changes, warm).inverse_depth
-    np.testing.assert_allclose(found * DISTANCES, (1.0 + 23e-5) ** 2, rtol=1e-12)
+    np.testing.assert_allclose(found * DISTANCES, (1.0 + 23e-5) * (1.0 + 1e-5) / (1.0 + 2.6e-5), rtol=1e-12)
     camera = stereo()
     np.testing.assert_allclose(found, camera.read(DISTANCES, 0.0, changes, warm).inverse_depth, rtol=1e-12)
     np.testing.assert_allclose(

@@ -23,7 +23,8 @@ DISTANCES = np.array([0.3, 0.5, 1.0, 3.0, 10.0])
 DEG = math.radians(1.0)
 SCALES = {"m": 5e-6, "rad": 0.2 * DEG, "1": 1e-3}
 AIR = Environment(
-    housing_expansion=23e-6, focal_length_expansion=5e-6, glass_index=1.52, wavelength=550e-9,
+    housing_expansion=23e-6, baseline_expansion=23e-6, array_expansion=23e-6, scale_expansion=0.0,
+        focal_length_expansion=5e-6, glass_index=1.52, wavelength=550e-9,
     temperature=293.15, pressure=101_325.0,
 )  # fmt: skip
 
@@ -237,7 +238,7 @@ def test_colour_moves_depth_seen_through_one_lens(build):
     # It adds to what temperature does to the lens.
     warm = {"temperature_change": np.array([[2.0]]), "pressure_change": np.array([[1e3]])}
     grown = f * (float(AIR.focal_length_factor(warm)[0, 0]) - 1.0)
-    still = replace(AIR, housing_expansion=0.0)
+    still = replace(AIR, housing_expansion=0.0, array_expansion=0.0)
     both = build().read(DISTANCES, 0.0, warm | {"color_shift": np.array([[shift]])}, still).inverse_depth[0]
     np.testing.assert_allclose(both, 1.0 / f - 1.0 / (f + grown + shift) + 1.0 / DISTANCES, rtol=1e-9)
     rig = stereo()
@@ -334,6 +335,7 @@ def test_unseen_points_and_impossible_cameras_are_reported():
         r5().read(DISTANCES, 1.5, {})
     with pytest.raises(OutOfRangeError, match="environment"):
         Environment(
-            housing_expansion=0.0, focal_length_expansion=0.0, glass_index=1.0, wavelength=5e-7, temperature=293.0,
+            housing_expansion=0.0, baseline_expansion=0.0, array_expansion=0.0, scale_expansion=0.0,
+        focal_length_expansion=0.0, glass_index=1.0, wavelength=5e-7, temperature=293.0,
             pressure=0.0,
         )  # fmt: skip

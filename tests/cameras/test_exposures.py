@@ -71,6 +71,9 @@ def test_warming_moves_the_pictures_of_a_rig_as_it_moves_its_measurements() -> N
     rig, warm = stereo(), {"temperature_change": np.asarray(20.0)}
     environment = Environment(
         housing_expansion=23e-6,
+        baseline_expansion=23e-6,
+        array_expansion=23e-6,
+        scale_expansion=2.6e-6,
         focal_length_expansion=0.0,
         glass_index=1.5,
         wavelength=550e-9,
@@ -83,6 +86,7 @@ def test_warming_moves_the_pictures_of_a_rig_as_it_moves_its_measurements() -> N
         rig.pair, {"baseline": growth * rig.baseline, "focal_length": growth * rig.principal_distance}, *world
     )
     left, right = rig.exposures(1.0, warm, environment, 0.0)
+    assert left.sensor.pixel_pitch == pytest.approx(10e-6 * (1.0 + 20.0 * 2.6e-6), rel=1e-12)
     assert miss(left, image[0], image[1], world) < 1e-9
     assert miss(right, image[2], image[3], world) < 1e-9
 

@@ -138,7 +138,8 @@ def test_the_exact_model_agrees_with_traced_rays() -> None:
 
 def test_a_warm_housing_moves_the_sensor_in_proportion() -> None:
     air = Environment(
-        housing_expansion=23e-6, focal_length_expansion=0.0, glass_index=1.52, wavelength=550e-9,
+        housing_expansion=23e-6, baseline_expansion=23e-6, array_expansion=23e-6, scale_expansion=0.0,
+        focal_length_expansion=0.0, glass_index=1.52, wavelength=550e-9,
         temperature=293.15, pressure=101_325.0,
     )  # fmt: skip
     warm = pair().read(DISTANCE, 0.0, {"temperature_change": np.array([[1.0]])}, air)

@@ -26,6 +26,7 @@ cameras:
         temperature: {{standard_deviation: 5 K}}
         calibrated_at: {{temperature: 20 degC, pressure: 1013.25 hPa}}
         housing_expansion: 23 ppm/K
+{array}
         focal_length_expansion: 10 ppm/K
         glass_index: 1.52
 {more}
@@ -47,8 +48,9 @@ scene:
 def base_study(kind: str, folder: Path) -> StudyDefinition:
     """The study whose values are replaced; read once for each kind."""
     more = "    stated: null" if kind == "stereo" else ""
+    array = "" if kind == "stereo" else "        array_expansion: 7 ppm/K"
     file = folder / f"{kind}.yaml"
-    text = _BASE.format(kind=kind, studies=STUDIES.as_posix(), file=_FILES[kind], more=more)
+    text = _BASE.format(kind=kind, studies=STUDIES.as_posix(), file=_FILES[kind], more=more, array=array)
     file.write_text(text, encoding="utf-8")
     return load_definition(file, ())
 

@@ -171,6 +171,55 @@ def test_drift_is_drawn_for_every_session(written: Written) -> None:
     assert calibration.environment.housing_expansion == pytest.approx(23e-6)
 
 
+WARM_R5 = """\
+cameras:
+  r5:
+    from: cameras/raytrix-r5.yaml
+    calibration:
+      stability:
+        temperature: {standard_deviation: 3 K}
+        housing_expansion: 23 ppm/K
+        focal_length_expansion: 10 ppm/K
+        glass_index: 1.52
+"""
+
+
+@pytest.mark.parametrize(
+    ("declared", "drift"),  # of the section-6 R5 at 1 m and 3 K, from tests/cameras/test_warming.py
+    [
+        (("array_expansion: 23 ppm/K", "sensor_expansion: 0 ppm/K"), -6.0e-4),
+        (("array_expansion: 7 ppm/K", "sensor_expansion: 0 ppm/K"), 2.40e-3),
+        (("array_expansion: 7 ppm/K",), 2.88e-3),
+        (("array_expansion: 7 ppm/K", "microlens_centers: found-again"), 3.71e-3),
+    ],
+)
+def test_a_study_says_how_array_and_sensor_expand(written: Written, declared: tuple[str, ...], drift: float) -> None:
+    study = written(WARM_R5 + "".join(f"        {line}\n" for line in declared))
+    camera = study.case.cameras["r5"]
+    warm = camera.read(np.array([1.0]), 0.0, {"temperature_change": np.array([[3.0]])}, camera.calibration.environment)
+    assert 1.0 / warm.inverse_depth[0, 0] - 1.0 == pytest.approx(drift, rel=0.01)
+    assumed = dict(study.file.cameras["r5"].assumed())
+    stability = ("calibration", "stability")
+    assert assumed.get((*stability, "sensor_expansion")) == (None if "sensor" in declared[-1] else "2.6 ppm/K")
+    assert assumed.get((*stability, "microlens_centers")) == (None if "centers" in declared[-1] else "kept")
+
+
+def test_a_warm_array_needs_its_material_and_a_rig_s_bracket_is_its_housing(written: Written) -> None:
+    with pytest.raises(StudyError, match=r"needs stability\.array_expansion too"):
+        written(WARM_R5)
+    warm = """
+      stability:
+        temperature: {standard_deviation: 3 K}
+        housing_expansion: 23 ppm/K
+        focal_length_expansion: 10 ppm/K
+        glass_index: 1.52"""
+    for more, baseline in (("", 23e-6), ("\n        baseline_expansion: 1 ppm/K", 1e-6)):
+        environment = written(rig(warm + more)).case.cameras["rig"].calibration.environment
+        assert environment is not None
+        assert environment.baseline_expansion == pytest.approx(baseline)
+        assert environment.scale_expansion == pytest.approx(2.6e-6)
+
+
 def test_without_a_change_of_the_surroundings_there_is_no_environment(written: Written) -> None:
     study = written(rig("      stability: {ageing: {roll: {half_width: 1 mrad}}}"))
     assert study.case.cameras["rig"].calibration.environment is None

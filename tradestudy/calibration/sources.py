@@ -12,7 +12,9 @@ import numpy as np
 
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.calibration_declaration import (
+    ArrayStabilityPart,
     CalibrationPart,
+    PairStabilityPart,
     StabilityPart,
     correlated,
     correlation_matrix,
@@ -158,8 +160,17 @@ def environment_of(part: StabilityPart, wavelength: float) -> Environment | None
     if part.temperature is None and part.pressure is None:
         return None
     assert part.glass_index is not None  # the validator requires it for both
+    array = part.array_expansion if isinstance(part, ArrayStabilityPart) else None
+    found_again = isinstance(part, ArrayStabilityPart) and part.microlens_centers == "found-again"
+    housing, apart = (
+        part.housing_expansion or 0.0,
+        part.baseline_expansion if isinstance(part, PairStabilityPart) else None,
+    )
     return Environment(
-        housing_expansion=part.housing_expansion or 0.0,
+        housing_expansion=housing,
+        baseline_expansion=housing if apart is None else apart,
+        array_expansion=array or 0.0,
+        scale_expansion=array or 0.0 if found_again else part.sensor_expansion,
         focal_length_expansion=part.focal_length_expansion or 0.0,
         glass_index=part.glass_index,
         wavelength=wavelength,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 import numpy as np
 from pydantic import Field, create_model, model_validator
@@ -63,6 +63,15 @@ class StabilityPart(Part):
     The difference in colour is that between the object and the calibration target.
     """
 
+    needed_by: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "housing_expansion": ("temperature",),
+        "sensor_expansion": ("temperature",),
+        "focal_length_expansion": ("temperature",),
+        "glass_index": ("temperature", "pressure"),
+        "calibrated_at": ("temperature", "pressure"),
+    }
+    """Keys that have an effect only with one of the named changes."""
+
     temperature: TemperatureDistribution | None = Field(
         default=None, description="Change of the air temperature since the calibration."
     )
@@ -85,6 +94,11 @@ class StabilityPart(Part):
         description="Coefficient of linear thermal expansion of the housing; required with "
         "`temperature`, and not accepted without it.",
     )
+    sensor_expansion: ThermalExpansion = Field(
+        default="2.6 ppm/K",
+        validate_default=True,
+        description="Coefficient of linear thermal expansion of the sensor; default: that of silicon.",
+    )
     focal_length_expansion: ThermalExpansion | None = Field(
         default=None,
         description="Relative change of the focal length per kelvin, not counting the change due to the air "
@@ -96,6 +110,11 @@ class StabilityPart(Part):
         "surrounding air changes the focal length; required if `temperature` or `pressure` is given, and accepted only "
         "then.",
     )
+
+    def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """As for every part, but materials matter only if the temperature changes."""
+        matter = self.temperature is not None
+        yield from (one for one in super().assumed() if matter or self.needed_by.get(one[0][0]) != ("temperature",))
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -111,21 +130,60 @@ class StabilityPart(Part):
                 yield MistakeAt(
                     (name,), f"can take stability.calibrated_at.{name} down to {end}; give a smaller change"
                 )
-        needed_by: Mapping[str, tuple[str, ...]] = {
-            "housing_expansion": ("temperature",),
-            "focal_length_expansion": ("temperature",),
-            "glass_index": ("temperature", "pressure"),
-            "calibrated_at": ("temperature", "pressure"),
-        }
-        for name, users in needed_by.items():
+        optional = ("calibrated_at", "sensor_expansion", "baseline_expansion", "microlens_centers")
+        for name, users in self.needed_by.items():
             using = [user for user in users if user in changes]
             given = name in self.model_fields_set and getattr(self, name) is not None
-            if using and not given and name != "calibrated_at":
+            if using and not given and name not in optional:
                 yield MistakeAt((using[0],), f"needs stability.{name} too")
             if given and not using:
                 yield MistakeAt(
                     (name,), f"has no effect without stability.{' or stability.'.join(users)}; add it, or remove this"
                 )
+
+
+class PairStabilityPart(StabilityPart):
+    """Changes of the air and the two cameras since the calibration, and a difference in colour; default: none.
+
+    The difference in colour is that between the object and the calibration target.
+    """
+
+    needed_by: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **StabilityPart.needed_by,
+        "baseline_expansion": ("temperature",),
+    }
+    absent: ClassVar[Mapping[str, str]] = {"baseline_expansion": "that of the housing"}
+
+    baseline_expansion: ThermalExpansion | None = Field(
+        default=None,
+        description="Coefficient of linear thermal expansion of the part that holds the two cameras apart; default: "
+        "that of the housing.",
+    )
+
+
+class ArrayStabilityPart(StabilityPart):
+    """Changes of the air and the camera since the calibration, and a difference in colour; default: none.
+
+    The difference in colour is that between the object and the calibration target.
+    """
+
+    needed_by: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **StabilityPart.needed_by,
+        "array_expansion": ("temperature",),
+        "microlens_centers": ("temperature",),
+    }
+
+    array_expansion: ThermalExpansion | None = Field(
+        default=None,
+        description="Coefficient of linear thermal expansion of the microlens array; required with `temperature`, and "
+        "not accepted without it.",
+    )
+    microlens_centers: Literal["kept", "found-again"] = Field(
+        default="kept",
+        validate_default=True,
+        description="Centres of the micro-images on the pixels: those of the calibration (`kept`), or found again in "
+        "white pictures at the current temperature (`found-again`), so that they follow the array.",
+    )
 
 
 class CornersPart(Part):
@@ -322,7 +380,9 @@ def _indefinite(correlations: Mapping[str, Mapping[str, float]]) -> Iterator[Mis
             )
 
 
-def calibration_part(camera: type[DepthCamera], kind: str) -> type[CalibrationPart]:
+def calibration_part(
+    camera: type[DepthCamera], kind: str, stability: type[StabilityPart] = StabilityPart
+) -> type[CalibrationPart]:
     """The calibration part of a kind of camera: every error of its vocabulary, each in its dimension.
 
     Parameters
@@ -331,6 +391,8 @@ def calibration_part(camera: type[DepthCamera], kind: str) -> type[CalibrationPa
         Class of the cameras. Measurement noise is not declared here, but as their disparity error.
     kind
         Name of the kind in study files.
+    stability
+        Its changes since the calibration, with the parts that expand.
     """
     title = "".join(word.capitalize() for word in kind.split("-"))
     fields: dict[str, Any] = {
@@ -340,16 +402,14 @@ def calibration_part(camera: type[DepthCamera], kind: str) -> type[CalibrationPa
     }
     errors = create_model(f"{title}Errors", __base__=ErrorsPart, __doc__=ErrorsPart.__doc__, **fields)
     ageing = Field(default_factory=errors, description=StabilityPart.model_fields["ageing"].description)
-    stability = create_model(
-        f"{title}Stability", __base__=StabilityPart, __doc__=StabilityPart.__doc__, ageing=(errors, ageing)
-    )
+    changes = create_model(f"{title}Stability", __base__=stability, __doc__=stability.__doc__, ageing=(errors, ageing))
     described = Field(default_factory=errors, description=CalibrationPart.model_fields["errors"].description)
     made = create_model(
         f"{title}Calibration",
         __base__=CalibrationPart,
         __doc__=CalibrationPart.__doc__,
         errors=(errors, described),
-        stability=(stability, Field(default_factory=stability)),
+        stability=(changes, Field(default_factory=changes)),
     )
     made.camera, made.kind = camera, kind
     return made

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tradestudy.cameras.depth_measurement import Errors, value_of
+from tradestudy.cameras.parts import Sensor
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.air import air_refractive_index, focal_length_change_with_medium
 from tradestudy.optics.arrays import FloatArray
@@ -20,6 +21,13 @@ class Environment:
     ----------
     housing_expansion
         Coefficient of linear thermal expansion of the housing [1/K]; 23e-6 for aluminium.
+    baseline_expansion
+        That of the part that holds the two cameras of a stereo rig apart [1/K].
+    array_expansion
+        That of a microlens array [1/K].
+    scale_expansion
+        That of whatever positions in the picture are measured by [1/K]: the pixels of the sensor or, if the centres of
+        the microlenses are found again in the pictures, the microlens array.
     focal_length_expansion
         Relative change of the focal length per kelvin [1/K].
     glass_index
@@ -37,6 +45,9 @@ class Environment:
     """
 
     housing_expansion: float
+    baseline_expansion: float
+    array_expansion: float
+    scale_expansion: float
     focal_length_expansion: float
     glass_index: float
     wavelength: float
@@ -52,9 +63,24 @@ class Environment:
                 remedy="correct the values",
             )
 
-    def length_factor(self, changes: Errors) -> FloatArray:
-        """Ratio of current housing lengths to those during calibration [1]."""
-        return 1.0 + self.housing_expansion * value_of(changes, "temperature_change")
+    def housing_factor(self, changes: Errors) -> FloatArray:
+        """Ratio of current lengths of the housing to those during calibration [1]."""
+        return self._length_factor(self.housing_expansion, changes)
+
+    def baseline_factor(self, changes: Errors) -> FloatArray:
+        """Ratio of the current baseline of a stereo rig to that during calibration [1]."""
+        return self._length_factor(self.baseline_expansion, changes)
+
+    def array_factor(self, changes: Errors) -> FloatArray:
+        """Ratio of the current pitch of the microlenses to that during calibration [1]."""
+        return self._length_factor(self.array_expansion, changes)
+
+    def scale_factor(self, changes: Errors) -> FloatArray:
+        """Ratio of the current length of what measures positions in the picture to that during calibration [1]."""
+        return self._length_factor(self.scale_expansion, changes)
+
+    def _length_factor(self, expansion: float, changes: Errors) -> FloatArray:
+        return 1.0 + expansion * value_of(changes, "temperature_change")
 
     def focal_length_factor(self, changes: Errors) -> FloatArray:
         """Ratio of the current focal length to that during calibration [1], from thermal drift and the ambient air."""
@@ -68,3 +94,10 @@ class Environment:
 
     def _index(self, warmer: FloatArray, denser: FloatArray) -> FloatArray:
         return air_refractive_index(self.wavelength, self.temperature + warmer, self.pressure + denser)
+
+
+def warmed(sensor: Sensor, changes: Errors, environment: Environment | None) -> Sensor:
+    """A sensor whose pixels have expanded since the calibration; see `Environment.scale_expansion`."""
+    if environment is None or "temperature_change" not in changes:
+        return sensor
+    return replace(sensor, pixel_pitch=sensor.pixel_pitch * float(environment.scale_factor(changes)))

@@ -81,7 +81,8 @@ class MicrolensExposure:
         if scatter.ndim == 2:
             rows, columns = lattice_counts(self.microlenses, self.sensor)
             number = np.clip(first + columns // 2, 0, columns - 1) * rows + np.clip(second + rows // 2, 0, rows - 1)
-            found = found + np.moveaxis(scatter[number], -1, 0)
+            # A warmer sensor may need one row more than the design, for which the scatter was drawn.
+            found = found + np.moveaxis(scatter[number % len(scatter)], -1, 0)
         return found
 
     def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:

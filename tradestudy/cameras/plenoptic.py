@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from tradestudy.cameras.contradictions import PRINTED_TOLERANCE, Contradiction, lens_contradictions, show
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth, require_field, require_known, value_of
-from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.environment import Environment, warmed
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.microlens_exposure import MicrolensExposure, lattice_counts
 from tradestudy.cameras.parts import Lens, MicrolensArray
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 # f-number matching is a rule of thumb; a mismatch of a few percent neither wastes pixels nor mixes micro-images.
 _MATCHING_TOLERANCE: Final = 0.05
+Points = tuple[FloatArray, FloatArray, FloatArray]
 _FIELD_PLACES: Final = 101  # in a table; linear interpolation between them misses a parabola by 1e-4 of its height
 _ANY_COLOUR: Final = 550e-9  # the table is the same for all wavelengths
 _CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 1.0}
@@ -84,6 +85,23 @@ class PlenopticCamera(DepthCamera):
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
         """The observation of a point [m] by a camera that deviates from its design by ``errors``."""
 
+    def observe_warm(self, errors: Errors, environment: Environment | None, point: Points) -> Observation:
+        """The observation of points [m] since the calibration, by the pixels and centres of the calibration.
+
+        Positions are counted in pixels, which have expanded with the sensor. If the centres of the microlenses are
+        found again, the array itself is the scale; see `Environment`.
+        """
+        changed = self.geometry.changed(errors, environment)
+        seen = self.observe(changed, *point)
+        return seen if environment is None else self.rescaled(seen, changed, environment.scale_factor(errors))
+
+    @abstractmethod
+    def rescaled(self, seen: Observation, changed: Errors, scale: FloatArray) -> Observation:
+        """What a camera that has changed observes if the pixels, or the scale in their place, have grown by a factor.
+
+        The centres of the micro-images are those of the calibration, on pixels.
+        """
+
     @abstractmethod
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
         """The inverse depth [1/m] measured when ``errors`` are the errors of the calibration, and where it is valid.
@@ -106,7 +124,7 @@ class PlenopticCamera(DepthCamera):
         right, down = (
             field * extent / 2.0 / geometry.mla_distance for extent in (self.sensor.width, self.sensor.height)
         )
-        seen = self.observe(geometry.changed(errors, environment), right * a, down * a, a)
+        seen = self.observe_warm(errors, environment, (right * a, down * a, a))
         inverse, valid = self.believe(errors, seen, a)
         return MeasuredInverseDepth(
             inverse_depth=inverse,
@@ -174,7 +192,7 @@ class PlenopticCamera(DepthCamera):
         return [
             MicrolensExposure(
                 name="raw",
-                sensor=self.sensor,
+                sensor=warmed(self.sensor, errors, environment),
                 main_lens=self.main_lens,
                 microlenses=self.microlenses,
                 geometry=self.geometry,

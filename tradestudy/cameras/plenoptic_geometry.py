@@ -63,16 +63,16 @@ class ArrayGeometry:
     def changed(self, errors: Errors, environment: Environment | None) -> Errors:
         """Changes since the calibration, due to the surroundings and the colour of the object, as errors.
 
-        z, b_L and the pitch expand with the housing. The focal length of the main lens drifts with temperature, depends
-        on the refractive index of the air, and differs from colour to colour.
+        z and b_L expand with the housing, the pitch with the array. The focal length of the main lens drifts with
+        temperature, depends on the refractive index of the air, and differs from colour to colour.
         """
         changed: dict[str, ArrayLike] = {}
         if environment is not None and ("temperature_change" in errors or "pressure_change" in errors):
-            growth = environment.length_factor(errors) - 1.0
+            growth = environment.housing_factor(errors) - 1.0
             changed = {
                 "mla_distance": self.mla_distance * growth,
                 "microlens_gap": self.gap * growth,
-                "microlens_pitch": self.pitch * growth,
+                "microlens_pitch": self.pitch * (environment.array_factor(errors) - 1.0),
                 "focal_length": self.focal_length * (environment.focal_length_factor(errors) - 1.0),
             }
         if "color_shift" in errors:

@@ -105,8 +105,9 @@ class RigMeasurement:
         """Inverse depths from disparity in the frame of the left camera; for the arguments, see `DepthCamera.read`.
 
         The axis starts in the middle of the baseline and bisects the two optical axes. Field positions lie between it
-        and the corner of the left picture, as imaged by its lens model. Baseline and principal distances expand with
-        the housing; pressure and colour move the focus of a lens, but not its principal distance.
+        and the corner of the left picture, as imaged by its lens model. Principal distances expand with the
+        housing, the baseline with its own part and the pixels, about the middle of the picture, with the sensor;
+        pressure, colour and the thermal drift of a lens move its focus, but not its principal distance.
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
         rigs = [np.shape(error) for name, error in errors.items() if name != PIXEL_NOISE]
@@ -115,6 +116,8 @@ class RigMeasurement:
         points = self._points(np.asarray(distance, dtype=np.float64), field)
         seen = observe_pair(self._true_rig(errors, environment), points, self.lenses, self.free)
         size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
+        if environment is not None:
+            seen = (size - 1.0) / 2.0 + (seen - (size - 1.0) / 2.0) / environment.scale_factor(errors)[..., None]
         inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # False for NaN, outside the field of a lens
         half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
         measured = np.where(inside[..., None], seen, size / 2.0) + half * np.array([1.0, 0.0, -1.0, 0.0])
@@ -160,9 +163,14 @@ class RigMeasurement:
         """The true rig at the current temperature, shape (P,) or (draws, P)."""
         if environment is None or "temperature_change" not in errors:
             return self.best
-        growth = environment.length_factor(errors).reshape(-1, 1)
-        lengths = ["focal_length" in name or "translation" in name for name in shared_names(self.free)]
-        return np.where(lengths, self.best * growth, self.best)
+        names = shared_names(self.free)
+        grown = np.where(
+            ["focal_length" in name for name in names], environment.housing_factor(errors).reshape(-1, 1), 1.0
+        )
+        apart = np.where(
+            ["translation" in name for name in names], environment.baseline_factor(errors).reshape(-1, 1), 1.0
+        )
+        return np.asarray(self.best * grown * apart)
 
     def _calibrated_rigs(self, errors: Errors) -> FloatArray:
         """The rigs that calibrations with errors describe, shape (draws, P)."""

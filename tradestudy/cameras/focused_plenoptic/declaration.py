@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
+from tradestudy.cameras.calibration_declaration import ArrayStabilityPart, CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
@@ -125,7 +125,7 @@ class PlenopticDepthPart(DisparityPart):
 if TYPE_CHECKING:
     FocusedPlenopticCalibration = CalibrationPart
 else:
-    FocusedPlenopticCalibration = calibration_part(FocusedPlenoptic, "focused-plenoptic")
+    FocusedPlenopticCalibration = calibration_part(FocusedPlenoptic, "focused-plenoptic", ArrayStabilityPart)
 
 
 class FocusedPlenopticDeclaration(DepthCameraDeclaration):

@@ -243,6 +243,11 @@ class FocusedPlenoptic(PlenopticCamera):
         """Distance between the two micro-images of a point, and their position; see `relay_observation`."""
         return relay_observation(self.geometry, self.estimator_baseline(z), errors, x, y, z)
 
+    def rescaled(self, seen: Observation, changed: Errors, scale: FloatArray) -> Observation:  # noqa: ARG002 - all is on the sensor
+        """All three are lengths on the sensor, and the distance of the centres is that of the calibration."""
+        apart, x, y = seen
+        return apart / scale, x / scale, y / scale
+
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Inverse depth by eq. 8; see `relay_inverse_depth`."""
         return relay_inverse_depth(self.geometry, self.estimator_baseline(distance), errors, seen)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from tradestudy.cameras.calibrated_pair import RADIAL
-from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
+from tradestudy.cameras.calibration_declaration import CalibrationPart, PairStabilityPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
@@ -56,7 +56,7 @@ class StereoDepthPart(DisparityPart):
 if TYPE_CHECKING:
     StereoCalibration = CalibrationPart
 else:
-    StereoCalibration = calibration_part(StereoRig, "stereo")
+    StereoCalibration = calibration_part(StereoRig, "stereo", PairStabilityPart)
 
 
 class StereoDeclaration(DepthCameraDeclaration):

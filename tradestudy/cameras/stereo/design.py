@@ -24,7 +24,7 @@ from tradestudy.cameras.depth_measurement import (
     shares_of,
     value_of,
 )
-from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.environment import Environment, warmed
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.imported import ImportedRig
@@ -325,22 +325,32 @@ class StereoRig(DepthCamera):
     ) -> MeasuredInverseDepth:
         """Inverse depths of points at field positions as seen from midway between the cameras; see `DepthCamera.read`.
 
-        Baseline and principal distance expand with the housing. Pressure and colour move the focus of a thin lens, but
-        not its principal distance, and therefore do not change disparity.
+        The principal distance expands with the housing, the baseline with its own part and the pixels with the sensor.
+        Pressure, colour and the thermal drift of a thin lens move its focus, but not its principal distance, and
+        therefore do not change disparity.
         """
         require_known(errors, STEREO_ERRORS, "a stereo rig")
         z = np.asarray(distance, dtype=np.float64)
         changed = self._changed(errors, environment)
-        image, seen = self._imaged(changed, z, field) if changed else _imaged(self, z.tobytes(), z.shape, field)
+        if environment is not None and changed:
+            image, seen = self._imaged(changed, z, field, environment.scale_factor(errors))
+        else:
+            image, seen = _imaged(self, z.tobytes(), z.shape, field)
         inverse, valid = pair_inverse_depth(self.pair, errors, image)
         return MeasuredInverseDepth(inverse_depth=inverse, no_overlap=~seen, out_of_range=~valid)
 
-    def _imaged(self, changed: Errors, distance: FloatArray, field: Field) -> tuple[Image, BoolArray]:
-        """Images of points, placed as seen from midway between the cameras, and whether they lie on both sensors."""
+    def _imaged(
+        self, changed: Errors, distance: FloatArray, field: Field, scale: FloatArray | float = 1.0
+    ) -> tuple[Image, BoolArray]:
+        """Images of points, placed as seen from midway between the cameras, and whether they lie on both sensors.
+
+        ``scale`` is the factor by which pixels have grown; images are in pixels of the calibration.
+        """
         x, y = shares_of(field)
         c, sensor = self.principal_distance, self.sensor
         right, down = slopes(*self.distortion.ray(x * sensor.width / 2.0 / c, y * sensor.height / 2.0 / c))
-        image = self.observe(changed, right * distance, down * distance, distance)
+        left, left_down, on_right, right_down = self.observe(changed, right * distance, down * distance, distance)
+        image = left / scale, left_down / scale, on_right / scale, right_down / scale
         left_x, left_y, right_x, right_y = (
             np.abs(place) <= extent / 2.0
             for place, extent in zip(image, (sensor.width, sensor.height) * 2, strict=True)
@@ -351,8 +361,10 @@ class StereoRig(DepthCamera):
         """Changes since the calibration due to the surroundings, as errors."""
         if environment is None or "temperature_change" not in errors:
             return {}
-        growth = environment.length_factor(errors) - 1.0
-        return {"baseline": self.baseline * growth, "focal_length": self.principal_distance * growth}
+        return {
+            "baseline": self.baseline * (environment.baseline_factor(errors) - 1.0),
+            "focal_length": self.principal_distance * (environment.housing_factor(errors) - 1.0),
+        }
 
     def exposures(
         self, reference_distance: float, errors: Errors, environment: Environment | None, stop_separation: float
@@ -367,7 +379,7 @@ class StereoRig(DepthCamera):
             found.append(
                 SingleLensExposure(
                     name=side,
-                    sensor=self.sensor,
+                    sensor=warmed(self.sensor, errors, environment),
                     lens=self.lens,
                     focus_distance=self.focus_distance or reference_distance,
                     pose=pose,

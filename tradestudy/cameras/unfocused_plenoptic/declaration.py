@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
+from tradestudy.cameras.calibration_declaration import ArrayStabilityPart, CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
@@ -86,7 +86,7 @@ class UnfocusedDepthPart(DisparityPart):
 if TYPE_CHECKING:
     UnfocusedPlenopticCalibration = CalibrationPart
 else:
-    UnfocusedPlenopticCalibration = calibration_part(UnfocusedPlenoptic, "unfocused-plenoptic")
+    UnfocusedPlenopticCalibration = calibration_part(UnfocusedPlenoptic, "unfocused-plenoptic", ArrayStabilityPart)
 
 
 class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):

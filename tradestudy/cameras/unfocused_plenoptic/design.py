@@ -30,7 +30,7 @@ from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
 from tradestudy.cameras.unfocused_plenoptic.compared_views import ComparedViews, ViewEstimator, baseline_of_views
 from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
 from tradestudy.cameras.unfocused_plenoptic.method import METHOD
-from tradestudy.cameras.unfocused_plenoptic.views import views_inverse_depth, views_observation
+from tradestudy.cameras.unfocused_plenoptic.views import between_known_centres, views_inverse_depth, views_observation
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.depth_of_field import refocus_distance, view_pupil_diameter
@@ -262,6 +262,10 @@ class UnfocusedPlenoptic(PlenopticCamera):
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
         """Disparity of a point on the array, and its position; see `views_observation`."""
         return views_observation(self.geometry, self.pixels_apart, errors, x, y, z)
+
+    def rescaled(self, seen: Observation, changed: Errors, scale: FloatArray) -> Observation:
+        """See `views.between_known_centres`."""
+        return between_known_centres(self.geometry, self.pixels_apart, changed, seen, scale)
 
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:  # noqa: ARG002 - the same views at every distance
         """Inverse depth from the rays of both views; see `views_inverse_depth`."""

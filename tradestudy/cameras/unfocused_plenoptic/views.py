@@ -46,6 +46,39 @@ def views_observation(
     return shift / geometry.pitch_scale(errors), *place.on_sensor
 
 
+def between_known_centres(
+    geometry: ArrayGeometry, pixels_apart: float, changed: Errors, seen: Observation, scale: FloatArray
+) -> Observation:
+    """The observation by pixels that have grown by a factor, with the centres of the micro-images as calibrated.
+
+    A pixel chosen by the centre c that was calibrated for its microlens lies ``o = (c + o₀) s − c m`` from the true
+    centre, where ``c = x (1 + b_L/z)``, s and m are the factors of pixels and array, and b_L/z is unchanged. With
+    ``r = m/s`` and N as calibrated, two views through one image are therefore ``d = g/(r + (1 − r)(1 + b_L/z) g/N)``
+    apart, where g is the disparity between the true centres, in pitches that have grown with the array.
+
+    Parameters
+    ----------
+    geometry, pixels_apart
+        See `views_observation`.
+    changed
+        Changes since the calibration, to which ``seen`` belongs.
+    seen
+        From `views_observation`: disparity between views relative to the true centres.
+    scale
+        Factor s.
+
+    Returns
+    -------
+    Observation
+        The disparity in microlenses of the design, and the position in pixels of the design, both as lengths.
+    """
+    shift, x, y = seen
+    array = geometry.pitch_scale(changed)
+    g, r = shift * array, array / scale
+    kept = g / (r + (1.0 - r) * (1.0 + geometry.gap / geometry.mla_distance) * g / pixels_apart)
+    return kept, x / scale, y / scale
+
+
 def views_inverse_depth(
     geometry: ArrayGeometry, pixels_apart: float, errors: Errors, seen: Observation
 ) -> tuple[FloatArray, BoolArray]:
