@@ -33,38 +33,43 @@ def properties_of(
         ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
         ("fill factor of the array", fill_factor(array)),
         ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
-        ("total covering plane, where |virtual depth| is 2", pretty(plane, LENGTH, 4)),
+        (
+            "total covering plane, where |virtual depth| is 2",
+            "none" if math.isnan(plane) else pretty(plane, LENGTH, 4),
+        ),
         (
             "distances, exact for this lattice, at which two or more microlenses of any type see every point",
-            _covered_from(lens, array, mla_distance),
+            _covered(lens, array, mla_distance),
         ),
         ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
         ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
     )
 
 
-def focuses_before_array(array: MicrolensArray) -> bool:
-    """Whether the first type focuses on images in front of the array: a Keplerian relay."""
-    return array.gap >= array.focal_lengths[0]
+def _covered(lens: Lens, array: MicrolensArray, mla_distance: float) -> str:
+    """Exact distances at which two microlenses of any type see every point, on both sides of the array.
 
-
-def _covered_from(lens: Lens, array: MicrolensArray, mla_distance: float) -> str:
-    """Exact distance from which (Keplerian) or up to which (Galilean) two microlenses of any type see every point."""
-    keplerian = focuses_before_array(array)
+    Light behind the array (Galilean) covers it up to a distance, and light in front (Keplerian) from a distance on,
+    whatever the focal lengths of the microlenses.
+    """
     needed = covering_radius_over_pitch(at_least=2, layout=array.layout)
-    if not keplerian and 2.0 * needed * array.pitch > lens.pupil_diameter:
-        return "nowhere"
-    a_L = float(
-        covering_microlens_object_distance(
-            needed,
-            mla_distance=mla_distance,
-            pupil_diameter=lens.pupil_diameter,
-            microlens_pitch=array.pitch,
-            keplerian=keplerian,
+    found = []
+    for keplerian in (False, True):
+        if not keplerian and 2.0 * needed * array.pitch > lens.pupil_diameter:
+            continue
+        a_L = float(
+            covering_microlens_object_distance(
+                needed,
+                mla_distance=mla_distance,
+                pupil_diameter=lens.pupil_diameter,
+                microlens_pitch=array.pitch,
+                keplerian=keplerian,
+            )
         )
-    )
-    shift = mla_distance - a_L - lens.focal_length
-    if shift <= 0.0:
-        return "nowhere" if keplerian else "everywhere"
-    distance = pretty(float(object_distance(shift, lens.focal_length)), LENGTH, 4)
-    return f"from {distance}" if keplerian else f"up to {distance}"
+        shift = mla_distance - a_L - lens.focal_length
+        if shift > 0.0:
+            distance = pretty(float(object_distance(shift, lens.focal_length)), LENGTH, 4)
+            found.append(f"from {distance}" if keplerian else f"up to {distance}")
+        elif not keplerian:
+            return "everywhere"
+    return " and ".join(found) or "nowhere"

@@ -17,7 +17,7 @@ from tradestudy.cameras.depth_camera import (
     declared_disparity_error,
 )
 from tradestudy.cameras.depth_measurement import Errors
-from tradestudy.cameras.focused_plenoptic.description import focuses_before_array, properties_of
+from tradestudy.cameras.focused_plenoptic.description import properties_of
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
     PlenopticEstimator,
@@ -269,8 +269,8 @@ class FocusedPlenoptic(PlenopticCamera):
 
     @property
     def total_covering_plane(self) -> float:
-        """Object distance with |v| = 2 on the side of the array on which the first type focuses [m]; NaN if none."""
-        side = 1.0 if focuses_before_array(self.microlenses) else -1.0
+        """Object distance with |v| = 2 on the side of the array on which the first type is used [m]; NaN if none."""
+        side = 1.0 if self.focus.keplerian[0] else -1.0
         return float(
             object_distance_of_virtual_depth(
                 side * COVERING_VIRTUAL_DEPTH,

@@ -28,6 +28,8 @@ from tradestudy.optics.microlens_projection import virtual_depth
 class MicrolensTypesFocus:
     """Main lens, array and sensor at fixed distances; each type works on the side of the array on which it focuses.
 
+    An array within the focal length of the main lens has all images of real objects behind it, so types work there.
+
     Parameters
     ----------
     main_lens, microlenses
@@ -59,6 +61,12 @@ class MicrolensTypesFocus:
     def _inverse_focus(self) -> FloatArray:
         return inverse_focus_virtual_depth(self.microlenses.focal_lengths, self.microlenses.gap)
 
+    @property
+    def keplerian(self) -> tuple[bool, ...]:
+        """For each type, whether it works on images in front of the array."""
+        before = self.mla_distance > self.main_lens.focal_length
+        return tuple(before and bool(inverse >= 0.0) for inverse in self._inverse_focus)
+
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
         """Each type's depth of field through the main lens; see `relay_depth_of_field`.
 
@@ -74,9 +82,9 @@ class MicrolensTypesFocus:
                 microlens_gap=array.gap,
                 mla_distance=self.mla_distance,
                 focal_length=self.main_lens.focal_length,
-                keplerian=bool(inverse >= 0.0),
+                keplerian=keplerian,
             )
-            for inverse in self._inverse_focus
+            for inverse, keplerian in zip(self._inverse_focus, self.keplerian, strict=True)
         ]
         return sharp_range(self.names, parts, allowance.reason)
 
@@ -94,9 +102,9 @@ class MicrolensTypesFocus:
                 pixel_pitch=self.sample_pitch,
                 pupil_diameter=self.main_lens.pupil_diameter,
                 wavelength=wavelength,
-                keplerian=bool(inverse >= 0.0),
+                keplerian=keplerian,
             )
-            for inverse in self._inverse_focus
+            for inverse, keplerian in zip(self._inverse_focus, self.keplerian, strict=True)
         ]
         return sharp_range(self.names, parts)
 
