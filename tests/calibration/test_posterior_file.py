@@ -1,5 +1,7 @@
 """A posterior saved and loaded: the same bits, the same measured depths, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray
@@ -103,6 +105,33 @@ def test_a_contradiction_of_posterior_and_declared_rig_gives_both_values(tmp_pat
         GeometryContradictionError, match=r"declared baseline 200 mm, the posterior says 100.*another posterior"
     ):
         posterior_of_file(path, "rig", stereo(baseline=0.2))
+
+
+def test_a_posterior_of_pictures_of_another_size_is_refused(tmp_path):
+    path = saved(tmp_path / "rig.nc", pixels=(1024, 768))
+    with pytest.raises(CalibrationFileError, match=r"another size: 1024 × 768 \(allowed: 1024 × 1024, the pixels"):
+        posterior_of_file(path, "rig", stereo())
+
+
+def test_pictures_and_exports_of_a_rig_with_a_posterior_are_those_of_its_best_values(tmp_path):
+    """Against OpenCV's projection with the best values; without the posterior, both are those of the design."""
+    cv2 = pytest.importorskip("cv2")
+    rig = stereo()
+    rig = replace(rig, calibration=posterior_of_file(saved(tmp_path / "rig.nc"), "rig", rig))
+    best = true_rig()
+    world = np.array([[0.05, -0.03, 0.9], [-0.1, 0.08, 1.3]])
+    left, right = rig.exposures(1.0, {}, None, 0.0)
+    from_left = (world - np.array(left.pose.centre)) @ np.array(left.pose.rotation)
+    for one, pose, interior in ((left, np.zeros(6), best[:6]), (right, best[12:], best[6:12])):
+        fx, fy, cx, cy, k1, k2 = interior
+        matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        image, _ = cv2.projectPoints(from_left, pose[:3], pose[3:], matrix, np.array([k1, k2, 0.0, 0.0]))
+        towards = (world - np.array(one.pose.centre)) @ np.array(one.pose.rotation)
+        seen = one.place(*towards.T).T / rig.sensor.pixel_pitch + 511.5
+        np.testing.assert_allclose(seen, image[:, 0], rtol=0.0, atol=1e-8)
+    exported = rig.exported()
+    np.testing.assert_array_equal(exported.translation, best[15:])
+    np.testing.assert_array_equal(exported.right.focal_lengths, best[6:8])
 
 
 def test_damaged_files_are_named(tmp_path):

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.cameras.builders import r5, stereo, unfocused
+from tradestudy.calibration.posterior_file import measurement_of_rig
+from tradestudy.cameras.calibrated_pair import CalibratedPair
+from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStackPlan
 from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.light_cones import Exposure
+from tradestudy.cameras.light_cones import Exposure, pose_of
 from tradestudy.cameras.parts import Lens, Sensor
+from tradestudy.cameras.single_lens_exposure import SingleLensExposure
+from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import pair_observation
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -173,3 +179,99 @@ def test_a_stack_focuses_its_pictures_over_its_range() -> None:
 def test_a_second_stop_behind_microlenses_is_refused() -> None:
     with pytest.raises(OutOfRangeError, match="second stop"):
         r5().exposures(0.15, {}, None, 5e-3)
+
+
+def turned_pair(lenses: tuple[LensModel, LensModel]) -> tuple[StereoRig, FloatArray, FloatArray]:
+    """A rig calibrated with its own values for each camera, and its pose from left to right."""
+    turn, move = np.array([0.03, -0.06, 0.02]), np.array([-0.1, 0.004, -0.012])
+    interiors = ([500.0, 510.0, 330.0, 230.0], [480.0, 470.0, 300.0, 250.0])
+    pair = CalibratedPair(parameters=(*interiors[0], *interiors[1], *turn, *move), lenses=lenses, free=())
+    sensor = Sensor(columns=640, rows=480, pixel_pitch=6e-6)
+    rig = stereo(sensor=sensor, calibrated_pair=pair)
+    assert isinstance(rig, StereoRig)
+    return rig, turn, move
+
+
+@pytest.mark.parametrize("model", ["rational", "fisheye"])
+def test_both_pictures_of_a_calibrated_pair_show_points_where_opencv_does(model: str) -> None:
+    cv2 = pytest.importorskip("cv2")
+    coefficients: tuple[dict[str, float], dict[str, float]]
+    if model == "rational":
+        coefficients = {"k1": -0.2, "k2": 0.05, "p1": 0.003}, {"k1": 0.1, "k2": -0.02, "p2": -0.002}
+        lenses: Any = tuple(Rational(**own) for own in coefficients)
+    else:
+        coefficients = {"k1": -0.05, "k2": 0.01}, {"k1": 0.03, "k2": 0.0}
+        lenses = tuple(KannalaBrandt(**own) for own in coefficients)
+    rig, turn, move = turned_pair(lenses)
+    world = points()
+    left, right = rig.exposures(1.0, {}, None, 0.0)
+    from_left = np.array(left.pose.rotation).T @ (world - np.array(left.pose.centre)[:, None])
+    interiors = np.array(rig.calibrated_pair.parameters[:8]).reshape(2, 4)
+    poses = ((left, np.zeros(3), np.zeros(3)), (right, turn, move))
+    for (one, rotation, translation), (fx, fy, cx, cy), own in zip(poses, interiors, coefficients, strict=True):
+        names = ("k1", "k2", "p1", "p2") if model == "rational" else ("k1", "k2", "k3", "k4")
+        given = np.array([own.get(name, 0.0) for name in names])
+        project = cv2.projectPoints if model == "rational" else cv2.fisheye.projectPoints
+        matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        seen = from_left.T.reshape(-1, 1, 3)
+        image = project(seen, rotation, translation, matrix, given)[0]
+        x, y = (image.reshape(-1, 2).T - np.array([[319.5], [239.5]])) * 6e-6
+        assert miss(one, x, y, world) < 1e-9
+    centres = np.array([one.pose.centre for one in (left, right)])
+    np.testing.assert_allclose(centres, np.linalg.norm(move) / 2.0 * np.array([[-1.0, 0, 0], [1.0, 0, 0]]), atol=1e-15)
+
+
+def test_the_area_that_a_pixel_sees_follows_its_lens_model() -> None:
+    """By differences between the rays through the corners of pixels far off the axis."""
+    exposure = SingleLensExposure(
+        name="wide",
+        sensor=Sensor(columns=640, rows=480, pixel_pitch=6e-6),
+        lens=Lens(focal_length=2e-3, f_number=4.0),
+        focus_distance=1.0,
+        principal_distances=(2.0e-3, 2.1e-3),
+        distortion=KannalaBrandt(k1=-0.02),
+    )
+    x, y, half = np.array([1.5e-3, 0.0, -1.0e-3]), np.array([0.9e-3, 0.0, 1.0e-3]), 3e-6
+    across = (exposure.cones(x + half, y).slope - exposure.cones(x - half, y).slope) / (2.0 * half)
+    down = (exposure.cones(x, y + half).slope - exposure.cones(x, y - half).slope) / (2.0 * half)
+    area = np.abs(across[0] * down[1] - across[1] * down[0])
+    np.testing.assert_allclose(np.square(exposure.cones(x, y).slope_by_pixel), area, rtol=1e-4)
+
+
+def test_pixels_that_look_beside_the_scene_are_dark() -> None:
+    """A camera turned by 40° sees only up to 50° on its outer side."""
+    turned = pose_of(np.zeros(3), np.array([[0.766044, 0.0, 0.642788], [0.0, 1.0, 0.0], [-0.642788, 0.0, 0.766044]]))
+    exposure = SingleLensExposure(
+        name="turned",
+        sensor=Sensor(columns=1000, rows=10, pixel_pitch=6e-6),
+        lens=Lens(focal_length=2e-3, f_number=4.0),
+        focus_distance=1.0,
+        pose=turned,
+        distortion=KannalaBrandt(),
+    )
+    c = exposure.image_distance
+    cones = exposure.cones(np.radians([49.9, 50.1, -80.0]) * c, np.zeros(3))
+    assert (cones.light > 0.0).tolist() == [True, False, True]
+
+
+def test_a_cropped_calibrated_pair_keeps_its_rays() -> None:
+    rig, _, _ = turned_pair((Rational(k1=-0.1), Rational()))
+    assert rig.calibrated_pair is not None
+    measurement = measurement_of_rig(rig, rig.calibrated_pair, (640, 480))
+    whole = replace(rig, calibration=Calibration(measurement=measurement))
+    small = replace(
+        whole,
+        sensor=replace(rig.sensor, columns=200, rows=121),
+        calibration=Calibration(measurement=measurement.cropped(200, 121)),
+    )
+    x, y = np.array([2e-4, -1e-4]), np.array([1e-4, 3e-4])
+    for one, other in zip(whole.exposures(1.0, {}, None, 0.0), small.exposures(1.0, {}, None, 0.0), strict=True):
+        np.testing.assert_allclose(one.cones(x, y).slope, other.cones(x, y).slope, rtol=1e-12)
+    distance = np.array([0.8])
+    assert small.overlap(distance)[0] < whole.overlap(distance)[0]
+
+
+def test_errors_of_a_design_do_not_apply_to_a_calibrated_pair() -> None:
+    rig, _, _ = turned_pair((Rational(), Rational()))
+    with pytest.raises(OutOfRangeError, match="calibrated pair with errors of a designed one: yaw"):
+        rig.exposures(1.0, {"yaw": np.asarray(0.01)}, None, 0.0)

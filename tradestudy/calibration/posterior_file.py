@@ -150,6 +150,14 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
             limit=f"all {len(names)}",
             remedy="use an unchanged file written by a run",
         )
+    size = (camera.sensor.columns, camera.sensor.rows)
+    if found.pixels != size:
+        raise CalibrationFileError(
+            f"{path.name} belongs to pictures of another size",
+            value=" × ".join(map(str, found.pixels or ())),
+            limit=f"{size[0]} × {size[1]}, the pixels of the sensor",
+            remedy="correct the pixels of the sensor, or use a posterior of such pictures",
+        )
     assert found.best is not None
     if found.names != names:  # the exact model takes them by position
         order = [found.names.index(name) for name in names]

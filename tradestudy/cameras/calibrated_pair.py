@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import IDEAL
 
@@ -13,6 +16,25 @@ Lenses = tuple[LensModel, LensModel]
 PINHOLES: Final[Lenses] = (IDEAL, IDEAL)
 RADIAL: Final = ("k1", "k2")
 """The coefficients that are parameters of a camera by default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedCamera:
+    """One camera of a calibrated pair.
+
+    Parameters
+    ----------
+    focal_lengths
+        Horizontal and vertical focal length [px].
+    principal_point
+        Position in the picture, whose first pixel has its centre at (0, 0) [px].
+    lens
+        Lens model.
+    """
+
+    focal_lengths: tuple[float, float]
+    principal_point: tuple[float, float]
+    lens: LensModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,3 +56,32 @@ class CalibratedPair:
     parameters: tuple[float, ...]
     lenses: Lenses = PINHOLES
     free: tuple[str, ...] = RADIAL
+
+    @property
+    def cameras(self) -> tuple[CalibratedCamera, CalibratedCamera]:
+        """The left and the right camera."""
+        own = len(self.parameters[:-6]) // 2
+        left, right = (
+            _camera(self.parameters[first : first + own], lens, self.free)
+            for first, lens in zip((0, own), self.lenses, strict=True)
+        )
+        return left, right
+
+    @property
+    def rotation(self) -> FloatArray:
+        """Rotation vector from the frame of the left camera to that of the right one [rad], shape (3,)."""
+        return np.array(self.parameters[-6:-3])
+
+    @property
+    def translation(self) -> FloatArray:
+        """Position of the left camera in the frame of the right one [m], shape (3,)."""
+        return np.array(self.parameters[-3:])
+
+
+def _camera(interior: tuple[float, ...], lens: LensModel, free: tuple[str, ...]) -> CalibratedCamera:
+    fx, fy, cx, cy, *coefficients = map(float, interior)
+    return CalibratedCamera(
+        focal_lengths=(fx, fy),
+        principal_point=(cx, cy),
+        lens=replace(lens, **dict(zip(free, coefficients, strict=True))),
+    )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal, Protocol, Self
 
 import numpy as np
 
+from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.depth_measurement import Errors, Field, MeasuredInverseDepth
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, ErrorVocabulary
@@ -25,7 +26,11 @@ ONE_SIGMA: Final = 0.6826894921370859
 
 
 class CalibratedMeasurement(Protocol):
-    """The exact model of a calibrated pair of cameras: a `DepthMeasurement` that also gives their overlap."""
+    """The exact model of a calibrated pair of cameras: a `DepthMeasurement` that also describes the pair."""
+
+    @property
+    def pair(self) -> CalibratedPair:
+        """The calibrated pair."""
 
     def __call__(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None, /
@@ -34,6 +39,9 @@ class CalibratedMeasurement(Protocol):
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
         """Overlap of the pictures at distances [m]: the smaller of the shares of their areas that both cameras see."""
+
+    def cropped(self, columns: int, rows: int) -> Self:
+        """The same pair with only the middle of its pictures, so many pixels wide and high."""
 
 
 @dataclass(frozen=True, kw_only=True)

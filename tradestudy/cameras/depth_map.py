@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tradestudy.cameras.light_cones import Description
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 
@@ -119,6 +120,13 @@ class DepthReader(ABC):
     @abstractmethod
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
         """True depth for the map, from the true depth and the pure pixels of every picture, by name."""
+
+    def frame(self) -> Description:
+        """The pinhole camera that the map belongs to, if it is not that of a picture, in the terms of its description.
+
+        Centre and rotation place its rays in the scene; principal distance and principal point are in metres.
+        """
+        return {}
 
     def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:  # noqa: ARG002 - used only by kinds that make some
         """Brightness of pictures computed from the camera's pictures and depth, by name; NaN where there is none.

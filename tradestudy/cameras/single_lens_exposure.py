@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +27,9 @@ class SingleLensExposure:
         The lens that gathers the light.
     focus_distance
         Distance in focus [m]; infinity is allowed.
-    principal_distance
-        Distance that converts positions on the sensor to slopes [m]; None for the image distance of the focus.
+    principal_distances
+        Distances that convert horizontal and vertical positions on the sensor to slopes [m]; they differ where a
+        calibration says so. None for the image distance of the focus.
     principal_point
         Position where the axis meets the sensor [m].
     distortion
@@ -41,7 +43,7 @@ class SingleLensExposure:
     lens: Lens
     focus_distance: float
     pose: Pose = AT_ORIGIN
-    principal_distance: float | None = None
+    principal_distances: tuple[float, float] | None = None
     principal_point: tuple[float, float] = (0.0, 0.0)
     distortion: LensModel = IDEAL
     stop_separation: float = 0.0
@@ -52,17 +54,29 @@ class SingleLensExposure:
         return float(image_distance(self.focus_distance, self.lens.focal_length))
 
     @property
-    def _scale(self) -> float:
-        return self.image_distance if self.principal_distance is None else self.principal_distance
+    def scales(self) -> FloatArray:
+        """Principal distances along x and y [m], shape (2,)."""
+        return np.array(self.principal_distances or (self.image_distance, self.image_distance))
+
+    def place(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+        """Positions on the sensor [m], (2, ...), of directions in the frame of the camera; NaN outside its field."""
+        image = np.moveaxis(self.distortion.project(np.stack(np.broadcast_arrays(x, y, z), axis=-1)), -1, 0)
+        along = (2, *[1] * (image.ndim - 1))
+        return np.asarray(image * self.scales.reshape(along) + np.reshape(self.principal_point, along))
 
     def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:  # noqa: ARG002  # all have theirs
-        """``start = η``, ``slope = (s + δ)/c − η/a₀``."""
-        c, radius = self._scale, self.lens.pupil_diameter / 2.0
-        across, down = (x - self.principal_point[0]) / c, (y - self.principal_point[1]) / c
+        """``start = η``, ``slope = ray((s − s₀)/c) + δ ∂slope/∂s − η/a₀``.
+
+        The derivative is that of a pixel's area, for both axes alike. Pixels outside the field of the lens are dark,
+        and so are those that look beside or behind the scene, where no surface is.
+        """
+        (across, down), radius = self._slopes_on_sensor(x, y), self.lens.pupil_diameter / 2.0
         cosine_squared = 1.0 / (1.0 + across * across + down * down)
-        across, down = slopes(*self.distortion.ray(across, down))
-        dark = np.isnan(across)  # pixels beyond the field of the lens
-        slope = np.where(dark, 0.0, np.stack([across, down]))
+        slope = np.stack(slopes(*self.distortion.ray(across, down)))
+        ahead = np.tensordot(np.array(self.pose.rotation[2]), np.concatenate([slope, np.ones((1, x.size))]), 1)
+        dark = ~(ahead > 0.0)
+        slope = np.where(dark, 0.0, slope)
+        c = self._distance_of_area(slope)
         stop = None
         if self.stop_separation > 0.0:
             stop = Stop(
@@ -86,6 +100,22 @@ class SingleLensExposure:
             lens_type=0,
         )
 
+    def _slopes_on_sensor(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Normalised image coordinates of positions on the sensor, shape (2, pixels)."""
+        return np.asarray((np.stack([x, y]) - np.reshape(self.principal_point, (2, 1))) / self.scales[:, np.newaxis])
+
+    def _distance_of_area(self, slope: FloatArray) -> float | FloatArray:
+        """Distance c [m] that converts lengths on the sensor to slopes at points of the picture, by the area of pixels.
+
+        ``c² = c_x c_y |det ∂(image)/∂(slope)|``.
+        """
+        c = math.sqrt(math.prod(self.scales))
+        if self.distortion == IDEAL:
+            return c
+        ray = np.concatenate([slope, np.ones_like(slope[:1])]).T
+        by_slope = self.distortion.derivatives(ray, ())[0][:, :, :2]
+        return np.asarray(c * np.sqrt(np.abs(np.linalg.det(by_slope))))
+
     def description(self) -> Description:
         """Lens, focus and interior orientation."""
         return {
@@ -93,7 +123,8 @@ class SingleLensExposure:
             "pupil_diameter": self.lens.pupil_diameter,
             "focus_distance": self.focus_distance,
             "lens_to_sensor": self.image_distance,
-            "principal_distance": self._scale,
+            "principal_distance": float(self.scales[0]),
+            "principal_distance_vertical": float(self.scales[1]),
             "principal_point": list(self.principal_point),
             "distortion_model": self.distortion.name,
             **{f"distortion_{name}": value for name, value in self.distortion.coefficients().items()},

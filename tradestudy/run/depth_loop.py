@@ -286,18 +286,34 @@ def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
     The square has the given side; if the pictures share only a narrower strip, the strip is longer, with the same area.
     """
     sensor = camera.sensor
-    magnification = float(np.ravel(camera.picture_geometry(np.array([distance])).magnification)[0])
-    aside = max(abs(one.pose.centre[0]) for one in camera.exposures(distance, {}, None, 0.0))
-    shift = math.ceil(aside * magnification / sensor.pixel_pitch)
+    shift, shift_down = _shifts_of_middles(camera, distance)
     widest = sensor.columns - 2 * shift
     across = min(side_px, widest) if widest > 0 else side_px
     down = min(math.ceil(side_px**2 / across), sensor.rows)
     across = max(across, math.ceil(side_px**2 / down))
     # Parity is preserved, so that pixels keep their positions.
     columns = min(sensor.columns, across + 2 * shift + (sensor.columns - across) % 2)
-    rows = min(sensor.rows, down + (sensor.rows - down) % 2)
+    rows = min(sensor.rows, down + 2 * shift_down + (sensor.rows - down) % 2)
     changes: dict[str, Any] = {"sensor": replace(sensor, columns=columns, rows=rows)}
+    if (measurement := camera.calibration.measurement) is not None:
+        changes["calibration"] = replace(camera.calibration, measurement=measurement.cropped(columns, rows))
     return replace(camera, **changes)
+
+
+def _shifts_of_middles(camera: DepthCamera, distance: float) -> tuple[int, int]:
+    """Largest shifts across and down [px] between what a picture shows of the plane in its middle and the axis."""
+    magnification = float(np.ravel(camera.picture_geometry(np.array([distance])).magnification)[0])
+    exposures = camera.exposures(distance, {}, None, 0.0)
+    if len(exposures) == 1:  # it shares the plane with no other
+        return 0, 0
+    seen = []
+    for one in exposures:
+        cones, rotation = one.cones(np.zeros(1), np.zeros(1)), np.array(one.pose.rotation)
+        start = rotation @ np.append(cones.start[:, 0], 0.0) + np.array(one.pose.centre)
+        ray = rotation @ np.append(cones.slope[:, 0], 1.0)
+        seen.append(np.abs(start + (distance - start[2]) / ray[2] * ray)[:2])
+    across, down = np.max(seen, axis=0) * magnification / camera.sensor.pixel_pitch
+    return math.ceil(across), math.ceil(down)
 
 
 def _searched(camera: DepthCamera, distance: float) -> tuple[float, float]:

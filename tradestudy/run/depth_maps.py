@@ -17,7 +17,7 @@ from tradestudy.analysis.scene_pictures import Taken, declared_image, extent_and
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, TrueDepth
-from tradestudy.cameras.light_cones import Exposure
+from tradestudy.cameras.light_cones import Description, Exposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.execution.point_progress import part_of_point, tell
@@ -107,6 +107,8 @@ class MeasuredDepth:
         Comparison of the measured depth with truth and prediction.
     made
         Pictures that the camera computes from its depth, by name.
+    frame
+        The camera that the map belongs to; see `DepthReader.frame`.
     """
 
     camera: str
@@ -116,6 +118,7 @@ class MeasuredDepth:
     predicted: FloatArray
     score: DepthScore
     made: Mapping[str, Samples]
+    frame: Description
 
 
 def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
@@ -240,6 +243,7 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
         predicted=predicted,
         score=replace(scored, matcher=_matcher(point, found, truth)),
         made=one.reader.made_of(pictures, found, point.middle),
+        frame=one.reader.frame(),
     )
 
 
@@ -316,6 +320,7 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
     facts: Mapping[str, Any] = {
         "unit": "m",
         "orientation": "upright: x to the right, y down",
+        "frame": one.frame or "that of the picture",
         "searched": [search.near, search.far],
         "window_px": search.window_px,
         "reasons": {str(int(reason)): text for reason, text in REASONS.items()},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -125,6 +125,18 @@ class RigMeasurement:
         return MeasuredInverseDepth(
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
         )
+
+    @property
+    def pair(self) -> CalibratedPair:
+        """The pair that measures depth."""
+        return CalibratedPair(parameters=tuple(map(float, self.best)), lenses=self.lenses, free=self.free)
+
+    def cropped(self, columns: int, rows: int) -> RigMeasurement:
+        """See `CalibratedMeasurement`; the principal points keep their places in the object's picture."""
+        best, own = self.best.copy(), (len(self.best) - 6) // 2
+        for axis, size in enumerate((columns, rows)):
+            best[[2 + axis, own + 2 + axis]] += (size - self.pixels[axis]) / 2.0
+        return replace(self, best=best, pixels=(columns, rows))
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
         """See `CalibratedMeasurement`."""

@@ -6,13 +6,16 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
 
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.light_cones import AT_ORIGIN, Description
+from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.cameras.stereo.design import StereoRig
-from tradestudy.cameras.stereo.pair import SIDES, pair_poses
+from tradestudy.cameras.stereo.pair import SIDES
 from tradestudy.cameras.stereo.row_alignment import row_alignment
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
@@ -38,10 +41,10 @@ _OPENCV_STEP: Final = 16  # disparities are in sixteenths of a pixel, and their 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairReader(DepthReader):
-    """Depth measured with a stereo rig as designed; the map has the pixels of the left picture.
+    """Depth measured with a stereo rig as calibrated or designed; the map has the pixels of the left picture.
 
-    Pictures of converging cameras or of lenses with distortion are rectified; the map is then in the frame of the
-    rectified left picture. Finally, rows that are displaced by errors of the rig are aligned.
+    Pictures are rectified unless they are of parallel pinholes with equal centred pictures; the map is then in the
+    frame of the rectified left picture. Finally, rows that are displaced by errors of the rig are aligned.
 
     Parameters
     ----------
@@ -62,10 +65,32 @@ class PairReader(DepthReader):
     def __post_init__(self) -> None:
         _opencv()  # refused here, before pictures are rendered for it
 
+    @cached_property
+    def _exposures(self) -> Mapping[str, SingleLensExposure]:
+        """The geometry of both pictures, which does not depend on the distance in focus."""
+        return {one.name: one for one in self.camera.exposures(self.search.far, {}, None, 0.0)}
+
+    @cached_property
+    def _pinhole(self) -> tuple[float, float, float]:
+        """Principal distance and principal point of both rectified cameras [px].
+
+        They have the mean scale on the axis, and the mean of what the middles of both sensors see in their middle.
+        """
+        sensor, seen = self.camera.sensor, []
+        for one in self._exposures.values():
+            cones = one.cones(np.zeros(1), np.zeros(1))
+            x, y, z = np.array(one.pose.rotation) @ np.append(cones.slope[:, 0], 1.0)
+            seen.append((x / z, y / z))
+        scales = [math.sqrt(math.prod(one.scales)) * one.distortion.scale_on_axis for one in self._exposures.values()]
+        c = float(np.mean(scales)) / sensor.pixel_pitch
+        across, down = np.mean(seen, axis=0)
+        return c, (sensor.columns - 1) / 2.0 - c * float(across), (sensor.rows - 1) / 2.0 - c * float(down)
+
     @property
     def _scale(self) -> float:
         """Product of disparity and depth [px m] in rectified pictures."""
-        return self.camera.principal_distance * self.camera.baseline / self.camera.sensor.pixel_pitch
+        left, right = (np.array(self._exposures[side].pose.centre) for side in SIDES)
+        return self._pinhole[0] * float(np.linalg.norm(right - left))
 
     @property
     def _steps(self) -> range:
@@ -78,6 +103,18 @@ class PairReader(DepthReader):
         """Depth [m] from disparities in rectified pictures [px]."""
         with np.errstate(divide="ignore"):
             return np.asarray(np.where(disparity > 0.0, self._scale / disparity, np.inf))
+
+    def frame(self) -> Description:
+        """The rectified left camera."""
+        c, x, y = self._pinhole
+        sensor = self.camera.sensor
+        middle = (sensor.columns - 1) / 2.0, (sensor.rows - 1) / 2.0
+        return {
+            "centre": list(self._exposures["left"].pose.centre),
+            "rotation": [list(row) for row in AT_ORIGIN.rotation],
+            "principal_distance": c * sensor.pixel_pitch,
+            "principal_point": [(place - mid) * sensor.pixel_pitch for place, mid in zip((x, y), middle, strict=True)],
+        }
 
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
         """Depth of every pixel of the left picture whose matches from left to right and from right to left agree."""
@@ -190,10 +227,15 @@ class PairReader(DepthReader):
         found = np.asarray(matcher.compute(*greys), np.float32)[:, margin:] / _OPENCV_STEP
         return np.where(found >= steps[0], found, np.nan)
 
-    @property
+    @cached_property
     def _needs_no_rectification(self) -> bool:
         """Whether the pictures are rectified as taken."""
-        return self.camera.convergence_angle == 0.0 and self.camera.distortion == IDEAL
+        rectified = {
+            one.pose.rotation == AT_ORIGIN.rotation and one.distortion == IDEAL and one.principal_point == (0.0, 0.0)
+            for one in self._exposures.values()
+        }
+        scales = {scale for one in self._exposures.values() for scale in one.scales}
+        return rectified == {True} and len(scales) == 1
 
     def _parallel(self, picture: Samples, side: str, order: Literal[1, 3] = 3) -> Samples:
         """The rectified picture, as of a pinhole camera whose axis is perpendicular to the baseline."""
@@ -201,29 +243,20 @@ class PairReader(DepthReader):
             return picture
         from scipy.ndimage import map_coordinates
 
-        sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
-        x, y, z = self._rays(side)
-        u, v = np.moveaxis(self.camera.distortion.project(np.stack([x, y, z], axis=-1)), -1, 0)
+        sensor = self.camera.sensor
+        x, y = self._exposures[side].place(*self._rays(side)) / sensor.pixel_pitch
         outside = float(-sensor.columns - sensor.rows)  # outside the field of the lens counts as outside the picture
-        place = np.nan_to_num(
-            np.stack([v * c + sensor.rows / 2.0 - 0.5, u * c + sensor.columns / 2.0 - 0.5]), nan=outside
-        )
+        place = np.nan_to_num(np.stack([y + (sensor.rows - 1) / 2.0, x + (sensor.columns - 1) / 2.0]), nan=outside)
         missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
         found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=order, mode="nearest")
         return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
 
     def _rays(self, side: str) -> Samples:
         """Rays of the pixels of the rectified camera in the frame of the actual one, shape (3, rows, columns)."""
-        sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
-        rows, columns = np.mgrid[: sensor.rows, : sensor.columns]
-        rays = np.stack(
-            [
-                (columns + 0.5 - sensor.columns / 2.0) / c,
-                (rows + 0.5 - sensor.rows / 2.0) / c,
-                np.ones_like(rows, dtype=float),
-            ]
-        )
-        rotation = np.array(pair_poses(self.camera.pair, {})[SIDES.index(side)].rotation)
+        c, middle_x, middle_y = self._pinhole
+        rows, columns = np.mgrid[: self.camera.sensor.rows, : self.camera.sensor.columns]
+        rays = np.stack([(columns - middle_x) / c, (rows - middle_y) / c, np.ones_like(rows, dtype=float)])
+        rotation = np.array(self._exposures[side].pose.rotation)
         return np.asarray(np.einsum("ij,irc->jrc", rotation, rays))
 
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -40,10 +40,8 @@ from tradestudy.cameras.stereo.pair import (
     SIDES,
     Image,
     Pair,
-    pair_interior,
     pair_inverse_depth,
     pair_observation,
-    pair_poses,
 )
 from tradestudy.cameras.stereo.picture_field import (
     edge_angle,
@@ -52,6 +50,7 @@ from tradestudy.cameras.stereo.picture_field import (
     properties_of_lens_models,
     scale_across,
 )
+from tradestudy.cameras.stereo.views import views_of_calibration, views_of_design
 from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -97,8 +96,8 @@ class StereoRig(DepthCamera):
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
     calibrated_pair
-        Calibrated geometry with which depth is measured, if known. All else, such as the overlap, is that of two equal
-        cameras.
+        Calibrated geometry with which depth is measured, if known. Its pictures have this geometry too, or that of the
+        calibration; focus, blur and light are those of two equal cameras.
 
     Raises
     ------
@@ -227,9 +226,15 @@ class StereoRig(DepthCamera):
             distortion=self.distortion,
         )
 
+    @property
+    def measured_pair(self) -> CalibratedPair | None:
+        """The calibrated pair that takes the pictures and measures depth; None if the design does."""
+        measurement = self.calibration.measurement
+        return self.calibrated_pair if measurement is None else measurement.pair
+
     def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig:
         """The fitted pair, else the calibrated one, else that of the design."""
-        found = self.calibrated_pair if fitted is None else fitted
+        found = self.measured_pair if fitted is None else fitted
         if found is not None:
             return rig_of_calibration(found, (self.sensor.columns, self.sensor.rows))
         return rig_of_design(self.pair, self.sensor)
@@ -369,27 +374,41 @@ class StereoRig(DepthCamera):
     def exposures(
         self, reference_distance: float, errors: Errors, environment: Environment | None, stop_separation: float
     ) -> Sequence[SingleLensExposure]:
-        """Both pictures; lenses that refocus are focused at the reference distance."""
+        """Both pictures, as calibrated or designed; lenses that refocus are focused at the reference distance.
+
+        Raises
+        ------
+        OutOfRangeError
+            For an error that the rig does not have, or any error of a calibrated pair, whose parameters are others.
+        """
         require_known(errors, STEREO_ERRORS, "a stereo rig")
-        changed = self._changed(errors, environment)
-        moved = {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}
-        found = []
-        for side, pose in zip(SIDES, pair_poses(self.pair, moved), strict=True):
-            principal_distance, principal_point, distortion = pair_interior(self.pair, moved, side)
-            found.append(
-                SingleLensExposure(
-                    name=side,
-                    sensor=warmed(self.sensor, errors, environment),
-                    lens=self.lens,
-                    focus_distance=self.focus_distance or reference_distance,
-                    pose=pose,
-                    principal_distance=principal_distance,
-                    principal_point=principal_point,
-                    distortion=distortion,
-                    stop_separation=stop_separation,
+        if (pair := self.measured_pair) is not None:
+            if errors:
+                raise OutOfRangeError(
+                    "pictures of a calibrated pair with errors of a designed one",
+                    value=", ".join(errors),
+                    limit="none",
+                    remedy="render it as designed",
                 )
+            views = views_of_calibration(pair, self.sensor)
+        else:
+            changed = self._changed(errors, environment)
+            moved = {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}
+            views = views_of_design(self.pair, moved)
+        return [
+            SingleLensExposure(
+                name=side,
+                sensor=warmed(self.sensor, errors, environment),
+                lens=replace(self.lens, focal_length=self.lens.focal_length * view.relative_focal_length),
+                focus_distance=self.focus_distance or reference_distance,
+                pose=view.pose,
+                principal_distances=view.principal_distances,
+                principal_point=view.principal_point,
+                distortion=view.distortion,
+                stop_separation=stop_separation,
             )
-        return found
+            for side, view in zip(SIDES, views, strict=True)
+        ]
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Both coordinates of a corner in both pictures."""
