@@ -37,7 +37,8 @@ The variables of [`/depth`](#group-depth), at the distances of `decision.at`. He
 between the nearest and the farthest of these distances.
 """,
     "depth_field": """
-Variables of [`/depth`](#group-depth) off the axis. `field` lists the field positions of `propagation.field_places`.
+Variables of [`/depth`](#group-depth) off the axis. `field` lists the field positions of `propagation.field_places`, and
+`corner` the corners of the picture towards which they lie, as seen by the camera.
 """,
     "depth_map": """
 Depth uncertainty over the picture of each stereo rig with a lens model, at up to four of the distances of
@@ -102,7 +103,8 @@ points straight ahead of the midpoint of the baseline, at the distances `rig_dis
 """,
     "sensitivity": """
 How much each error contributes to the depth uncertainty, at the distances of `sensitivity.at`. `field` lists the axis
-(0) and the field positions of `propagation.field_places`. `source` names the error sources, which are independent of
+(0) and the field positions of `propagation.field_places`, each towards the corner of the picture where depth is least
+certain. `source` names the error sources, which are independent of
 each other. Each is matching noise, the error of a single parameter, or the joint error of a group of correlated
 parameters.
 """,

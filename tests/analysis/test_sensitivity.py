@@ -26,12 +26,16 @@ AT = np.array([1.0])
 
 
 def test_bars_and_indices_belong_to_each_error_alone() -> None:
-    """At 1 m, half the way to the corner: yaw turns by ψ/B (1 + x²/f²), and x is 2.56 mm less half the disparity."""
+    """At 1 m, half the way to the corner: yaw turns by ψ/B (1 + x²/f²), and x is −2.56 mm less half the disparity.
+
+    The left half of the right camera's picture is the worse one: half the disparity adds to |x|.
+    """
     yaw = of_rig("yaw", Normal(mean=0.0, standard_deviation=YAW))
     camera = stereo(disparity_error_px=0.1, calibration=Calibration(groups=(yaw,)))
     found = sensitivity_of("rig", camera, AT, 0.5)
     bars = dict(zip(found.groups.names, found.groups.half_width[:, 0], strict=True))
-    x = 0.5 * 5.12e-3 / F - B / 2.0
+    assert found.corner == "lower left"
+    x = -0.5 * 5.12e-3 / F - B / 2.0
     assert bars["yaw"] == pytest.approx(YAW / B * (1.0 + x**2), rel=0.01)
     assert bars["pixel_noise"] == pytest.approx(0.1 * PIXEL / (F * B), rel=0.01)
     assert found.indices is not None

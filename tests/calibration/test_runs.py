@@ -12,6 +12,7 @@ from tests.calibration import plain_cameras
 from tests.calibration.cameras import unfocused
 from tests.calibration.conftest import STUDY
 from tradestudy import api
+from tradestudy.cameras.depth_measurement import CORNERS
 from tradestudy.cli import app
 from tradestudy.figures import build
 from tradestudy.report.contents import compose_report
@@ -117,11 +118,12 @@ def test_depth_off_the_axis_is_computed_at_the_requested_places(ran):
     assert beside["field"].values.tolist() == [0.5]
     assert np.array_equal(beside["distance"].values, axis["distance"].values)
     np.testing.assert_allclose(beside["variance_share"].sum("part").values, 1.0, atol=1e-9)
+    assert list(beside["corner"].values) == list(CORNERS)
     # Pitch and roll act off the axis alone; noise of a parallel pair is the same everywhere.
     ratio = (beside["depth_uncertainty_by_error_source"] / axis["depth_uncertainty_by_error_source"]).sel(
         camera="rig", field=0.5
     )
-    assert (ratio.sel(error_source="calibration") > 1.003).all()
+    assert (ratio.sel(error_source="calibration").max("corner") > 1.003).all()  # correlations make one side better
     np.testing.assert_allclose(ratio.sel(error_source="noise").values, 1.0, rtol=1e-3)
 
 

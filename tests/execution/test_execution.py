@@ -164,16 +164,16 @@ def test_every_step_of_a_run_is_predicted_and_the_one_off_the_axis_again(
     assert list(first) == [step.name for step in followed_study.plan().steps]
     assert set(begun) == set(first) - {"report"}
     assert {step for step in first if anew[step] != first[step]} == {"depth off the axis"}
-    assert anew["depth off the axis"] == 206.0  # a table and draws of two cameras
+    assert anew["depth off the axis"] == 224.0  # four tables, one for each corner, and draws of two cameras
     in_order = sorted(set(begun), key=begun.index)
     assert in_order == [step for step in first if step in begun]
 
 
-@pytest.mark.parametrize(("drawn", "predicted"), [(7.0, 20.0), (2.0, 10.0), (0.0, None)])
+@pytest.mark.parametrize(("drawn", "predicted"), [(7.0, 62.0), (2.0, 22.0), (0.0, None)])
 def test_draws_off_the_axis_are_predicted_anew_if_there_are_any(
     followed_study: api.Study, monkeypatch: pytest.MonkeyPatch, drawn: float, predicted: float | None
 ) -> None:
-    """The plan takes 3 s for each of two cameras off the axis, without draws."""
+    """The plan takes 3 s for each of two cameras off the axis, without draws; these are made for four corners."""
     from tradestudy.run.groups import depth
 
     told: list[tuple[str, float]] = []
@@ -181,7 +181,7 @@ def test_draws_off_the_axis_are_predicted_anew_if_there_are_any(
     definition = followed_study.plan().definition
     steps = Steps(predict_anew=lambda step, seconds: told.append((step, seconds)))
     found = depth.seconds_off_axis(definition, dict.fromkeys(definition.case.cameras, 3.0), steps)
-    assert list(found.values()) == [drawn + 3.0] * 2
+    assert list(found.values()) == [4.0 * drawn + 3.0] * 2
     assert told == ([] if predicted is None else [("depth off the axis", predicted)])
 
 

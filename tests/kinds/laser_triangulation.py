@@ -20,7 +20,8 @@ from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityErrorLaw
-from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth, require_field, require_known, value_of
+from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth, require_known, shares_of, value_of
+from tradestudy.cameras.depth_measurement import Field as FieldOfPicture
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.focus import SingleLensFocus
@@ -123,10 +124,10 @@ class LaserScanner(DepthCamera):
         return math.atan(field * self.sensor.diagonal / 2.0 / self.lens.focal_length)
 
     def read(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+        self, distance: FloatArray, field: FieldOfPicture, errors: Errors, environment: Environment | None = None
     ) -> MeasuredInverseDepth:
         require_known(errors, ERRORS, "a laser scanner")
-        require_field(field)
+        shares_of(field)  # refuses a position beyond the sensor; depth is the same across the picture
         place = self.disparity(distance)
         seen = np.abs(place) <= self.sensor.width / 2.0
         believed = self.baseline + value_of(errors, "baseline")

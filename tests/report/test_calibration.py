@@ -257,7 +257,7 @@ def test_ranks_appear_in_text_figure_and_table(make_tree: MakeTree) -> None:
 
 
 def with_field(tree: xr.DataTree) -> xr.DataTree:
-    """Twice as uncertain 70 % of the way to the corner, where the R5 sees nothing."""
+    """Up to twice as uncertain 70 % of the way to the corners, where the R5 sees nothing."""
     depth = tree["depth"].to_dataset()
     off = (
         (2.0 * depth[["depth_uncertainty", "depth_uncertainty_by_error_source"]])
@@ -265,7 +265,8 @@ def with_field(tree: xr.DataTree) -> xr.DataTree:
         .copy(deep=True)
     )
     off["depth_uncertainty"].loc[{"camera": "r5"}] = np.nan
-    tree["depth_field"] = xr.DataTree(off)
+    both = xr.concat([off, off / 1.5], "corner").assign_coords(corner=["lower left", "lower right"])
+    tree["depth_field"] = xr.DataTree(both)
     return tree
 
 

@@ -17,9 +17,9 @@ RIG = "stereo-65deg"
 def with_field(tree: xr.DataTree, factor: float) -> xr.DataTree:
     """The study with depth halfway to the corner, `factor` times as uncertain there at one distance of one rig."""
     depth = tree["depth"].to_dataset()
-    off = depth["depth_uncertainty"].expand_dims(field=[0.5]).copy()
+    off = depth["depth_uncertainty"].expand_dims(field=[0.5], corner=["lower right", "upper left"]).copy()
     place = int(np.argmin(np.abs(off["distance"].values - 1.0)))
-    off.loc[{"camera": RIG, "distance": off["distance"].values[place]}] *= factor
+    off.loc[{"camera": RIG, "corner": "upper left", "distance": off["distance"].values[place]}] *= factor
     return xr.DataTree.from_dict(
         {
             **{node.path: node.to_dataset() for node in tree.subtree},
@@ -32,7 +32,7 @@ def test_only_a_camera_that_is_clearly_less_certain_off_the_axis_is_named(make_t
     (words,) = off_axis_words(with_field(make_tree(), 2.5))
     assert "65.24°" in words
     assert "2.5 times" in words
-    assert "50 %" in words
+    assert "50 % of the way to the upper left corner" in words
     assert off_axis_words(with_field(make_tree(), 1.05)) == []
     assert off_axis_words(make_tree()) == []
 

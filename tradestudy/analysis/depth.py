@@ -25,6 +25,7 @@ from tradestudy.cameras.depth_camera import (
     false_match_share,
     numerical_error_of_disparity_error,
 )
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.shapley import shapley_shares
@@ -75,8 +76,8 @@ class DepthEvaluation:
     disparity_error_px_error: FloatArray
 
 
-def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> DepthEvaluation:
-    """Evaluate a camera at distances [m], shape (distance,), at a field position: 0 on the axis, 1 in the corner.
+def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> DepthEvaluation:
+    """Evaluate a camera at distances [m], shape (distance,), at one position in the picture.
 
     Where the camera forms no image or does not see the point, all its measurements are NaN.
     """
@@ -113,7 +114,9 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
     )
 
 
-def distribution(camera: DepthCamera, distance: FloatArray, error_source: str, field: float = 0.0) -> DepthDistribution:
+def distribution(
+    camera: DepthCamera, distance: FloatArray, error_source: str, field: FieldPosition = 0.0
+) -> DepthDistribution:
     """The distribution of depth at distances [m], by the camera's model of propagation.
 
     Every model treats noise alone exactly.
@@ -122,14 +125,16 @@ def distribution(camera: DepthCamera, distance: FloatArray, error_source: str, f
 
 
 @lru_cache(maxsize=256)
-def _known(camera: DepthCamera, distances: bytes, field: float, error_source: str) -> DepthDistribution:
+def _known(camera: DepthCamera, distances: bytes, field: FieldPosition, error_source: str) -> DepthDistribution:
     """The distribution, cached because limits, ratios and tables of a camera request it repeatedly."""
     return _with_false_matches(
         _of_true_matches(camera, np.frombuffer(distances), field, error_source), camera, error_source
     )
 
 
-def _of_true_matches(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
+def _of_true_matches(
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str
+) -> DepthDistribution:
     model, groups = camera.propagation.model, camera.calibration.groups
     if error_source == "noise" or (error_source == "both" and (model == "off" or not groups)):
         return noise_distribution(camera, distance, field)
@@ -224,7 +229,7 @@ class ModelError:
 
 
 def model_error(
-    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: float = 0.0
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
 ) -> ModelError:
     """Estimate the error of a camera's model of propagation.
 
@@ -260,7 +265,7 @@ def model_error(
     )
 
 
-def clear_departure(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> FloatArray:
+def clear_departure(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> FloatArray:
     """How far the half widths of a linear model are off along the direction in which the errors change depth most.
 
     A cheap first estimate for errors of any distribution; 0 where it gives no answer, NaN where nothing is measured.
@@ -290,7 +295,7 @@ def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArr
     return np.where(np.isnan(distance), np.nan, np.fmax(values[above], values[below]))
 
 
-def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> dict[str, FloatArray]:
+def variance_shares(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> dict[str, FloatArray]:
     """Share of the variance of inverse depth due to each part of the errors; see `shapley_shares`.
 
     Linearises inverse depth; NaN if an uncertain parameter has no variance, or where nothing is measured.

@@ -17,7 +17,7 @@ from tradestudy.analysis.control_line import Drivers, sampling_error
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.depth_measurement import MeasuredInverseDepth
+from tradestudy.cameras.depth_measurement import Field, FieldPosition, MeasuredInverseDepth
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
@@ -65,11 +65,11 @@ class MeasuresDepth(Protocol):
     def sample_pitch(self) -> float:
         """[m]."""
 
-    def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:
+    def noise(self, distance: ArrayLike, field: FieldPosition = 0.0) -> FloatArray:
         """See `DepthCamera.noise`."""
 
     def measured_depth(
-        self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]
+        self, distance: FloatArray, field: Field, values: Mapping[str, FloatArray]
     ) -> MeasuredInverseDepth:
         """See `DepthCamera.measured_depth`."""
 
@@ -94,7 +94,11 @@ def fixed_errors(camera: MeasuresDepth, error_source: str) -> dict[str, FloatArr
 
 
 def read_draws(
-    camera: MeasuresDepth, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
+    camera: MeasuresDepth,
+    values: Mapping[str, FloatArray],
+    distance: FloatArray,
+    field: FieldPosition,
+    noise: FloatArray,
 ) -> FloatArray:
     """Inverse depths [1/m] measured at distances [m] with drawn errors (draws, 1); NaN where a draw gives no depth.
 
@@ -109,7 +113,7 @@ def read_draws(
 
 
 @lru_cache(maxsize=128)
-def uncertain_sources(camera: DepthCamera, error_source: str, field: float = 0.0) -> Sources:
+def uncertain_sources(camera: DepthCamera, error_source: str, field: FieldPosition = 0.0) -> Sources:
     """See `uncertain_groups`; joint draws are ordered by their effect on depth at a field position."""
     groups = (
         replace(group, along=_responses(camera, group, field)[[0, -1]]) if isinstance(group, JointDraws) else group
@@ -118,7 +122,7 @@ def uncertain_sources(camera: DepthCamera, error_source: str, field: float = 0.0
     return Sources(groups=tuple(groups))
 
 
-def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArray:
+def _responses(camera: DepthCamera, group: JointDraws, field: FieldPosition) -> FloatArray:
     """Change of inverse depth with each parameter of joint draws, from the nearest to the farthest visible distance."""
     judged = _judged(camera)
     seen = judged[np.isfinite(nominal_inverse(camera, judged, field))]
@@ -150,7 +154,9 @@ def _places(camera: DepthCamera) -> FloatArray:
     return judged[[0, judged.size // 2, -1]]
 
 
-def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, error_source: str = "both") -> Model:
+def outcome_model(
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0, error_source: str = "both"
+) -> Model:
     """A model of the inverse depths at distances [m], in the form that `propagate` expects."""
     fixed, noise = fixed_errors(camera, error_source), camera.noise(distance, field)
 
@@ -163,14 +169,16 @@ def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0,
 
 
 @lru_cache(maxsize=64)
-def _alignment(camera: DepthCamera, error_source: str, field: float) -> ScoreAlignment:
+def _alignment(camera: DepthCamera, error_source: str, field: FieldPosition) -> ScoreAlignment:
     return alignment_with(
         [outcome_model(camera, _places(camera), field, error_source)], uncertain_sources(camera, error_source, field)
     )
 
 
 @lru_cache(maxsize=32)
-def _drawn(camera: DepthCamera, error_source: str, field: float, draws: int) -> tuple[Drivers, dict[str, FloatArray]]:
+def _drawn(
+    camera: DepthCamera, error_source: str, field: FieldPosition, draws: int
+) -> tuple[Drivers, dict[str, FloatArray]]:
     """The errors (scrambles · draws, 1) of every scramble, and the variables that determine depth in them.
 
     The first coordinates of the draws affect depth most.
@@ -192,7 +200,7 @@ def _drawn(camera: DepthCamera, error_source: str, field: float, draws: int) -> 
 
 
 def _drivers(
-    camera: DepthCamera, field: float, sources: Sources, scores: FloatArray, values: Mapping[str, FloatArray]
+    camera: DepthCamera, field: FieldPosition, sources: Sources, scores: FloatArray, values: Mapping[str, FloatArray]
 ) -> Drivers:
     """The scores, with those of a posterior replaced by the effect of its rows on depth."""
     posterior = next((group for group in sources.active_groups if isinstance(group, JointDraws)), None)
@@ -209,7 +217,7 @@ def _drivers(
 
 
 def _read_all(
-    camera: DepthCamera, distance: FloatArray, field: float, error_source: str, values: Mapping[str, FloatArray]
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str, values: Mapping[str, FloatArray]
 ) -> FloatArray:
     """Inverse depths [1/m] of all draws, (distances, draws); computed on several threads if there are many."""
     fixed, noise = fixed_errors(camera, error_source), camera.noise(distance, field)
@@ -231,7 +239,7 @@ def _read_all(
     return found
 
 
-def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
+def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:
     """The inverse depth [1/m] that the camera measures with every error at its mean; NaN where it measures none."""
     values = fixed_errors(camera, "noise")
     read = read_draws(camera, values, distance, field, camera.noise(distance, field))
@@ -239,19 +247,21 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> 
 
 
 def trial_distribution(
-    camera: DepthCamera, distance: FloatArray, field: float, error_source: str, rounds: int = TRIAL_ROUNDS
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str, rounds: int = TRIAL_ROUNDS
 ) -> DepthDistribution:
     """The distribution from ``rounds`` times the first draws, with its error, for checking a cheaper model."""
     return _of_draws(camera, distance, field, error_source, rounds * _FIRST_DRAWS)
 
 
-def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, error_source: str) -> DepthDistribution:
+def exact_distribution(
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str
+) -> DepthDistribution:
     """The distribution of depth by draws through the exact model, as many as the tolerance requires."""
     return _of_draws(camera, distance, field, error_source, settled_draws(camera, field, error_source))
 
 
 def _of_draws(
-    camera: DepthCamera, distance: FloatArray, field: float, error_source: str, draws: int
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str, draws: int
 ) -> DepthDistribution:
     probabilities = camera.propagation.probabilities
     drivers, values = _drawn(camera, error_source, field, draws)
@@ -280,7 +290,7 @@ def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatAr
     return found
 
 
-def expected_rounds(camera: DepthCamera, field: float, error_source: str) -> float:
+def expected_rounds(camera: DepthCamera, field: FieldPosition, error_source: str) -> float:
     """How many times as many draws as the first ones are expected to be made, from the error of the first.
 
     Errors of quantiles fall as the square root of the number of draws. Doubling them until they suffice makes up to
@@ -293,7 +303,7 @@ def expected_rounds(camera: DepthCamera, field: float, error_source: str) -> flo
 
 
 @lru_cache(maxsize=1024)
-def _first_error(camera: DepthCamera, field: float, error_source: str) -> float:
+def _first_error(camera: DepthCamera, field: FieldPosition, error_source: str) -> float:
     """The largest sampling error over the judged distances with the first draws; 0 where nothing is judged."""
     judged = _requested(camera)
     if not judged.size:
@@ -302,7 +312,7 @@ def _first_error(camera: DepthCamera, field: float, error_source: str) -> float:
 
 
 @lru_cache(maxsize=1024)
-def settled_draws(camera: DepthCamera, field: float, error_source: str) -> int:
+def settled_draws(camera: DepthCamera, field: FieldPosition, error_source: str) -> int:
     """Draws per scramble, doubled until every judged half width is within the tolerance.
 
     Intervals narrower than their distance and intervals without a far end are judged; those in between are reported

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.analysis.depth import model_error
 from tradestudy.analysis.linear_depth import has_covariance, linear_distribution, noise_distribution
-from tradestudy.cameras.calibration import Calibration, DepthMeasurement, Propagation
+from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.depth_measurement import MeasuredInverseDepth, PicturePlaces
+from tradestudy.cameras.depth_measurement import (
+    Field,
+    FieldPosition,
+    MeasuredInverseDepth,
+    PicturePlaces,
+    towards_corners,
+)
 from tradestudy.optics.arrays import FloatArray
 
 ACROSS: Final = 25
 DOWN: Final = 15
 """Places across and down; odd, so that the middle of the picture is one of them."""
 _RADII: Final = 6  # number of radii at which a derived disparity error is evaluated
-_MODEL_PLACES: Final = (0.0, 0.5, 1.0)  # where the linear model is compared with the exact model
+_MODEL_PLACES: Final[tuple[FieldPosition, ...]] = (0.0, *towards_corners(0.5), *towards_corners(1.0))
+"""Where the linear model is compared with the exact model."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +66,7 @@ class _AtPlaces:
     def sample_pitch(self) -> float:
         return self.camera.sample_pitch
 
-    def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:  # noqa: ARG002 - the places replace it
+    def noise(self, distance: ArrayLike, field: FieldPosition = 0.0) -> FloatArray:  # noqa: ARG002 - the places replace it
         """Interpolated between radii; a declared error is the same everywhere."""
         z = np.asarray(distance, dtype=np.float64)
         if isinstance(self.camera.disparity_error_px, float | int):
@@ -76,14 +83,11 @@ class _AtPlaces:
     def measured_depth(
         self,
         distance: FloatArray,
-        field: float,  # noqa: ARG002 - the places replace it
+        field: Field,  # noqa: ARG002 - the places replace it
         values: Mapping[str, FloatArray],
     ) -> MeasuredInverseDepth:
         """See `DepthCamera.measured_depth`."""
-        known = self.calibration
-        # A camera that is mapped measures depth at places, too.
-        read = known.measurement or cast(DepthMeasurement, self.camera.read)
-        return read(distance, self.places, known.errors(values), known.environment)
+        return self.camera.measured_depth(distance, self.places, values)
 
 
 def map_places() -> tuple[FloatArray, FloatArray]:

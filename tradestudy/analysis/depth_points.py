@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from tradestudy.analysis.depth import DepthEvaluation, evaluate_depth
 from tradestudy.analysis.usable import Interval, all_met, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 
@@ -46,10 +47,10 @@ def depth_table(point: DepthPoint) -> DepthTable:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldPoint:
-    """A camera that measures depth, the field positions and the distances [m] to evaluate."""
+    """A camera that measures depth, the positions in the picture and the distances [m] to evaluate."""
 
     camera: DepthCamera
-    fields: tuple[float, ...]
+    fields: tuple[FieldPosition, ...]
     distance: FloatArray
 
 

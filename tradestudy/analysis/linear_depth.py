@@ -10,6 +10,7 @@ import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.analysis.depth_draws import MeasuresDepth, fixed_errors, read_draws, uncertain_groups
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -85,7 +86,7 @@ def has_covariance(camera: MeasuresDepth) -> bool:
 
 
 def linearised_depth(
-    camera: MeasuresDepth, distance: FloatArray, field: float, error_source: str = "both"
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, error_source: str = "both"
 ) -> LinearisedDepth:
     """Linearise the depth measurement of a camera at distances [m] about the means of its errors.
 
@@ -98,7 +99,7 @@ def linearised_depth(
 
 
 @lru_cache(maxsize=4)
-def _linearised(camera: MeasuresDepth, distances: bytes, field: float, error_source: str) -> LinearisedDepth:
+def _linearised(camera: MeasuresDepth, distances: bytes, field: FieldPosition, error_source: str) -> LinearisedDepth:
     """The linear model, cached because limits, ratios and tables of a camera request it repeatedly."""
     distance = np.frombuffer(distances)
     names, mean, covariance = _covariance(camera, error_source)
@@ -121,7 +122,7 @@ def _linearised(camera: MeasuresDepth, distances: bytes, field: float, error_sou
 
 
 def linear_distribution(
-    camera: MeasuresDepth, distance: FloatArray, field: float, error_source: str
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, error_source: str
 ) -> DepthDistribution:
     """The distribution of depth, with all errors treated as additional noise.
 
@@ -134,12 +135,14 @@ def linear_distribution(
     return scaled_noise(camera, distance, field, included.standard_deviation / noise)
 
 
-def noise_distribution(camera: MeasuresDepth, distance: FloatArray, field: float) -> DepthDistribution:
+def noise_distribution(camera: MeasuresDepth, distance: FloatArray, field: FieldPosition) -> DepthDistribution:
     """The exact distribution of depth under noise alone: quantiles of disparity map to quantiles of depth."""
     return scaled_noise(camera, distance, field, np.ones(distance.shape))
 
 
-def scaled_noise(camera: MeasuresDepth, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
+def scaled_noise(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, scale: FloatArray
+) -> DepthDistribution:
     """The distribution of depth under noise multiplied by a scale (distances,)."""
     from scipy.special import ndtr, ndtri
 
@@ -159,13 +162,15 @@ def scaled_noise(camera: MeasuresDepth, distance: FloatArray, field: float, scal
     )
 
 
-def _under_noise(camera: MeasuresDepth, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
+def _under_noise(camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, scores: FloatArray) -> FloatArray:
     """Inverse depth [1/m] measured with the noise at given scores, shape (scores, distances)."""
     errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
     return read_draws(camera, errors, distance, field, camera.noise(distance, field))
 
 
-def _score_of_infinity(camera: MeasuresDepth, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
+def _score_of_infinity(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, reach: FloatArray
+) -> FloatArray:
     """The score of the noise at which depth reads infinity, by subdivision; ∓reach (distances,) if it lies beyond."""
     beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)

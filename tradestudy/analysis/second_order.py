@@ -12,6 +12,7 @@ from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.analysis.depth_draws import fixed_errors, read_draws, uncertain_groups
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.evaluation import depth_from_inverse
@@ -46,7 +47,7 @@ class SecondOrder:
 
 
 def second_order(
-    camera: DepthCamera, distance: FloatArray, field: float, error_source: str, *, any_shape: bool = False
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str, *, any_shape: bool = False
 ) -> SecondOrder | None:
     """Evaluate depth exactly along the direction in which errors change it most, and to second order across it.
 

@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike
 from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.calibration import LINEAR, PERFECT, Calibration, Propagation
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth
+from tradestudy.cameras.depth_measurement import (
+    Errors,
+    Field,
+    FieldPosition,
+    MeasuredInverseDepth,
+    PicturePlace,
+    shares_of,
+)
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.imported import ImportedRig
@@ -70,8 +77,8 @@ class UsableCriteria:
 class DisparityErrorLaw(Protocol):
     """A disparity error derived from the picture that a camera takes at a distance.
 
-    Every method takes the camera, so that a law stays valid when the camera is changed. Field positions are defined as
-    in `DepthCamera.read`.
+    Every method takes the camera, so that a law stays valid when the camera is changed. ``field`` is the distance from
+    the middle of the picture as a fraction of half its diagonal.
     """
 
     @property
@@ -174,16 +181,16 @@ class DepthCamera(Camera):
 
     @property
     def mapped(self) -> bool:
-        """Whether depth uncertainty is mapped over the picture: `read` then takes `PicturePlaces` too."""
+        """Whether results contain a map of its depth uncertainty over the picture."""
         return False
 
     @abstractmethod
     def field_angle(self, field: float) -> float:
-        """Angle between the chief ray and the axis [rad] at a field position, defined as in `read`."""
+        """Angle between the chief ray and the axis [rad], at a fraction of the way from the axis to the corner."""
 
     @abstractmethod
     def read(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+        self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
     ) -> MeasuredInverseDepth:
         """Inverse depths measured in changed surroundings when ``errors`` are the errors of the calibration.
 
@@ -192,7 +199,7 @@ class DepthCamera(Camera):
         distance
             True distances [m], shape (distances,).
         field
-            Field position of the point: 0 on the axis, 1 in the corner of the sensor.
+            Position of the point in the picture; see `Field`.
         errors
             Arrays of shape (draws, 1) by the names of `error_vocabulary` and `SESSION_PARAMETERS`; pixel noise may have
             shape (draws, distances).
@@ -239,7 +246,7 @@ class DepthCamera(Camera):
         return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)
 
     def measured_depth(
-        self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]
+        self, distance: FloatArray, field: Field, values: Mapping[str, FloatArray]
     ) -> MeasuredInverseDepth:
         """Inverse depths for draws of calibration and noise, by the exact model to which these belong."""
         read = self.read if self.calibration.measurement is None else self.calibration.measurement
@@ -252,7 +259,14 @@ class DepthCamera(Camera):
         found = known[base] if base in known else SESSION_PARAMETERS[base]
         return replace(found, part="ageing", error_class=ErrorClass.SESSION) if name != base else found
 
-    def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:
+    def field_share(self, field: FieldPosition) -> float:
+        """Distance of a position from the middle of the picture, as a fraction of half the diagonal."""
+        if not isinstance(field, PicturePlace):
+            return field
+        half = np.array([self.sensor.columns, self.sensor.rows])
+        return float(np.hypot(*(half * shares_of(field))) / np.hypot(*half))
+
+    def noise(self, distance: ArrayLike, field: FieldPosition = 0.0) -> FloatArray:
         """Standard deviation of the disparity of one measurement [m on the sensor] at a field position."""
         return disparity_error_at(self, distance, field) * self.sample_pitch
 
@@ -298,20 +312,22 @@ class DepthCamera(Camera):
         return {}
 
 
-def disparity_error_at(camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
+def disparity_error_at(camera: DepthCamera, distance: ArrayLike, field: FieldPosition = 0.0) -> FloatArray:
     """Standard deviation of the disparity of one measurement [px] at distances [m] and a field position."""
     error = camera.disparity_error_px
     if isinstance(error, float | int):
         return np.full(np.shape(distance), float(error))
-    return error.error_px(camera, distance, field)
+    return error.error_px(camera, distance, camera.field_share(field))
 
 
-def numerical_error_of_disparity_error(camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
+def numerical_error_of_disparity_error(
+    camera: DepthCamera, distance: ArrayLike, field: FieldPosition = 0.0
+) -> FloatArray:
     """Estimated numerical error of `disparity_error_at` [px]: 0 for a declared error."""
     error = camera.disparity_error_px
     if isinstance(error, float | int):
         return np.zeros(np.shape(distance))
-    return error.numerical_error_px(camera, distance, field)
+    return error.numerical_error_px(camera, distance, camera.field_share(field))
 
 
 def false_match_share(camera: DepthCamera) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,24 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 
 Errors = Mapping[str, ArrayLike]
 """Errors by name, in SI; missing ones are zero. Arrays of shape (draws, 1) give one row per draw."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PicturePlace:
+    """One position in the picture.
+
+    Parameters
+    ----------
+    across, down
+        Distance from the middle as a fraction of half the sensor, −1 (left, top) to 1 (right, bottom).
+    """
+
+    across: float
+    down: float
+
+    def __post_init__(self) -> None:
+        for share in (self.across, self.down):
+            require_field(abs(share))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,8 +49,25 @@ class PicturePlaces:
     down: FloatArray
 
 
-Field = float | PicturePlaces
-"""Field position (0 on the axis, 1 in the corner of the sensor), or any positions in the picture."""
+FieldPosition = float | PicturePlace
+"""A position in the picture; a number is a fraction of the way from the axis to the lower right corner."""
+Field = FieldPosition | PicturePlaces
+"""One position in the picture, or one for each measured distance."""
+
+# Errors of calibration are correlated and act from one side, as the yaw of one camera of a pair does, so no camera
+# measures alike in all four; the disparity error alone depends only on the distance from the middle.
+CORNERS: Final[Mapping[str, tuple[int, int]]] = {
+    "lower right": (1, 1),
+    "lower left": (-1, 1),
+    "upper right": (1, -1),
+    "upper left": (-1, -1),
+}
+"""The corners of the picture, with the signs of their positions across and down."""
+
+
+def towards_corners(share: float) -> tuple[PicturePlace, ...]:
+    """The places at a fraction of the way from the middle of the picture to its corners, in the order of `CORNERS`."""
+    return tuple(PicturePlace(across=share * across, down=share * down) for across, down in CORNERS.values())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,8 +102,8 @@ def require_known(errors: Errors, known: Collection[str], camera: str) -> None:
 
 def shares_of(field: Field) -> tuple[FloatArray, FloatArray]:
     """Position as fractions of half the sensor, across and down; refuses positions beyond the edge."""
-    if isinstance(field, PicturePlaces):
-        return field.across, field.down
+    if isinstance(field, PicturePlace | PicturePlaces):
+        return np.asarray(field.across), np.asarray(field.down)
     require_field(field)
     return np.asarray(field), np.asarray(field)
 

@@ -13,7 +13,15 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.contradictions import PRINTED_TOLERANCE, Contradiction, lens_contradictions, show
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth, require_field, require_known, value_of
+from tradestudy.cameras.depth_measurement import (
+    Errors,
+    Field,
+    MeasuredInverseDepth,
+    require_field,
+    require_known,
+    shares_of,
+    value_of,
+)
 from tradestudy.cameras.environment import Environment, warmed
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.microlens_exposure import MicrolensExposure, lattice_counts
@@ -115,14 +123,14 @@ class PlenopticCamera(DepthCamera):
         return math.atan(field * self.sensor.diagonal / 2.0 / self.geometry.mla_distance)
 
     def read(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+        self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
     ) -> MeasuredInverseDepth:
         """See `DepthCamera.read`, and `ArrayGeometry.changed` for the effect of the surroundings."""
         require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
-        require_field(field)
         a, geometry = np.asarray(distance, dtype=np.float64), self.geometry
         right, down = (
-            field * extent / 2.0 / geometry.mla_distance for extent in (self.sensor.width, self.sensor.height)
+            share * extent / 2.0 / geometry.mla_distance
+            for share, extent in zip(shares_of(field), (self.sensor.width, self.sensor.height), strict=True)
         )
         seen = self.observe_warm(errors, environment, (right * a, down * a, a))
         inverse, valid = self.believe(errors, seen, a)

@@ -96,6 +96,8 @@ def _coordinate(tree: xr.DataTree, dim: str, coordinate: xr.DataArray, position:
     label: Any = coordinate.values[position]
     if dim == "field":
         return field_words(float(label))
+    if dim == "corner":
+        return f"towards the {label} corner"
     name = path_words(tree, dim) if "." in dim else result_words(dim)  # swept
     if isinstance(label, str):
         return _LABELS.get((dim, label), f"{name} {titles.get(label, label)}")

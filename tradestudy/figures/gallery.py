@@ -34,7 +34,15 @@ from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
-from tradestudy.results.views.depth import field_words, largest_parts, nominal, of_camera, swept, where_usable
+from tradestudy.results.views.depth import (
+    field_words,
+    largest_parts,
+    nominal,
+    of_camera,
+    swept,
+    where_usable,
+    worst_corner,
+)
 from tradestudy.results.views.designs import design_words, parameter_words
 from tradestudy.results.views.groups import camera_titles, has
 from tradestudy.units import LENGTH, pretty, significant
@@ -218,9 +226,11 @@ def _off_axis(tree: xr.DataTree) -> Drawing:
     off = tree["depth_field"].to_dataset()
     fields = listed([field_words(float(field)) for field in off["field"].values])
     last = off.isel(field=-1)
+    largest = worst_corner(last)
     sentences = []
     for camera in traces(tree):
-        there, axis = (of_camera(one, "depth_uncertainty", camera.key) for one in (last, nominal(tree)))
+        there = np.asarray(largest.sel(camera=camera.key).values, dtype=np.float64)
+        axis = of_camera(nominal(tree), "depth_uncertainty", camera.key)
         ratio = there[np.isfinite(there)] / axis[np.isfinite(there)]
         known = ratio[np.isfinite(ratio)]
         sentences.append(
@@ -230,8 +240,9 @@ def _off_axis(tree: xr.DataTree) -> Drawing:
         )
     return Drawing(
         name="off_axis",
-        caption=f"Depth uncertainty (half the width of the central 68.27 % interval) {fields} of the sensor, and on "
-        "the axis. A line ends where the camera does not see the point, or the interval has no far end.",
+        caption=f"Depth uncertainty (half the width of the central 68.27 % interval) {fields} of the sensor where "
+        "it is largest, and on the axis. A line ends where the camera sees the point towards no corner, or the "
+        "interval has no far end.",
         alt=f"One log-log chart per camera. Uncertainty {field_words(float(last['field']))}: " + "".join(sentences),
         draw=partial(off_axis.draw_off_axis, tree),
     )

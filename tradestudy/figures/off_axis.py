@@ -23,7 +23,7 @@ from tradestudy.figures.style import (
     styled,
     traces,
 )
-from tradestudy.results.views.depth import field_words, nominal, of_camera
+from tradestudy.results.views.depth import field_words, nominal, of_camera, worst_corner
 from tradestudy.results.views.groups import FloatArray, group
 
 MM = 1e3
@@ -31,7 +31,10 @@ MM = 1e3
 
 @styled()
 def draw_off_axis(tree: xr.DataTree) -> StudyFigure:
-    """Draw depth uncertainty against distance on the axis (thick) and at every declared field position."""
+    """Draw depth uncertainty against distance on the axis (thick) and at every declared field position.
+
+    Off the axis, the corner with the largest uncertainty counts.
+    """
     depth, off, shown = nominal(tree), group(tree, "depth_field"), traces(tree)
     fields = [float(field) for field in off["field"].values]
     figure = new_figure(0.7 + 1.6 * -(-len(shown) // PANELS_IN_A_ROW))
@@ -68,7 +71,7 @@ def _panel(axes: Axes, depth: xr.Dataset, off: xr.Dataset, camera: CameraTrace) 
     )
     for order, field in enumerate(off["field"].values):
         style = line_style(order + 1)
-        there = of_camera(off.sel(field=field), "depth_uncertainty", camera.key)
+        there = np.asarray(worst_corner(off).sel(field=field, camera=camera.key).values, dtype=np.float64)
         axes.plot(
             off["distance"].values,
             _drawn(there),

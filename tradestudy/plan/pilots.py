@@ -26,6 +26,7 @@ from tradestudy.analysis.depth_draws import (
 from tradestudy.analysis.depth_points import DepthPoint, depth_table
 from tradestudy.analysis.ranks import DRAWS_OF_A_RANK, RANK_ERROR_SOURCES
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
@@ -105,7 +106,7 @@ def _without_kirchhoff(camera: DepthCamera) -> DepthCamera:
     return replace(camera, disparity_error_px=replace(law, models=models))
 
 
-def drawing_seconds(camera: DepthCamera, distances: int, fields: tuple[float, ...] = (0.0,)) -> float:
+def drawing_seconds(camera: DepthCamera, distances: int, fields: tuple[FieldPosition, ...] = (0.0,)) -> float:
     """Additional time for the draws of an exact calibration at field positions, from the first draws."""
     if camera.propagation.model != "exact" or not camera.calibration.groups:
         return 0.0

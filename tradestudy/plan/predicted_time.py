@@ -15,6 +15,7 @@ import numpy as np
 from tradestudy.analysis.claims import claims_in_order
 from tradestudy.analysis.ranks import rank_distances
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import CORNERS
 from tradestudy.imaging.derived_error import kirchhoff_lattice
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan import pilots
@@ -272,7 +273,7 @@ class _Prediction:
             work=f"{counted(designs, 'design')} of {cameras} at {distances}",
             problems={name: self.designs[name] * sum(seconds) for name, seconds in self.cameras.items()},
         )
-        if places := len(file.propagation.field_places):
+        if places := len(CORNERS) * len(file.propagation.field_places):
             yield PredictedStep(
                 name="depth off the axis",
                 seconds=places * math.fsum(sum(seconds) for seconds in self.cameras.values()),

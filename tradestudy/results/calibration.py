@@ -199,6 +199,12 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
 }
 
 SENSITIVITY: Final[Mapping[str, Variable]] = {
+    "corner": Variable(
+        dims=("camera", "field"),
+        units="",
+        long_name="corner of the picture towards which the field position lies: the one where depth is least certain; "
+        "empty on the axis",
+    ),
     "source_uncertainty": Variable(
         dims=("camera", "field", "distance", "source"),
         units="m",

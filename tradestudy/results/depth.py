@@ -215,9 +215,9 @@ _OF_FIELD: Final = (
     "failed_fraction_error", "converged",
 )  # fmt: skip
 DEPTH_FIELD: Final[Mapping[str, Variable]] = {
-    name: replace(DEPTH[name], dims=("camera", "field", *DEPTH[name].dims[1:])) for name in _OF_FIELD
+    name: replace(DEPTH[name], dims=("camera", "field", "corner", *DEPTH[name].dims[1:])) for name in _OF_FIELD
 }
-"""/depth_field: the same variables off the axis, at the declared field positions."""
+"""/depth_field: the same variables off the axis, at the declared field positions towards every corner."""
 
 DEPTH_MAP: Final[Mapping[str, Variable]] = {
     "depth_uncertainty": Variable(
@@ -233,9 +233,9 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "down", "across"),
         units="m",
         long_name="error of depth_uncertainty from taking inverse depth as linear in the calibration errors: "
-        "depth_uncertainty times the largest of the relative errors that this causes at three places, namely on the "
-        "axis, halfway to the corner of the picture and in the corner; NaN where depth_uncertainty or all three errors "
-        "are NaN",
+        "depth_uncertainty times the largest of the relative errors that this causes at nine places, namely on the "
+        "axis, halfway to every corner of the picture and in every corner; NaN where depth_uncertainty or all nine "
+        "errors are NaN",
         error=ESTIMATE,
     ),
 }

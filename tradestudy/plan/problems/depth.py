@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
+from tradestudy.cameras.depth_measurement import towards_corners
 from tradestudy.effects.choice import Change, Changes, Evidence, SimulationProblem, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.imaging.derived_error import PictureDisparityError
@@ -285,7 +286,7 @@ def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVar
         distance=np.unique(np.append(distance[::step], distance[-1:])),
         asked=np.unique(list(_distances_asked(file))),
         error_sources=_error_sources_asked(file),
-        fields=tuple(file.propagation.field_places),
+        fields=tuple(place for share in file.propagation.field_places for place in towards_corners(share)),
         forced=applicable(camera, forced),
     )
 

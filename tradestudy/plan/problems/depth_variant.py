@@ -14,6 +14,7 @@ from tradestudy.analysis.linear_depth import has_covariance, linearised_depth, s
 from tradestudy.analysis.second_order import all_normal
 from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.effects.models import OFF, Models
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
@@ -92,7 +93,7 @@ class DepthVariant:
     forced
         Models that the study prescribes.
     fields
-        Places in the field that the study declares, besides the axis.
+        Places of the picture at which depth is computed, besides the axis.
     error_sources
         The errors that answers include: ``both``, and ``calibration`` alone where a question names it.
     only_in
@@ -104,7 +105,7 @@ class DepthVariant:
     distance: FloatArray
     asked: FloatArray
     forced: Models
-    fields: tuple[float, ...] = ()
+    fields: tuple[FieldPosition, ...] = ()
     error_sources: tuple[str, ...] = ("both",)
     only_in: tuple[str, ...] = ()
     _errors_px: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False)
@@ -416,7 +417,7 @@ class DepthVariant:
             largest = max(largest, missed_by_the_line(camera, bound, self._imaged, failed, self.ends))
         return largest, at
 
-    def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: float) -> FloatArray:
+    def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: FieldPosition) -> FloatArray:
         """The error at a place in the field; 0 where nothing is measured, infinite where it cannot be determined."""
         error = np.zeros(tried.shape) if all_normal(camera) else clear_departure(camera, tried, field)
         if not np.any(error > _CLEARLY):  # otherwise linear propagation fails clearly, and draws would add nothing

@@ -9,6 +9,7 @@ import numpy as np
 
 from tradestudy.analysis.linear_depth import has_covariance, linearised_depth
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.effects.models import OFF, Models
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
@@ -22,7 +23,9 @@ def closed_form_of(law: PictureDisparityError, models: Models) -> PictureModels:
     return own if law.settings.spectrum else replace(own, spectrum=OFF)  # other forms of the camera may have a spectrum
 
 
-def moved_off_axis(reference: DepthCamera, places: FloatArray, fields: Sequence[float], models: Models) -> float:
+def moved_off_axis(
+    reference: DepthCamera, places: FloatArray, fields: Sequence[FieldPosition], models: Models
+) -> float:
     """The largest relative change of the uncertainty off axis, by linear propagation.
 
     Parameters
@@ -37,7 +40,7 @@ def moved_off_axis(reference: DepthCamera, places: FloatArray, fields: Sequence[
     return max((_moved(reference, places, field, models) for field in fields), default=0.0)
 
 
-def _moved(reference: DepthCamera, places: FloatArray, field: float, models: Models) -> float:
+def _moved(reference: DepthCamera, places: FloatArray, field: FieldPosition, models: Models) -> float:
     noise = linearised_depth(reference, places, field, "noise").standard_deviation
     known = has_covariance(reference)  # without a covariance, noise alone: it depends most on models
     both = linearised_depth(reference, places, field, "both").standard_deviation if known else noise
@@ -48,12 +51,12 @@ def _moved(reference: DepthCamera, places: FloatArray, field: float, models: Mod
     return float(np.nanmax(change, initial=0.0))
 
 
-def _noise_changed(reference: DepthCamera, places: FloatArray, field: float, models: Models) -> FloatArray:
+def _noise_changed(reference: DepthCamera, places: FloatArray, field: FieldPosition, models: Models) -> FloatArray:
     """The factor by which noise changes; 1 where the disparity error is declared or the lens forms no picture."""
     law = reference.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return np.ones(places.shape)
-    there = law.at_field(reference, field)
+    there = law.at_field(reference, reference.field_share(field))
     bound = there.bound_px(reference, places)
     other = replace(there, models=closed_form_of(there, models)).bound_px(reference, places)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -66,9 +66,18 @@ def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], .
     return ranges_of(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
 
 
-def field_words(field: float) -> str:
-    """A field position in words: 0 is the axis, 1 the corner of the sensor."""
-    return f"{significant(100.0 * field)} % of the way to the corner" if field else "on the axis"
+def field_words(field: float, corner: str = "") -> str:
+    """A field position in words: 0 is the axis, 1 the corner of the sensor; towards any corner if none is named."""
+    return (
+        f"{significant(100.0 * field)} % of the way to the {f'{corner} ' * bool(corner)}corner"
+        if field
+        else "on the axis"
+    )
+
+
+def worst_corner(off: xr.Dataset, variable: str = "depth_uncertainty") -> xr.DataArray:
+    """The largest value of ``/depth_field`` towards any corner that the camera sees."""
+    return off[variable].max("corner")
 
 
 def table_distances(tree: xr.DataTree) -> FloatArray:

@@ -27,14 +27,15 @@ def off_axis_words(tree: xr.DataTree) -> list[str]:
         usable = np.zeros(distances.shape, dtype=bool)
         for near, far in where_usable(depth, camera):
             usable |= (near <= distances) & (distances <= far)
-        there = off["depth_uncertainty"].sel(camera=camera).transpose("field", "distance").values
+        there = off["depth_uncertainty"].sel(camera=camera).transpose("field", "corner", "distance").values
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(usable, there / of_camera(depth, "depth_uncertainty", camera), np.nan)
         if not np.any(ratio > _CLEARLY_WORSE):
             continue
-        field, place = np.unravel_index(np.nanargmax(ratio), ratio.shape)
-        worst = float(ratio[field, place])
-        times = f"up to {significant(worst, 2)} times as uncertain" if math.isfinite(worst) else "unbounded"
-        where = f"{field_words(float(off['field'].values[field]))}, at {distance(float(distances[place]))}"
+        field, corner, place = np.unravel_index(np.nanargmax(ratio), ratio.shape)
+        worst = float(ratio[field, corner, place])
+        times = f"up to {significant(worst, 3)} times as uncertain" if math.isfinite(worst) else "unbounded"
+        towards = field_words(float(off["field"].values[field]), str(off["corner"].values[corner]))
+        where = f"{towards}, at {distance(float(distances[place]))}"
         found.append(f"depth by {with_article(titles[camera])} is {times} ({where})")
     return found

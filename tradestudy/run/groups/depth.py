@@ -21,6 +21,7 @@ from tradestudy.analysis.depth_points import (
 )
 from tradestudy.analysis.usable import LIMIT_NAMES
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.cameras.depth_measurement import CORNERS, FieldPosition, PicturePlace, towards_corners
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import FloatArray
@@ -81,7 +82,7 @@ def seconds_off_axis(definition: StudyDefinition, seconds: Mapping[str, float], 
     ``seconds`` are those of the plan for every camera, without draws. Off the axis, some cameras need several times as
     many draws as on it, as the first ones show.
     """
-    drawn = _seconds_of_draws(definition.case, definition.file.propagation.field_places)
+    drawn = _seconds_of_draws(definition.case, _off_axis(definition.file.propagation.field_places))
     found = {name: planned + drawn[name] for name, planned in seconds.items()}
     if any(drawn.values()):
         steps.predict_anew(OFF_AXIS, math.fsum(found.values()))
@@ -91,28 +92,33 @@ def seconds_off_axis(definition: StudyDefinition, seconds: Mapping[str, float], 
 def depth_field_group(
     definition: StudyDefinition, fields: tuple[float, ...], steps: Steps, seconds: Mapping[str, float]
 ) -> xr.Dataset:
-    """/depth_field: depth errors off the axis, over (camera, field, distance), for the study as declared.
+    """/depth_field: depth errors off the axis, over (camera, field, corner, distance), for the study as declared.
 
     ``seconds`` are predicted for every camera; progress counts these.
     """
     cameras, distance = definition.case.cameras, definition.case.distance
-    points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
+    points = [FieldPoint(camera=camera, fields=_off_axis(fields), distance=distance) for camera in cameras.values()]
     efforts = [seconds[name] for name in cameras]
     table = steps.map(OFF_AXIS, depth_over_field, points, list(cameras), efforts)
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
-    shape = (len(cameras), len(fields))
+    shape = (len(cameras), len(fields), len(CORNERS))
     values = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
     coordinates = _coordinates(definition, distance, part_names)
     return dataset(
         "depth_field",
         values,
         {name: coordinates[name] for name in ("camera", "distance", "error_source", "quantile", "part")}
-        | {"field": list(fields)},
+        | {"field": list(fields), "corner": list(CORNERS)},
     )
 
 
-def _seconds_of_draws(case: Case, fields: tuple[float, ...] = (0.0,)) -> dict[str, float]:
+def _off_axis(fields: Sequence[float]) -> tuple[PicturePlace, ...]:
+    """The places at field positions towards all corners of the picture."""
+    return tuple(place for field in fields for place in towards_corners(field))
+
+
+def _seconds_of_draws(case: Case, fields: tuple[FieldPosition, ...] = (0.0,)) -> dict[str, float]:
     """Predicted seconds of each camera's draws at field positions, from its first draws; 0 for cameras without."""
     return {name: drawing_seconds(camera, case.distance.size, fields) for name, camera in case.cameras.items()}
 

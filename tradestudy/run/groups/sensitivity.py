@@ -59,6 +59,7 @@ def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: 
         **by_source,
         "source_class": [[c[s].error_class.value if s in c else "" for s in sources] for c in groups],
         "source_parameters": [[", ".join(c[s].parameters) if s in c else "" for s in sources] for c in groups],
+        "corner": [[one.corner for one in camera_found] for camera_found in found],
         "parameter_refused": [camera_found[0].refused for camera_found in found],
         "index_refused": refused,
     }

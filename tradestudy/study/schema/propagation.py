@@ -25,8 +25,8 @@ class PropagationPart(Part):
     )
     field_places: Annotated[tuple[Share, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
         default=(),
-        description="Field positions at which depth is computed, besides the optical axis (0 %); 100 % is the corner "
-        "of the sensor.",
+        description="Field positions at which depth is computed, besides the optical axis (0 %): fractions of the way "
+        "to every corner of the sensor (100 %).",
     )
     max_draws: Annotated[int, Field(ge=2**12, le=2**26, strict=True)] = Field(
         default=2**16,
