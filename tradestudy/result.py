@@ -80,6 +80,10 @@ class Result:
         - ``study``, ``title``, ``question``: name, title and question of the study.
         - ``best``: for each range of distances, from ``near`` to ``far`` [m], the titles of the best ``cameras``; no
           titles if no camera is usable there.
+        - ``best_nowhere``: for each candidate that is usable but nowhere best, its title ``camera`` and the smallest
+          ratio of its depth uncertainty to that of the best one, ``at_least``.
+        - ``lower_bounds``: titles of the cameras that decide answers with a disparity error that is a lower bound,
+          because the study declares no matcher.
         - ``requirements``: for each requirement,
 
           - its ``name``, ``says`` and ``priority``, as declared;
@@ -95,8 +99,10 @@ class Result:
             ``designs``;
           - in a sweep of one numerical parameter, ``met_with``: the ranges of the ``parameter`` in which a ``camera``
             meets the requirement, ``from`` one value ``to`` another, with the ``error`` of these two values;
-          - ``also_met_by``: for a requirement that any camera may meet, the other cameras that meet it, each with its
-            ``camera`` and ``margin``;
+          - ``on_lower_bound``: whether the value of this camera is a lower bound, because it depends on the error of a
+            matcher and the study declares none, so that a real camera may miss the requirement;
+          - ``others``: for a requirement that any or all cameras must meet, the other cameras, each with ``camera``,
+            ``met``, ``margin`` and ``reason``;
           - if the study declares readings, their number ``readings``, and ``other_verdicts``: each ``reading`` that
             changes the verdict, with ``met``, ``camera`` and ``reason``;
           - if the value depends on the error of a matcher, ``bound_alone``: the verdict (``met``, ``camera`` and

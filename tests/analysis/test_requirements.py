@@ -22,6 +22,7 @@ from tradestudy.run.groups.ranks import ranks_group
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.schema.requirements import GuardBandPart, RequirementPart
 from tradestudy.study.sweep import sweep_axes, sweep_points
+from tradestudy.wording import limit_words
 
 STUDIES = Path(__file__).parents[2] / "studies"
 ROBOT = STUDIES / "robot.yaml"
@@ -471,3 +472,26 @@ def test_whole_numbers_are_searched_in_whole_numbers() -> None:
     file = SimpleNamespace(requirements={"r": SimpleNamespace(camera="any")}, accuracy=tolerances)
     definition = SimpleNamespace(file=file, with_values=images, calibrations_to_infer=dict)
     assert _root(definition, "r", axis, (11.0, 2.0), "near", Six()) == (6.0, 0.0)  # type: ignore[arg-type]  # stand-ins
+
+
+def test_every_gap_of_the_usable_range_is_named_with_its_limit() -> None:
+    """Gaps 0.4 to 0.5 m and 0.6 to 0.8 m for want of overlap, and 2 to 3 m for uncertainty."""
+    known = [
+        Interval(near=0.5, far=0.6, near_limit="overlap", far_limit="overlap"),
+        Interval(near=0.8, far=2.0, near_limit="overlap", far_limit="relative_uncertainty"),
+    ]
+    study = robot(
+        use={"camera": "stereo-75mm", "usable": {"over": ["0.4 m", "3 m"]}},
+        depth={"camera": "stereo-75mm", "depth_uncertainty": {"below": "1 m", "over": ["0.4 m", "3 m"]}},
+    )
+    gaps = (
+        "not usable from 0.4 to 0.5 m and from 0.6 to 0.8 m: too little overlap; "
+        f"from 2 to 3 m: {limit_words('relative_uncertainty')}"
+    )
+    used, measured = (
+        check_requirement(part(study, name), study.definition.case, "stereo-75mm", known) for name in ("use", "depth")
+    )
+    assert used.reason == gaps
+    assert measured.reason.startswith(f"{gaps}; worst ")
+    share = math.log(0.5 / 0.4) + math.log(0.8 / 0.6) + math.log(3 / 2)
+    assert used.unusable == pytest.approx(share / math.log(3 / 0.4))

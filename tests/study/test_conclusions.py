@@ -87,9 +87,15 @@ def test_one_camera_is_usable_rather_than_best(swept: Result) -> None:
 
 def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on(swept: Result) -> None:
     best, met, wish, weighed, rests = swept.lines()
-    assert best == "Best, as declared: 75 mm stereo head from 0.3 to 4 m"
+    assert re.fullmatch(
+        r"Best, as declared: 75 mm stereo head from 0\.3 to 4 m; 50 mm stereo head is best nowhere \(at least 1\.5 "
+        r"times as uncertain\); Raytrix R5 is best nowhere \(at least 19 times as uncertain\)",
+        best,
+    )
     found = re.fullmatch(
-        r"Met: 1 % from 0\.4 to 3 m, by 75 mm stereo head \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
+        r"Met on the lower bound of matching: 1 % from 0\.4 to 3 m, by 75 mm stereo head \(worst ([\d.]+) % at 3 m; "
+        r"(\d+) % to spare\); not by 50 mm stereo head \([\d.]+ % at 3 m\) and Raytrix R5 \(not usable from 1\.8\d* to "
+        r"3 m: too uncertain; worst [\d.]+ % at 3 m\); met with the "
         r"baseline of 75 mm stereo head from ([\d.]+) mm on \(the sweep ends at 150 mm\)",
         met,
     )
@@ -292,7 +298,7 @@ def test_comparing_begins_with_conclusions_that_changed(swept: Result) -> None:
     found = compare_runs(["wide", "narrow"], [{}, {}], [swept.data, other.data])
     first, *rest = found.sentences()
     assert re.fullmatch(
-        r'Requirement "1 % from 0\.4 to 3 m": met → not met '
+        r'Requirement "1 % from 0\.4 to 3 m": met on the lower bound of matching → not met '
         r"\(75 mm stereo head: worst 0\.7\d+ % → 1\.3\d* % at 3 m\)\.",
         first,
     )

@@ -323,7 +323,11 @@ def test_without_a_matcher_the_report_says_that_the_error_is_the_bound(ideal: Re
     assert not any(str(name).startswith("bound_alone") for name in ideal.data["requirements"].data_vars)
     assert "matched_error_px" not in ideal.data["disparity_causes"].data_vars
     (one,) = requirement_conclusions(ideal.data)
-    assert "matching" not in requirement_sentence(one)
+    assert one.met
+    assert requirement_sentence(one).startswith("Met on the lower bound of matching: 0.78 % up to 3 m, by 75 mm stereo")
+    assert ideal.lines()[1] == requirement_sentence(one).replace("\u00a0", " ")
+    reported = ideal.conclusions()
+    assert (reported["requirements"][0]["on_lower_bound"], reported["lower_bounds"]) == (True, ["75 mm stereo head"])
     blocks = tuple(compose_report(ideal.data, {}, {}).blocks)
     first = [text for text in first_page(blocks) if CAVEAT in text]
     assert len(first) == 1

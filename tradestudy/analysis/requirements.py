@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Final
 
 import numpy as np
@@ -31,7 +31,7 @@ from tradestudy.study.schema.requirements import (
     UsablePart,
 )
 from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
-from tradestudy.wording import fewest_digits, limit_words, plain_span
+from tradestudy.wording import fewest_digits, limit_words, listed, plain_span
 
 ANY: Final = "any"
 ALL: Final = "all"
@@ -83,7 +83,7 @@ def _check_measured(
     at = np.array([place])
     value = float(measured(at)[0])
     error = float((_errors(requirement, case, name, at) / _scale(required, at))[0])
-    unusable, gap = _unusable(intervals, required.over)
+    unusable, gaps = _unusable(intervals, required.over)
     small, large = (bound, value) if above else (value, bound)
     margin = (large / small if small > 0.0 else math.inf) - 1.0
     margin = -1.0 if math.isnan(margin) else margin
@@ -94,9 +94,9 @@ def _check_measured(
     if requirement.quantity == _RESOLUTION and math.isfinite(value):
         reason += f", by {_coarsest_part(case, name, place)}"
     if unusable > 0.0:
-        broken = _limit_of(intervals, gap, case, name)
-        reason = f"{_not_usable(gap, broken)}; {reason}"
-        limit = broken if -unusable <= margin else ""
+        broken = [_limit_of(intervals, gap, case, name) for gap in gaps]
+        reason = f"{_not_usable(gaps, broken)}; {reason}"
+        limit = broken[0] if -unusable <= margin else ""
     return RequirementAnswer(
         camera=name,
         met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
@@ -241,7 +241,7 @@ def _closeness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, bool, f
 def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, name: str) -> RequirementAnswer:
     """How far the usable range extends beyond the required range, at the end where it extends least."""
     near, far = required.over
-    unusable, gap = _unusable(intervals, required.over)
+    unusable, gaps = _unusable(intervals, required.over)
     if unusable == 0.0:
         one = next(one for one in intervals if one.far >= far * _LESS)
         margins = {one.near: near / one.near - 1.0, one.far: one.far / far - 1.0}
@@ -251,8 +251,9 @@ def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, 
         if limit == END_OF_STUDY:
             words, limit = f"{words}, the end of the study's range", ""
     else:
-        place, limit = gap[0], _limit_of(intervals, gap, case, name)
-        margin, words = -unusable, _not_usable(gap, limit)
+        broken = [_limit_of(intervals, gap, case, name) for gap in gaps]
+        place, limit = gaps[0][0], broken[0]
+        margin, words = -unusable, _not_usable(gaps, broken)
     return RequirementAnswer(
         camera=name,
         met=unusable == 0.0,
@@ -280,16 +281,15 @@ def _intervals(case: Case, name: str, over: tuple[float, ...], known: Sequence[I
     return usable_intervals(case.cameras[name], case.criteria, grid)
 
 
-def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[float, tuple[float, float]]:
-    """Share of a range, on a logarithmic scale, that no interval covers, and the ends of the first gap [m]."""
-    reached, missing, first = over[0], 0.0, (math.nan, math.nan)
+def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[float, list[tuple[float, float]]]:
+    """Share of a range, on a logarithmic scale, that no interval covers, and the ends of the gaps [m]."""
+    reached, gaps = over[0], []
     for near, far in (*((one.near, one.far) for one in intervals), (over[1], math.inf)):
-        gap = min(near, over[1])
-        if gap > reached * _MORE:
-            missing += math.log(gap / reached)
-            first = (reached, gap) if math.isnan(first[0]) else first
+        end = min(near, over[1])
+        if end > reached * _MORE:
+            gaps.append((reached, end))
         reached = max(reached, far)
-    return missing / math.log(over[1] / over[0]), first
+    return sum(math.log(end / start) for start, end in gaps) / math.log(over[1] / over[0]), gaps
 
 
 def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> float:
@@ -326,10 +326,13 @@ def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Cas
     return max(broken, key=lambda limit: broken[limit], default="")
 
 
-def _not_usable(gap: tuple[float, float], limit: str) -> str:
-    """The first gap, and the limit that the camera violates there."""
-    why = f": {limit_words(limit)}" if limit else ""
-    return f"not usable from {plain_span(*gap)}{why}"
+def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str]) -> str:
+    """Every gap with the limit that the camera violates there; consecutive gaps with the same limit share its words."""
+    parts = []
+    for limit, group in groupby(zip(limits, gaps, strict=True), key=lambda pair: pair[0]):
+        why = f": {limit_words(limit)}" if limit else ""
+        parts.append(listed([f"from {plain_span(*gap)}" for _, gap in group]) + why)
+    return f"not usable {'; '.join(parts)}"
 
 
 def _worst_place(broken_by: Callable[[FloatArray], FloatArray], over: tuple[float, ...]) -> float:

@@ -22,12 +22,19 @@ from tradestudy.report.document import (
     with_subscripts,
 )
 from tradestudy.report.words import distance_with_error, length, part_words, share
-from tradestudy.results.views.conclusions import best_ranges, measure_first, never_usable, question_words, rests_on
+from tradestudy.results.views.conclusions import (
+    lower_bounds,
+    measure_first,
+    never_best_words,
+    never_usable,
+    question_words,
+    rests_on,
+)
 from tradestudy.results.views.decision import answer_title, flips, handovers, readings_in_words, solved_questions, tied
 from tradestudy.results.views.depth import least_broken
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, titles_in
-from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
+from tradestudy.results.views.matching import best_of_any_matcher
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.off_axis import off_axis_words
 from tradestudy.results.views.one_design import BestCameras, best_cameras
@@ -60,7 +67,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
     yield Callout(
         title=_which(titles_in(tree, "depth")) + (_DECLARED if designs else ""),
-        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_usable(tree), *_changes(tree), *beside)),),
+        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_best(tree), *_changes(tree), *beside)),),
         tone="answer",
         name="answer-cameras",
     )
@@ -144,8 +151,10 @@ def _designs(tree: xr.DataTree) -> Iterator[Spans]:
         yield say("{sentence}.", sentence=sentence)
 
 
-def _never_usable(tree: xr.DataTree) -> Iterator[Spans]:
-    """Candidates that are usable nowhere, and why."""
+def _never_best(tree: xr.DataTree) -> Iterator[Spans]:
+    """Candidates that are best nowhere, or usable nowhere, and why."""
+    for words in never_best_words(tree):
+        yield say("{words}.", words=words)
     for title, why in never_usable(tree):
         yield say("**{title} is usable nowhere** ({why}).", title=title, why=why)
 
@@ -211,9 +220,7 @@ def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
     """The cameras of the answers whose disparity error is a bound, without a real matcher."""
-    named = {title for one in best_ranges(tree) for title in one.cameras}
-    named |= {one.camera for one in requirement_conclusions(tree)}
-    if sentence := best_of_any_matcher(tuple(title for title in at_the_bound(tree) if title in named)):
+    if sentence := best_of_any_matcher(lower_bounds(tree)):
         yield say("{sentence}", sentence=sentence)
 
 

@@ -7,22 +7,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
 import xarray as xr
 
 from tradestudy.results.views.decision import answer_title, candidates, reported_winners, solved_questions
-from tradestudy.results.views.depth import least_broken, nominal, nominal_is_declared, where_usable
+from tradestudy.results.views.depth import least_broken, nominal, nominal_is_declared, of_camera, where_usable
 from tradestudy.results.views.designs import (
     feasible_designs,
     feasible_words,
     path_words,
 )
 from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, records
+from tradestudy.results.views.matching import at_the_bound
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.off_axis import off_axis_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.results.views.wave_conclusions import wave_words
-from tradestudy.units import FRACTION, pretty
+from tradestudy.units import FRACTION, pretty, significant
 from tradestudy.wording import counted, distance, limit_words, listed, plain_span, with_unit_symbols
 
 _SEVERAL: Final = 2
@@ -199,11 +201,52 @@ def never_usable(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
         yield titles[name], listed([limit_words(str(one)) for one in fewest])
 
 
+def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
+    """Titles of the candidates that are usable but nowhere best, and how many times as uncertain each is at least."""
+    if not has(tree, "decision", "best_camera") or not has(tree, "depth", "usable_near"):
+        return
+    if not nominal_is_declared(tree):
+        return
+    depth, titles = nominal(tree), camera_titles(tree)
+    places = np.asarray(depth["distance"].values, dtype=np.float64)
+    best = {title for one in best_ranges(tree) for title in one.cameras}
+    among = candidates(tree) or tuple(map(str, depth["camera"].values))
+    uncertainty = {}
+    for name in among:
+        inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, name)]
+        usable = np.any([np.zeros(places.shape, dtype=np.bool_), *inside], axis=0)
+        uncertainty[name] = np.where(usable, of_camera(depth, "depth_uncertainty", name), np.inf)
+    smallest = np.min(list(uncertainty.values()), axis=0)
+    for name in among:
+        known = np.isfinite(uncertainty[name])
+        if titles[name] not in best and known.any():
+            yield titles[name], float((uncertainty[name][known] / smallest[known]).min())
+
+
+def never_best_words(tree: xr.DataTree) -> Iterator[str]:
+    """The candidates that are usable but nowhere best, in words; within rounding of the best, without a factor."""
+    for title, ratio in never_best(tree):
+        factor = significant(ratio, 2)
+        why = f" (at least {factor} times as uncertain)" if factor != "1" else ""
+        yield f"{title} is best nowhere{why}"
+
+
+def lower_bounds(tree: xr.DataTree) -> tuple[str, ...]:
+    """Titles of the cameras that are best or meet a requirement with a disparity error that no matcher surpasses."""
+    named = {title for one in best_ranges(tree) for title in one.cameras}
+    named |= {one.camera for one in requirement_conclusions(tree) if one.met}
+    return tuple(title for title in at_the_bound(tree) if title in named)
+
+
 def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
-    """The best cameras with their ranges, and then the ranges in which none is usable."""
+    """The best cameras with their ranges, and then the ranges in which none is usable, by the reason."""
     yield from (one.words for one in ranges if one.cameras)
-    if nobody := [one for one in ranges if not one.cameras]:
-        yield " and ".join([nobody[0].words, *(f"from {plain_span(one.near, one.far)}" for one in nobody[1:])])
+    nobody: dict[str, list[str]] = {}
+    for one in ranges:
+        if not one.cameras:
+            where = f"from {plain_span(one.near, one.far)}"
+            nobody.setdefault(one.words.removesuffix(where), []).append(where)
+    yield from (why + listed(where) for why, where in nobody.items())
 
 
 def _claim_words(tree: xr.DataTree) -> Iterator[str]:
@@ -231,7 +274,7 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
         nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
         head = "Best" if len(camera_titles(tree)) >= _SEVERAL else "Usable"
-        lines.append(f"{head}{designs}: {'; '.join([*_range_words(ranges), *nowhere])}")
+        lines.append(f"{head}{designs}: {'; '.join([*_range_words(ranges), *never_best_words(tree), *nowhere])}")
     # For one swept parameter and one requirement, the sentence of the requirement already says this.
     feasible = feasible_designs(tree)
     if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):
@@ -252,6 +295,9 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
     if worse := off_axis_words(tree):
         last.append(f"On the optical axis; off it, {listed(worse)}")
+    said = {one.camera for one in requirements if one.at_lower_bound and one.met}
+    if bounds := [title for title in lower_bounds(tree) if title not in said]:
+        last.append(f"Lower bound, as no matcher is declared: the disparity error of {listed(bounds)}")
     if perfect := perfectly_calibrated(tree):
         last.append(f"Assumed perfect: the calibration of {listed(perfect)}")
     room = max(most - len(last), needed + 1)

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.conclusions import best_ranges, measure_first, rests_on, worths
+from tradestudy.results.views.conclusions import best_ranges, lower_bounds, measure_first, never_best, rests_on, worths
 from tradestudy.results.views.designs import feasible_designs
 from tradestudy.results.views.groups import has, records
 from tradestudy.results.views.measured_depth import measured_numbers
@@ -25,6 +25,8 @@ def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
         "format": JSON_FORMAT,
         **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
         "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_ranges(tree)],
+        "best_nowhere": [{"camera": title, "at_least": ratio} for title, ratio in never_best(tree)],
+        "lower_bounds": list(lower_bounds(tree)),
         "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
         **_designs_as_json(tree),
         "questions": _questions_as_json(tree),
@@ -53,8 +55,12 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
         name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
     }
     found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity", "probability")}
-    if one.also:
-        found["also_met_by"] = [{"camera": camera, "margin": _number(margin)} for camera, margin in one.also]
+    found["on_lower_bound"] = one.at_lower_bound
+    if one.others:
+        found["others"] = [
+            {"camera": other.title, "met": other.met, "margin": _number(other.margin), "reason": other.reason}
+            for other in one.others
+        ]
     if (best := one.bound_alone) is not None:
         found["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
     if one.readings:

@@ -17,12 +17,16 @@ from tradestudy.results.views.designs import (
     path_words,
 )
 from tradestudy.results.views.groups import camera_titles, group, has, records
+from tradestudy.results.views.matching import at_the_bound
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import listed
 
+_WORST: Final = "worst "
 _NO_MARGIN: Final = 1e-6  # rounding
 ANY, ALL = "any", "all"
 """What `RequirementConclusion.of` is if one camera suffices, and if every camera must meet it."""
+_ON_LOWER_BOUND: Final = " on the lower bound of matching"
+_BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # quantities that depend on the matcher
 VERDICTS: Final[Mapping[bool | None, str]] = {True: "met", False: "not met", None: "cannot be decided"}
 """Verdicts in words."""
 
@@ -65,6 +69,24 @@ class BoundAlone:
 
     met: bool | None
     camera: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class OtherCamera:
+    """The answer of a camera that a requirement concerns and that does not decide it.
+
+    Parameters
+    ----------
+    title
+        Title of the camera.
+    met, margin, reason
+        As in `RequirementConclusion`.
+    """
+
+    title: str
+    met: bool | None
+    margin: float
     reason: str
 
 
@@ -127,8 +149,11 @@ class RequirementConclusion:
         makes a difference.
     readings, other_verdicts
         Number of the other readings of the study, and those that change the verdict.
-    also
-        Titles of further cameras that meet a requirement on any camera, with their margins.
+    others
+        The other cameras that a requirement on any or all cameras concerns: first those that meet it, each kind by
+        decreasing margin.
+    at_lower_bound
+        Whether the deciding camera has no declared matcher and a value that depends on one: it is a lower bound.
     """
 
     name: str
@@ -150,12 +175,13 @@ class RequirementConclusion:
     bound_alone: BoundAlone | None = None
     readings: int = 0
     other_verdicts: tuple[OtherVerdict, ...] = ()
-    also: tuple[tuple[str, float], ...] = ()
+    others: tuple[OtherCamera, ...] = ()
+    at_lower_bound: bool = False
 
     @property
     def verdict(self) -> str:
         """The verdict on the study as declared, in words."""
-        return VERDICTS[self.met]
+        return VERDICTS[self.met] + (_ON_LOWER_BOUND if self.met and self.at_lower_bound else "")
 
 
 def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, ...]:
@@ -163,6 +189,7 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
     if not has(tree, "requirements"):
         return ()
     titles = camera_titles(tree)
+    at_bound = at_the_bound(tree)
     valued = has(tree, "value_of_information", "requirement_probability")
     chances = group(tree, "value_of_information")["requirement_probability"] if valued else None
     return _in_order(
@@ -173,7 +200,8 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
             designs=_designs(tree, number),
             probability=np.nan if chances is None else float(chances.sel(requirement=row["requirement"])),
             bound_alone=_bound_alone(row, titles),
-            also=tuple(_also_by(tree, number, titles)),
+            others=_others(tree, number, titles),
+            at_lower_bound=str(row["quantity"]) in _BY_MATCHING and titles[str(row["camera_deciding"])] in at_bound,
             **_under_readings(tree, number, titles),
         )
         for number, row in enumerate(records(tree, "requirements", "requirement"))
@@ -221,8 +249,7 @@ def requirement_details(one: RequirementConclusion) -> str:
     by = decided_by(one)
     why = "; ".join(filter(None, (one.reason, _margin_words(one))))
     words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
-    if one.also:
-        words += "; also by " + listed([f"{title} ({margin_words(margin)})" for title, margin in one.also])
+    words += "".join(f"; {part}" for part in _others_words(one))
     if one.bound_alone is not None and not (one.met and one.bound_alone.met):
         words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
     if one.other_verdicts:
@@ -235,15 +262,36 @@ def requirement_details(one: RequirementConclusion) -> str:
     return words if one.designs is None else f"{words}; met in {one.designs[0]} of {one.designs[1]} designs"
 
 
-def _also_by(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> Iterator[tuple[str, float]]:
-    """Further cameras that meet a requirement on any camera, with their margins."""
+def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[OtherCamera, ...]:
+    """The cameras that a requirement on any or all cameras concerns, without the one that decides it."""
     row = group(tree, "requirements").isel(requirement=number)
-    if str(row["of"].item()) != ANY or "camera_met" not in row:
-        return
-    for name in map(str, row["camera"].values):
-        own = row.sel(camera=name)
-        if name != str(row["camera_deciding"].item()) and int(own["camera_met"]) == 1:
-            yield titles[name], float(own["camera_margin_percent"]) / 100.0
+    if "camera_met" not in row:
+        return ()
+    each = (
+        OtherCamera(
+            title=titles[str(name)],
+            met=_met(int(own["camera_met"])),
+            margin=float(own["camera_margin_percent"]) / 100.0,
+            reason=str(own["camera_reason"].item()),
+        )
+        for name, own in ((name, row.sel(camera=name)) for name in row["camera"].values)
+        if name != row["camera_deciding"].item()
+    )
+    asked = [one for one in each if one.reason]  # the requirement does not concern the others
+    return tuple(sorted(asked, key=lambda one: (one.met is not True, -np.nan_to_num(one.margin, nan=-np.inf))))
+
+
+def _others_words(one: RequirementConclusion) -> Iterator[str]:
+    """What the other cameras do: those that meet the requirement with their margin, the rest with their values."""
+    met = [f"{other.title} ({margin_words(other.margin)})" for other in one.others if other.met]
+    missed = [f"{other.title} ({other.reason.removeprefix(_WORST)})" for other in one.others if other.met is False]
+    silent = [f"{other.title} ({other.reason})" for other in one.others if other.met is None]
+    if met:
+        yield f"{'also' if one.met else 'but'} by {listed(met)}"
+    if missed:
+        yield f"{'not' if one.met else 'nor'} by {listed(missed)}"
+    if silent:
+        yield f"undecided for {listed(silent)}"
 
 
 def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> BoundAlone | None:
