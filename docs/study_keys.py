@@ -304,6 +304,7 @@ _EXAMPLES: Final = {
     "CriterionPart.below": "500 g",
     "CriterionPart.above": "5 mm",
     "guard_band": "{risk: 5 %}",
+    "RequirementPart.field": "80 %",
     "standard_errors": "2",
     "risk": "5 %",
     "ValueOfInformationPart.at": "[0.4 m, 1 m, 3 m]",

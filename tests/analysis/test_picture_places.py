@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tradestudy
 from tests.calibration.cameras import focused, stereo
 from tradestudy.analysis.depth import distribution
+from tradestudy.analysis.requirements import check_requirement, is_kept
 from tradestudy.cameras.calibration import Calibration
-from tradestudy.cameras.depth_measurement import CORNERS, PicturePlace, towards_corners
+from tradestudy.cameras.depth_measurement import CORNERS, PicturePlace, place_words, places_within, towards_corners
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal
@@ -100,3 +103,42 @@ def test_noise_depends_on_the_distance_from_the_middle_of_the_picture() -> None:
     assert [camera.field_share(one) for one in towards_corners(0.8)] == pytest.approx([0.8] * 4)
     on_the_side = camera.field_share(PicturePlace(across=-1.0, down=0.0))
     assert on_the_side == pytest.approx(COLUMNS / math.hypot(COLUMNS, ROWS))
+
+
+BIN = Path(__file__).parents[1] / "data" / "both-sides-of-the-picture" / "bin5.yaml"
+
+
+@pytest.mark.parametrize(
+    ("field", "across", "where"),
+    [
+        (None, -0.8, "80 % of the way to the lower left corner"),  # the worst of propagation.field_places
+        ("0 %", 0.0, "on the axis"),
+        ("60 %", -0.6, "60 % of the way to the lower left corner"),
+    ],
+)
+def test_a_requirement_is_judged_at_the_worst_place_of_its_part_of_the_picture(
+    field: str | None, across: float, where: str
+) -> None:
+    study = tradestudy.load(BIN).with_values({} if field is None else {"requirements.near.field": field})
+    near, case = study.file.requirements["near"], study.definition.case
+    found = check_requirement(near, case, "d455")
+    assert found.value == pytest.approx(half_width_by_rays(across, abs(across), 0.6), rel=5e-3)
+    assert found.reason.endswith(where)
+
+
+def test_a_place_that_misses_the_bound_decides_though_the_axis_meets_it() -> None:
+    """1.2 mm lies between 0.869 mm on the axis and 1.337 mm on the left, at 0.6 m."""
+    study = tradestudy.load(BIN).with_values({"requirements.near.depth_uncertainty.below": "1.2 mm"})
+    near, case = study.file.requirements["near"], study.definition.case
+    assert check_requirement(near, case, "d455").met is False
+    assert not is_kept(near.model_copy(update={"camera": "d455"}), case)
+    assert check_requirement(near.model_copy(update={"field": 0.0}), case, "d455").met is True
+
+
+def test_a_part_of_the_picture_reaches_its_edges_and_contains_the_axis() -> None:
+    places = places_within(0.8)
+    assert len(set(places)) == len(places)
+    assert {(one.across, one.down) for one in places} >= {(-0.8, -0.8), (0.8, -0.8), (0.8, 0.0), (0.0, 0.0)}
+    aside = "80 % of the way to the left edge and 40 % of the way to the bottom edge"
+    assert place_words(PicturePlace(across=-0.8, down=0.4)) == aside
+    assert place_words(PicturePlace(across=0.0, down=-0.8)) == "80 % of the way to the top edge"

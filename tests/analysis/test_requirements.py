@@ -272,6 +272,7 @@ def test_a_usable_range_that_ends_inside_the_required_one_misses_it() -> None:
         ({"camera": "all", **ONE_PER_CENT, "guard_band": {}}, "standard_errors and risk"),
         ({"camera": "nobody", **ONE_PER_CENT}, "no camera is called 'nobody'"),
         ({"camera": "any", **ONE_PER_CENT, "priority": "may"}, "must"),
+        ({"camera": "any", "usable": {"over": ["1 m", "2 m"]}, "field": "50 %"}, "remove field"),
     ],
 )
 def test_impossible_requirements_are_refused_at_their_place(requirement: dict[str, Any], message: str) -> None:

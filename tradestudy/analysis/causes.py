@@ -9,6 +9,7 @@ import numpy as np
 
 from tradestudy.analysis.linear_depth import linearised_depth
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
@@ -23,7 +24,7 @@ class Cause:
     share: float
 
 
-def largest_cause(camera: DepthCamera, distance: FloatArray) -> Cause | None:
+def largest_cause(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> Cause | None:
     """The parameter that contributes most to the depth uncertainty, on average over distances [m].
 
     If inverse depth is linear in the errors, with sensitivities s and covariance C, its variance is Σ sᵢ (C s)ᵢ. Each
@@ -32,7 +33,7 @@ def largest_cause(camera: DepthCamera, distance: FloatArray) -> Cause | None:
     """
     seen = distance[camera.images(distance)]
     try:
-        line = linearised_depth(camera, seen, 0.0, "noise" if camera.propagation.model == "off" else "both")
+        line = linearised_depth(camera, seen, field, "noise" if camera.propagation.model == "off" else "both")
     except OutOfRangeError:
         return None
     contributed = line.sensitivity * (line.covariance @ line.sensitivity)

@@ -163,20 +163,25 @@ class DepthErrors:
         [m]; NaN where the camera forms no image.
     error_source
         The errors considered: ``both``, ``noise`` or ``calibration`` alone.
+    field
+        The position in the picture.
     """
 
     camera: DepthCamera
     distance: FloatArray
     error_source: str = "both"
+    field: FieldPosition = 0.0
 
     @classmethod
-    def of(cls, camera: DepthCamera, distance: FloatArray, error_source: str = "both") -> DepthErrors:
+    def of(
+        cls, camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
+    ) -> DepthErrors:
         """The errors at any distances, including those where the camera forms no image."""
-        return cls(camera=camera, distance=_imaged(camera, distance), error_source=error_source)
+        return cls(camera=camera, distance=_imaged(camera, distance), error_source=error_source, field=field)
 
     @cached_property
     def _distribution(self) -> DepthDistribution:
-        return distribution(self.camera, self.distance, self.error_source)
+        return distribution(self.camera, self.distance, self.error_source, self.field)
 
     @property
     def uncertainty(self) -> FloatArray:
@@ -189,19 +194,21 @@ class DepthErrors:
         return self._distribution.failed_fraction
 
 
-def depth_uncertainty(camera: DepthCamera, distance: FloatArray, error_source: str = "both") -> FloatArray:
+def depth_uncertainty(
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
+) -> FloatArray:
     """Half the central 68.27 % interval of depth [m], for root finding."""
-    return distribution(camera, _imaged(camera, distance), error_source).half_width
+    return distribution(camera, _imaged(camera, distance), error_source, field).half_width
 
 
-def depth_uncertainty_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+def depth_uncertainty_error(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> FloatArray:
     """Estimated error of `depth_uncertainty` [m]: the standard error of draws, or the error of a cheaper model."""
     distance = _imaged(camera, distance)
-    found = distribution(camera, distance, "both")
+    found = distribution(camera, distance, "both", field)
     if camera.propagation.model == "exact":
         return found.half_width_error
     known = np.where(np.isinf(found.half_width), np.nan, found.half_width)
-    return np.asarray(model_error(camera, distance).half_width * known)
+    return np.asarray(model_error(camera, distance, "both", field).half_width * known)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

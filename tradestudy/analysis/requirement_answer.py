@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from statistics import NormalDist
 
+from tradestudy.cameras.depth_measurement import FieldPosition
+
 
 @dataclass(frozen=True, kw_only=True)
 class RequirementAnswer:
@@ -21,6 +23,8 @@ class RequirementAnswer:
         The worst value and its bound, in the SI unit of the quantity.
     place
         Distance of the worst value [m].
+    field
+        Position of the worst value in the picture.
     error
         Estimated error of the worst value.
     margin
@@ -51,6 +55,7 @@ class RequirementAnswer:
     limit: str = ""
     value_margin: float | None = None
     end_shift: float = math.inf
+    field: FieldPosition = 0.0
 
     def could_be_overturned(self, of_value: float, of_ends: float) -> bool:
         """Whether relative changes of this size in the worst value and in the usable ends could reverse the answer."""

@@ -16,6 +16,7 @@ from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements_of_any_camera import check_criterion, check_sharp
 from tradestudy.analysis.usable import END_OF_STUDY, Interval, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.cameras.depth_measurement import FieldPosition, place_words, places_within, towards_corners
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case
@@ -40,7 +41,8 @@ _COARSE: Final = 9
 _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
 _ABSENT: Final = "the camera has no overlap"
 _RESOLUTION: Final = "lateral_resolution"
-_Key = tuple[RequirementPart, DepthCamera, UsableCriteria, float]  # the last is the wavelength [m]
+_Key = tuple[RequirementPart, DepthCamera, UsableCriteria, float, tuple[float, ...]]
+"""The last are the wavelength [m] and the field positions at which depth is computed."""
 
 
 def check_requirement(
@@ -69,20 +71,20 @@ def _check_measured(
     above = isinstance(required, ShareAbovePart)
     bound, dimension = _bound(required)
 
-    def measured(points: FloatArray) -> FloatArray:
-        return _values(requirement, case, name, points) / _scale(required, points)
+    def measured(points: FloatArray, field: FieldPosition = 0.0) -> FloatArray:
+        return _values(requirement, case, name, points, field) / _scale(required, points)
 
-    def broken_by(points: FloatArray) -> FloatArray:
+    def broken_by(points: FloatArray, field: FieldPosition) -> FloatArray:
         """Severity of the values; unknown ones are the worst."""
-        values = measured(points)
+        values = measured(points, field)
         return np.where(np.isnan(values), np.inf, -values if above else values)
 
     if requirement.quantity == "overlap" and np.isnan(measured(np.array(required.over))).all():
         return RequirementAnswer.unknown(name, bound, _ABSENT)
-    place = _worst_place(broken_by, required.over)
+    place, field = _worst_place(broken_by, required.over, _fields(requirement, case))
     at = np.array([place])
-    value = float(measured(at)[0])
-    error = float((_errors(requirement, case, name, at) / _scale(required, at))[0])
+    value = float(measured(at, field)[0])
+    error = float((_errors(requirement, case, name, at, field) / _scale(required, at))[0])
     unusable, gaps = _unusable(intervals, required.over)
     small, large = (bound, value) if above else (value, bound)
     margin = (large / small if small > 0.0 else math.inf) - 1.0
@@ -90,7 +92,9 @@ def _check_measured(
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
     worst = "no value" if math.isnan(value) else f"worst {_distinguished(bound, value, dimension)}"
-    reason, limit = f"{worst} at {pretty(place, LENGTH)}", ""
+    named = requirement.varies_over_picture and (field != 0.0 or requirement.field is not None)
+    where = f", {place_words(field)}" if named else ""
+    reason, limit = f"{worst} at {pretty(place, LENGTH)}{where}", ""
     if requirement.quantity == _RESOLUTION and math.isfinite(value):
         reason += f", by {_coarsest_part(case, name, place)}"
     if unusable > 0.0:
@@ -110,6 +114,7 @@ def _check_measured(
         limit=limit,
         value_margin=margin,
         end_shift=_shift_to_decide(intervals, required.over),
+        field=field,
     )
 
 
@@ -153,6 +158,7 @@ class Judge:
                         criteria=case.criteria,
                         distance=case.distance,
                         wavelength=case.wavelength,
+                        fields=case.fields,
                     )
                     points[key] = _Alone(requirement=requirement, case=alone, known=self._usable.get(key[1:3]))
         labels = [f"{one.requirement.says}, {next(iter(one.case.cameras))}" for one in points.values()]
@@ -209,17 +215,18 @@ def _key(requirement: RequirementPart, case: Case, name: str) -> _Key | None:
     """What an answer depends on; None if it is cheap and depends on more."""
     if not requirement.needs_usable_range or name not in case.cameras:
         return None
-    return requirement, case.cameras[name], case.criteria, case.wavelength
+    return requirement, case.cameras[name], case.criteria, case.wavelength, case.fields
 
 
 def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> bool:
     required = requirement.required
     if isinstance(required, MeasuredPart):
         bound, _ = _bound(required)
-        values = _values(requirement, case, name, points) / _scale(required, points)
-        kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
-        if not kept.all():
-            return False
+        for field in _fields(requirement, case):
+            values = _values(requirement, case, name, points, field) / _scale(required, points)
+            kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
+            if not kept.all():
+                return False
     return name not in case.cameras or bool(is_usable(case, name, points).all())
 
 
@@ -335,15 +342,37 @@ def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str]) -> s
     return f"not usable {'; '.join(parts)}"
 
 
-def _worst_place(broken_by: Callable[[FloatArray], FloatArray], over: tuple[float, ...]) -> float:
-    """Where a value is largest over a range [m]: on a grid, refined between the neighbours of its largest value."""
+def _fields(requirement: RequirementPart, case: Case) -> tuple[FieldPosition, ...]:
+    """The places of the picture at which a requirement is judged."""
+    if not requirement.varies_over_picture or requirement.field == 0.0:
+        return (0.0,)
+    if requirement.field is not None:
+        return places_within(requirement.field)
+    return (0.0, *(place for share in case.fields for place in towards_corners(share)))
+
+
+def _worst_place(
+    broken_by: Callable[[FloatArray, FieldPosition], FloatArray],
+    over: tuple[float, ...],
+    fields: Sequence[FieldPosition],
+) -> tuple[float, FieldPosition]:
+    """Where a value is largest: the distance [m] in a range, and the place in the picture.
+
+    Places that are worst at some of a few distances are searched on a grid of distances, and the worst one of them
+    between the neighbours of its largest value.
+    """
+    if len(fields) > 1:
+        few = np.geomspace(over[0], over[1], _COARSE)
+        worst_at = np.argmax([broken_by(few, field) for field in fields], axis=0)
+        fields = [fields[k] for k in dict.fromkeys(worst_at.tolist())]
     points = np.geomspace(over[0], over[1], _POINTS)
-    worst = int(np.argmax(broken_by(points)))
+    severity = np.array([broken_by(points, field) for field in fields])
+    place, worst = (int(k) for k in np.unravel_index(np.argmax(severity), severity.shape))
     around = np.geomspace(points[max(worst - 1, 0)], points[min(worst + 1, _POINTS - 1)], _POINTS)
     # Rounding must not move a place out of the range.
     around = np.clip(around, over[0], over[1])
-    values = broken_by(np.append(around, points[worst]))
-    return float(np.append(around, points[worst])[int(np.argmax(values))])
+    values = broken_by(np.append(around, points[worst]), fields[place])
+    return float(np.append(around, points[worst])[int(np.argmax(values))]), fields[place]
 
 
 def _bound(required: MeasuredPart) -> tuple[float, Dimension]:
@@ -363,7 +392,7 @@ def _scale(required: MeasuredPart, points: FloatArray) -> FloatArray:
     return points if isinstance(required, BoundOverPart) and required.is_relative else np.ones(points.shape)
 
 
-def _overlap(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+def _overlap(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:  # noqa: ARG001 - of whole pictures
     limits = camera.limits(distance, UsableCriteria())
     return limits["overlap"].value if "overlap" in limits else np.full(distance.shape, np.nan)
 
@@ -374,31 +403,39 @@ def _coarsest_part(case: Case, name: str, place: float) -> str:
     return max(("sampling", "blur", "diffraction"), key=lambda part: float(getattr(found, part)))
 
 
-def _values(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> FloatArray:
-    """The required quantity at each distance [m], in SI."""
+def _values(
+    requirement: RequirementPart, case: Case, name: str, points: FloatArray, field: FieldPosition
+) -> FloatArray:
+    """The required quantity at each distance [m] and one place of the picture, in SI."""
     if requirement.quantity == _RESOLUTION:
         return case.all_cameras[name].focus.lateral_resolution(points, case.wavelength).size
-    return _MEASURED[requirement.quantity](case.cameras[name], points)
+    return _MEASURED[requirement.quantity](case.cameras[name], points, field)
 
 
-def _errors(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> FloatArray:
+def _errors(
+    requirement: RequirementPart, case: Case, name: str, points: FloatArray, field: FieldPosition
+) -> FloatArray:
     """The numerical error of the required quantity; closed forms are exact."""
     if requirement.quantity not in _ERRORS:
         return np.zeros(points.shape)
-    return _ERRORS[requirement.quantity](case.cameras[name], points)
+    return _ERRORS[requirement.quantity](case.cameras[name], points, field)
 
 
-def _failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    return DepthErrors.of(camera, distance).failed_fraction
+def _failed_fraction(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:
+    return DepthErrors.of(camera, distance, field=field).failed_fraction
 
 
-_Measured = Callable[[DepthCamera, FloatArray], FloatArray]
+def _depth_uncertainty(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:
+    return depth_uncertainty(camera, distance, field=field)
+
+
+_Measured = Callable[[DepthCamera, FloatArray, FieldPosition], FloatArray]
 _MEASURED: Final[Mapping[str, _Measured]] = {
-    "depth_uncertainty": depth_uncertainty,
+    "depth_uncertainty": _depth_uncertainty,
     "overlap": _overlap,
     "failed_fraction": _failed_fraction,
 }
 _ERRORS: Final[Mapping[str, _Measured]] = {
     "depth_uncertainty": depth_uncertainty_error,
-    "failed_fraction": lambda camera, at: evaluate_depth(camera, at).failed_fraction_error[-1],
+    "failed_fraction": lambda camera, at, field: evaluate_depth(camera, at, field).failed_fraction_error[-1],
 }

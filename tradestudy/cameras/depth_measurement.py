@@ -17,6 +17,9 @@ Errors = Mapping[str, ArrayLike]
 """Errors by name, in SI; missing ones are zero. Arrays of shape (draws, 1) give one row per draw."""
 
 
+_GRID: Final = 5  # places across and down a part of the picture
+
+
 @dataclass(frozen=True, kw_only=True)
 class PicturePlace:
     """One position in the picture.
@@ -87,6 +90,34 @@ class MeasuredInverseDepth:
     inverse_depth: FloatArray
     no_overlap: BoolArray
     out_of_range: BoolArray
+
+
+def places_within(share: float) -> tuple[PicturePlace, ...]:
+    """A grid of places over the rectangle that reaches a fraction of the way to the corners of the picture.
+
+    The first ones are its corners; the middle is one of them. Depth uncertainty changes smoothly over the picture, so
+    that its largest value in the rectangle lies near one of them, usually in a corner or on an edge.
+    """
+    steps = share * np.linspace(-1.0, 1.0, _GRID)
+    inner = (PicturePlace(across=float(across), down=float(down)) for down in steps for across in steps)
+    return tuple(dict.fromkeys((*towards_corners(share), *inner)))
+
+
+def place_words(field: FieldPosition) -> str:
+    """A position in the picture, in words."""
+    if not isinstance(field, PicturePlace):
+        field = PicturePlace(across=field, down=field)
+    across, down = abs(field.across), abs(field.down)
+    left, top = "left" if field.across < 0.0 else "right", "top" if field.down < 0.0 else "bottom"
+    if across == down:
+        corner = f"{'upper' if top == 'top' else 'lower'} {left} corner"
+        return f"{100.0 * across:.3g} % of the way to the {corner}" if across else "on the axis"
+    towards = [
+        f"{100.0 * share:.3g} % of the way to the {edge}"
+        for share, edge in ((across, f"{left} edge"), (down, f"{top} edge"))
+        if share
+    ]
+    return " and ".join(towards)
 
 
 def require_known(errors: Errors, known: Collection[str], camera: str) -> None:

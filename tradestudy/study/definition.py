@@ -61,6 +61,8 @@ class Case:
         criteria are derived.
     fresnel_validity, light_spot
         Questions about wave optics.
+    fields
+        Field positions at which depth is computed, besides the axis.
     """
 
     cameras: Mapping[str, DepthCamera]
@@ -74,6 +76,7 @@ class Case:
     relief: ReliefPart | None = None
     fresnel_validity: FresnelValidityPart | None = None
     light_spot: LightSpotPart | None = None
+    fields: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -192,6 +195,7 @@ class StudyDefinition:
             relief=self.file.relief,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
+            fields=self.file.propagation.field_places,
         )
 
     def _refuse_impossible_errors(self, cameras: Mapping[str, DepthCamera], distance: FloatArray) -> None:

@@ -162,7 +162,9 @@ def _never_best(tree: xr.DataTree) -> Iterator[Spans]:
 def _off_axis(tree: xr.DataTree) -> Iterator[Spans]:
     """Say that the answers hold on the optical axis, and for which cameras depth is much less certain off it."""
     if worse := off_axis_words(tree):
-        yield say("**All answers hold on the optical axis.** Off it, {worse}.", worse=listed(worse))
+        yield say(
+            "**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=listed(worse)
+        )
 
 
 def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
@@ -351,11 +353,16 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     logs = (np.log(best.distance[known]), np.log(depth.uncertainty[known]))  # interpolated along a smooth curve
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
+    off = ""
+    if depth.worst is not None:
+        values = [depth.worst[best.nearest(place)] for place in places]
+        most = [length(max(s, one)) if np.isfinite(s) else "∞" for s, one in zip(values, ends, strict=True)]
+        off = f" on the axis, up to ±{most[0]} and ±{most[1]} at the places computed off it"
     ends_at = [best.nearest(place) for place in places]
     first, last = (part_words(depth.parts[index] or "nothing") for index in ends_at)
     cause = first if first == last else f"{first} at the near end and {last} at the far end"
     mostly = all(depth.largest_shares[index] > 0.5 for index in ends_at)
-    return f"±{near} to ±{far}, {'mostly' if mostly else 'the largest part'} from {cause}"
+    return f"±{near} to ±{far}{off}, {'mostly' if mostly else 'the largest part'} from {cause}"
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:

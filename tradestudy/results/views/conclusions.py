@@ -294,7 +294,8 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     else:
         last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
     if worse := off_axis_words(tree):
-        last.append(f"On the optical axis; off it, {listed(worse)}")
+        unless = ", unless a place is named" if requirements else ""
+        last.append(f"On the optical axis{unless}; off it, {listed(worse)}")
     said = {one.camera for one in requirements if one.at_lower_bound and one.met}
     if bounds := [title for title in lower_bounds(tree) if title not in said]:
         last.append(f"Lower bound, as no matcher is declared: the disparity error of {listed(bounds)}")

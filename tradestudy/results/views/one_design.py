@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -47,6 +47,8 @@ class CameraDepth:
         Which limits of the usable range it violates, shape (distance, limit).
     usable
         Usable ranges, as (near, far) [m].
+    worst
+        The largest depth uncertainty [m] at the places computed off the axis; None without such places.
     """
 
     uncertainty: FloatArray
@@ -54,6 +56,7 @@ class CameraDepth:
     largest_shares: FloatArray
     broken: npt.NDArray[np.bool_]
     usable: tuple[tuple[float, float], ...]
+    worst: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,6 +100,9 @@ def best_cameras(tree: xr.DataTree) -> BestCameras:
     """The best camera along the distance in the study as declared."""
     depth = nominal(tree)
     cameras = camera_depths(depth)[0] if nominal_is_declared(tree) else {}
+    if cameras and has(tree, "depth_field", "depth_uncertainty"):
+        off = group(tree, "depth_field")["depth_uncertainty"].max(("field", "corner"))
+        cameras = {key: replace(one, worst=off.sel(camera=key).values) for key, one in cameras.items()}
     return BestCameras(ranges=tuple(winners(tree)), cameras=cameras, **_shared(tree, depth))
 
 

@@ -156,7 +156,7 @@ def _rests_on(definition: StudyDefinition, deciding: Sequence[RequirementAnswer]
             limit = f"the {which} range of {definition.file.cameras[answer.camera].title} ({limit_words(answer.limit)})"
         uncertain = requirement.quantity in _OF_ERRORS and answer.value > 0.0
         if math.isfinite(answer.place) and (answer.limit in _OF_ERRORS or (uncertain and not answer.limit)):
-            cause = largest_cause(definition.case.cameras[answer.camera], np.array([answer.place]))
+            cause = largest_cause(definition.case.cameras[answer.camera], np.array([answer.place]), answer.field)
         words.append(limit if cause is None else input_words(definition, answer.camera, cause.parameter))
         shares.append(math.nan if cause is None else cause.share)
     return {"rests_on": words, "rests_on_share": shares}

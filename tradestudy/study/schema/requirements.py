@@ -212,6 +212,12 @@ class RequirementPart(Part):
         description="Bound on a criterion such as mass, power or moving parts, also for cameras that measure no depth.",
     )
     guard_band: GuardBandPart | None = None
+    field: Share | None = Field(
+        default=None,
+        description="Part of the picture that counts for depth_uncertainty and failed_fraction: the rectangle around "
+        "its middle whose corners lie at this fraction of the way to the corners of the sensor. 0 % is the optical "
+        "axis, 100 % the whole picture. Default: the axis and the places of propagation.field_places.",
+    )
 
     @model_validator(mode="after")
     def _one_quantity(self) -> Self:
@@ -222,6 +228,19 @@ class RequirementPart(Part):
                 ("guard_band",), f"{self.quantity} has no standard error, so a guard band does not apply; remove it"
             )
         return self
+
+    @model_validator(mode="after")
+    def _field_of_errors(self) -> Self:
+        if self.field is not None and not self.varies_over_picture:
+            raise MistakeAt(
+                ("field",), f"{self.quantity} is judged for the picture as a whole or on its axis; remove field"
+            )
+        return self
+
+    @property
+    def varies_over_picture(self) -> bool:
+        """Whether the requirement is on a quantity that is judged at several places of the picture."""
+        return self.quantity in ("depth_uncertainty", "failed_fraction")
 
     @property
     def asks_for_depth(self) -> bool:
