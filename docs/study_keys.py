@@ -833,10 +833,12 @@ to the study. A camera file contains the keys of one camera, without `from` and 
 | `length_unit` | Unit of the lengths in the calibration files; needed if neither the files nor their format state it. \
 | `length_unit: mm` |
 | `pair` | Names of the left and the right camera in a Kalibr file, or the numbers of their sockets in a DepthAI \
-file; write these numbers in quotes, as in `pair: ['1', '2']`. \
-Default: the first two cameras of a Kalibr file, or the stereo pair that a DepthAI file names. | `pair: [cam0, cam2]` |
+file. In an OpenCV calibration, the cameras are 1 and 2; `pair: [2, 1]` says that the second one is the left \
+one. \
+Default: the first two cameras of a Kalibr file, the stereo pair that a DepthAI file names, or cameras 1 and 2. \
+| `pair: [cam0, cam2]` |
 | `pictures` | Whether depth is measured in the pictures as taken (`raw`, the default) or in rectified ones \
 (`rectified`); for OpenCV and ROS files. | `pictures: rectified` |
-| `lens_model` | `fisheye` if the lenses are fisheyes and the OpenCV, ROS or Kalibr file does not say so. \
+| `lens_model` | `fisheye` or `pinhole`, if the OpenCV, ROS or Kalibr file does not say which the lenses are. \
 | `lens_model: fisheye` |
 """

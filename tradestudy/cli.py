@@ -357,7 +357,7 @@ def new(
                 _warned(api.load(path))
             except TradestudyError as error:
                 path.unlink()  # nobody can start from a study that cannot run
-                raise _InputError(_not_written(path, error)) from None
+                raise _InputError(_not_written(path, error, set_ or ())) from None
         typer.echo(f"{path}\n{context.find_root().info_name} run {path}")
 
 
@@ -471,13 +471,20 @@ def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:
         raise _InputError("--from takes one file", value=" ".join(together), remedy=remedy)
 
 
-def _not_written(path: Path, error: TradestudyError) -> str:
-    """Mistakes in an imported camera; those of the study itself lack a position, since its file is not written."""
+def _not_written(path: Path, error: TradestudyError, said: Sequence[str]) -> str:
+    """Mistakes in an imported camera; those of the study itself lack a position, since its file is not written.
+
+    ``said`` are the keys given with ``--set``; advice to give them is not repeated.
+    """
     problems = error.problems if isinstance(error, StudyError) else ()
     causes = [f"{one.path}: {one.what}" if one.file == str(path) else str(one) for one in problems] or [str(error)]
+    examples = {"length_unit": "--set length_unit=mm", "sensor.pixels": "--set 'sensor.pixels=[1280, 720]'"}
+    given = {one.partition("=")[0].strip() for one in said}
+    shown = " or ".join(example for key, example in examples.items() if key not in given)
+    such = f", such as {shown}," if shown else ""
     advice = (
-        f"{path} was not written. Give values that the files do not state with --set, such as --set length_unit=mm or "
-        "--set 'sensor.pixels=[1280, 720]', and the file of a second camera with another --from."
+        f"{path} was not written. Keys beside from: can be given with --set{such} and the file of a second camera with "
+        "another --from."
     )
     return "\n".join([*causes, advice])
 

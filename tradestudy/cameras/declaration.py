@@ -14,7 +14,7 @@ from tradestudy.cameras.calibration_declaration import CalibrationPart
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityError, DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
-from tradestudy.cameras.imported import Imported, Stated
+from tradestudy.cameras.imported import PICTURE_SIZE, Imported, Stated
 from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
 from tradestudy.cameras.stated_declaration import StatedPart
 from tradestudy.declarations.matcher import MatcherPart
@@ -241,6 +241,23 @@ class CameraDeclaration(Part, ABC):
         "program used. The program writes this key.",
     )
     kind: str
+
+    @model_validator(mode="after")
+    def _size_of_the_calibrated_pictures(self) -> Self:
+        """Refuse pictures of another size, in which focal lengths, principal points and distortion would differ."""
+        said, sensor = self.read_as.get(PICTURE_SIZE), getattr(self, "sensor", None)
+        if said is None or not isinstance(sensor, SensorPart):
+            return self
+        columns, rows = sensor.pixels
+        if not said.endswith(f" {columns} × {rows} px") and said != f"{columns} × {rows} px":
+            raise MistakeAt(
+                ("sensor", "pixels"),
+                f"{columns} × {rows} px is not the size of the calibrated pictures, {said}, for which alone the "
+                "focal lengths and principal points of the calibration file hold; remove this key. For scaled "
+                "pictures, multiply fx, fy, cx and cy in the file by the scale; for cropped ones, subtract the corner "
+                "of the crop from cx and cy; then write the new size in the file",
+            )
+        return self
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:

@@ -25,6 +25,8 @@ NOMINAL_PITCH: Final = (
     "nominal: depth depends only on its ratio to the focal length, but blur and diffraction need the true value"
 )
 """Note on a pixel pitch that no calibration file gives."""
+PICTURE_SIZE: Final = "size of pictures"
+"""Name of the convention that states the size of the calibrated pictures as taken, and as rotated if they are."""
 FITTED_LENS: Final = "fitted lens model"
 """Name of the convention that states the lens model of a fit to corners."""
 

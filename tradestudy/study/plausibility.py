@@ -10,7 +10,13 @@ from typing import Final
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.imported import NOMINAL_PITCH
 from tradestudy.errors import Problem
-from tradestudy.study.camera_files.pairs import FOLDING_LENS, UNUSUAL_BASELINE, UNUSUAL_MATRIX, UNUSUAL_NOISE
+from tradestudy.study.camera_files.pairs import (
+    FOLDING_LENS,
+    UNUSUAL_BASELINE,
+    UNUSUAL_MATRIX,
+    UNUSUAL_NOISE,
+    UNUSUAL_SIGN,
+)
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
 from tradestudy.uncertainty.joint import JointDraws
@@ -55,6 +61,7 @@ _OF_IMPORTS: Final = {
     "calibration.corners.lens_model",
     FOLDING_LENS: "depth cannot be measured in {}; check the distortion coefficients",
     UNUSUAL_MATRIX: "{}; check the camera matrix",
+    UNUSUAL_SIGN: "{}; check the sign, and which camera is the left one",
 }
 _OF_QUESTION: Final = ("solve", "relative")
 _LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit was probably meant in per cent

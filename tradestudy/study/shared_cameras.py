@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from tradestudy.cameras.imported import PICTURE_SIZE
 from tradestudy.cameras.kinds import KINDS
 from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.declarations.mistakes import nearest_name
@@ -16,6 +17,7 @@ from tradestudy.errors import Problem, StudyError, nearest
 from tradestudy.study import document as tree
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
+from tradestudy.study.camera_files.pairs import size_words
 from tradestudy.study.camera_files.request import NoLengthUnitError, Request, wrong_request
 from tradestudy.study.document import (
     Document,
@@ -38,6 +40,7 @@ MOST_BYTES = 1_000_000
 _MOST_BYTES_OF_LITERALS, _HEAD = 32_000_000, 4000
 LONGEST_CHAIN = 50
 SHARING = ("from", "like")
+_MOST_PIXELS = 1_000_000  # along one side of a picture
 _OF_IMPORTS = (
     "length_unit",
     "pair",
@@ -197,7 +200,7 @@ class SharedCameras:
             self.note_mistake(name, error)
             return self.read_in_any_unit(name, own, files, request)
         self.imported.append(f"{name}: {line}")
-        return self.with_own_values(below, own, name, (*SHARING, *_OF_IMPORTS))
+        return self.with_own_values(below, _without_size(own, below, request), name, (*SHARING, *_OF_IMPORTS))
 
     def read_in_any_unit(
         self, name: str, own: MappingEntry, files: Sequence[CameraFile], request: Request
@@ -207,6 +210,7 @@ class SharedCameras:
         for unit in ("m", "cm", "mm"):
             with suppress(CameraFileError):  # the baseline is impossible in this unit
                 below, _ = imported(files, replace(request, length_unit=unit))
+                own = _without_size(own, below, request)
                 return self.with_own_values(below, own, name, (*SHARING, *_OF_IMPORTS, *unknown))
         return None
 
@@ -243,8 +247,8 @@ class SharedCameras:
             problem = wrong_request(key, value)
             if problem:
                 raise CameraFileError(entry.place.problem((key,), problem))
-            given[key] = tuple(value) if key == "pair" else value
-        return Request(**given, fitted_lens=_fitted_lens(own))  # type: ignore[arg-type]
+            given[key] = tuple(map(str, value)) if key == "pair" else value
+        return Request(**given, pixels=_pixels(own), fitted_lens=_fitted_lens(own))  # type: ignore[arg-type]
 
     def from_file(self, name: str, file: str, place: Place, _chain: tuple[str, ...]) -> Entry | None:
         """Read a camera's own file."""
@@ -343,6 +347,32 @@ def kind_of(entry: Entry) -> str:
     if isinstance(entry, ScalarEntry):
         return "a single value" if entry.text else "nothing"
     return "a list" if isinstance(entry, ListEntry) else "a mapping"
+
+
+def _pixels(own: MappingEntry) -> tuple[int, int] | None:
+    """The size of the pictures that a study states; None if it states none, or not one."""
+    sensor = child(own, "sensor")
+    value = child(sensor, "pixels") if isinstance(sensor, MappingEntry) else None
+    found: object = None if value is None else plain(value)
+    if not (isinstance(found, list) and len(found) == 2):
+        return None
+    columns, rows = found
+    if all(type(one) is int and 0 < one <= _MOST_PIXELS for one in (columns, rows)):
+        return columns, rows
+    return None
+
+
+def _without_size(own: MappingEntry, below: Entry, request: Request) -> MappingEntry:
+    """A camera's own values without a size of pictures that is that of the files, which may be rotated in ``below``."""
+    said = child(child(below, "read_as"), PICTURE_SIZE)
+    if request.pixels is None or said is None or not plain(said).startswith(size_words(request.pixels)):
+        return own
+    sensor = own.members["sensor"]
+    assert isinstance(sensor.entry, MappingEntry)
+    kept = {key: member for key, member in sensor.entry.members.items() if key != "pixels"}
+    return replace(
+        own, members={**own.members, "sensor": Member(sensor.key_place, replace(sensor.entry, members=kept))}
+    )
 
 
 class _FittedLens(Part):

@@ -115,11 +115,15 @@ def test_an_unknown_pair_is_refused_with_the_expected_keys(tmp_path: Path) -> No
 
 def test_a_pair_of_which_one_camera_has_no_distortion_is_refused(tmp_path: Path) -> None:
     file = written.opencv(tmp_path / "rig.yml")
-    file.write_text(file.read_text(encoding="utf-8").replace("D1:", "dist1:"), encoding="utf-8")
+    file.write_text(file.read_text(encoding="utf-8").replace("D1:", "lens1:"), encoding="utf-8")
     said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: m"))
     assert "D2" in said
     assert "camera 1 has none" in said
-    file.write_text(file.read_text(encoding="utf-8").replace("D2:", "dist2:"), encoding="utf-8")
+    file.write_text(file.read_text(encoding="utf-8").replace("D2:", "lens2:"), encoding="utf-8")
+    assert "lens1 is as long as distortion" in refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+    written.opencv(file, D1=np.zeros((1, 4)), D2=np.zeros((1, 4)))
+    text = re.sub(r"D\d: !!opencv-matrix\n(   .*\n)*", "", file.read_text(encoding="utf-8"))
+    file.write_text(text, encoding="utf-8")
     read = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).imported
     assert "distortion: none is given" in " ".join(read)
 
@@ -184,7 +188,14 @@ def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:
     assert rows["read_as.length unit"][0] == "m, by the definition of Kalibr's camchain"
     assert rows["geometry.left.focal_length"] == ("[882.5 px, 881.75 px]", "chain.yaml: cam0.intrinsics")
     assert rows["depth.disparity_error"][1] == "default; the study declares none"
-    assert loaded.imported[0].startswith("rig: chain.yaml: Kalibr camchain; length unit m")
+    assert loaded.imported[0].startswith(
+        "rig: chain.yaml: Kalibr camchain; lens model pinhole with k1 k2; field of view"
+    )
+    assert all(
+        f"; {one}; " in loaded.imported[0]
+        for one in ("baseline 60.1 mm", "640 × 480 px", "length unit m, by the definition of Kalibr's camchain")
+    )
+    assert loaded.imported[0].endswith("; not used: cam0.rostopic, cam1.rostopic")
 
 
 @pytest.mark.parametrize(
@@ -225,7 +236,7 @@ MISTAKES = {
     "metres": ("from: rig.yml, length_unit: m", ("60.1 m,", "60.1 mm with length_unit: mm", "length_unit: cm")),
     "millimetres": ("from: chain.yaml, length_unit: mm", ("60.1 µm,", "length_unit: m ")),
     "exchanged": ("from: chain.yaml, pair: [cam1, cam0]", ("cam0", "60.1 mm", "left of cam1", "pair:")),
-    "files exchanged": ("from: [right.yaml, left.yaml]", ("P[3]", "exchanged", "from:")),
+    "files exchanged": ("from: [right.yaml, left.yaml]", ("P[3]", "list left first in from:")),
     "no baseline": ("from: [left.yaml, left.yaml]", ("P[3] and P[7]", "0")),
     "another camera": ("from: chain.yaml, pair: [cam0, cam7]", ("'cam7'", "cam0, cam1")),
     "mixed": ("from: [left.yaml, rig.yml]", ("OpenCV FileStorage", "ROS camera_info")),
@@ -263,7 +274,8 @@ def test_a_projection_matrix_whose_baseline_overflows_is_refused(tmp_path: Path)
     ("lengths", "unit", "reported"),
     [
         (1.0, "cm", "601 µm, but 60.1 mm with length_unit: m beside from:"),
-        (1e2, "m", "6.01 m, but 60.1 mm with length_unit: cm or 6.01 mm with length_unit: mm beside from:"),
+        (1e2, "m", "6.01 m, but 60.1 mm with length_unit: cm beside from:"),
+        (1e2, "mm", "6.01 mm, but 60.1 mm with length_unit: cm beside from:"),
         (1e3, "mm", ""),
         (1e3, "cm", ""),  # 601 mm, as usual as 60.1 mm
     ],
@@ -273,9 +285,9 @@ def test_a_baseline_that_would_be_usual_in_another_unit_is_warned_about(
 ) -> None:
     written.opencv(tmp_path / "rig.yml", lengths=lengths)
     warned = tradestudy.load(study(tmp_path, rig=f"from: rig.yml, length_unit: {unit}")).warnings
-    assert [str(one).partition("the baseline is ")[2] for one in warned if "baseline" in str(one)] == [reported] * bool(
-        reported
-    )
+    squares = "; or, if T counts squares of the board, multiply T by their side"
+    said = [str(one).partition("the baseline is ")[2] for one in warned if "baseline" in str(one)]
+    assert said == ([reported + squares] if reported else [])
     assert all("cameras.rig.from" in str(one) for one in warned if "baseline" in str(one))
 
 

@@ -10,7 +10,7 @@ from tradestudy.cameras.imported import Rotation, Vector
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.located import Located
 
-_ORTHOGONALITY: Final = 1e-4  # allows for files with six digits
+_ORTHOGONALITY: Final = 5e-4  # allows for files with four digits
 _ROUNDING: Final = 1e-12
 
 
@@ -44,6 +44,8 @@ def pinhole_of(value: Located, numbers: tuple[float, ...]) -> tuple[tuple[float,
         It has skew, is not a camera matrix, or has focal lengths that are not positive.
     """
     matrix = np.array(numbers, dtype=np.float64).reshape(3, -1)[:, :3]
+    if not matrix.any():
+        raise value.fail("all numbers are 0: this camera was not calibrated; calibrate it, and give the new file")
     fx, skew, cx, fy, cy = matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 1], matrix[1, 2]
     if not np.array_equal(matrix[[1, 2, 2, 2], [0, 0, 1, 2]], [0.0, 0.0, 0.0, 1.0]):
         raise value.fail("not a camera matrix; [fx 0 cx; 0 fy cy; 0 0 1] is expected")
@@ -66,6 +68,14 @@ def rigid_of(value: Located, numbers: tuple[float, ...]) -> tuple[FloatArray, Fl
     if not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):
         raise value.fail("not a rigid transform; its last row must be 0 0 0 1")
     return rotation_of(value, tuple(matrix[:3, :3].ravel())), matrix[:3, 3]
+
+
+def inverse(transform: FloatArray) -> FloatArray:
+    """The inverse of a rigid 4 × 4 transform."""
+    found: FloatArray = np.eye(4)
+    found[:3, :3] = transform[:3, :3].T
+    found[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
+    return found
 
 
 def rotation_tuple(matrix: FloatArray) -> Rotation:

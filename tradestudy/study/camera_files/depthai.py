@@ -9,14 +9,13 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
+from tradestudy.study.camera_files.conversions import inverse, pinhole_of, rotation_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels
+from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels, other_cameras
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 _PERSPECTIVE, _FISHEYE = "0", "1"
-_NOBODY: Final = "-1"
 
 
 def recognises(file: CameraFile) -> bool:
@@ -42,7 +41,9 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     for socket in (left, right):
         if socket not in cameras:
             raise top.fail(f"there is no camera at socket {socket}; known: {', '.join(cameras)}")
-    rotation, translation, where, kind = _between(cameras, left, right)
+    specified = top.find("stereoUseSpecTranslation")
+    is_specified = specified is not None and specified.text().lower() == "true"
+    rotation, translation, where, kind = _between(cameras, left, right, is_specified=is_specified)
     metre, unit = request.metres(where, stated="cm", why="the definition of DepthAI calibrations")
     conventions = (
         Convention(name="format", says="DepthAI calibration", key=where.key),
@@ -52,6 +53,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         Convention(name="pictures", says="raw: as taken, before rectification", key=where.key),
         Convention(name="translation", says=kind, key=where.key),
         unit,
+        *other_cameras(cameras, (left, right)),
     )
     return paired(
         _camera(left, cameras[left]),
@@ -60,6 +62,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         translation * metre,
         metre=metre,
         where=(where, where),
+        exchanged=f"left and right are exchanged; give pair: ['{right}', '{left}'] beside from:",
         conventions=conventions,
     )
 
@@ -85,43 +88,50 @@ def _stereo_pair(top: Located, cameras: dict[str, Located]) -> tuple[str, str]:
     )
 
 
-def _between(cameras: dict[str, Located], left: str, right: str) -> tuple[FloatArray, FloatArray, Located, str]:
-    """Rotation and translation [cm] from left to right along the chain of extrinsics, with the translation's origin."""
-    for first, last in ((left, right), (right, left)):
-        steps = _chain(cameras, first, last)
-        if not steps:
-            continue
-        total, kinds = np.eye(4), list[str]()
-        for extrinsics in steps:
-            turn, (moved, kind) = extrinsics.need("rotationMatrix"), _translation(extrinsics)
+def _between(
+    cameras: dict[str, Located], left: str, right: str, *, is_specified: bool
+) -> tuple[FloatArray, FloatArray, Located, str]:
+    """Rotation and translation [cm] from left to right by the extrinsics, with the translation's origin.
+
+    Both chains of extrinsics lead to a common camera: one of the two, or another one to which both are related.
+    """
+    chains = [_chain(cameras, socket) for socket in (left, right)]
+    reached = [socket for socket in chains[0] if socket in chains[1]]
+    if left == right:
+        raise cameras[left].fail(f"pair: the socket {left} occurs twice; two cameras are expected")
+    if not reached:
+        raise cameras[left].fail(f"no chain of extrinsics connects the sockets {left} and {right}")
+    totals, kinds, where = [], list[str](), cameras[left]
+    for chain in chains:
+        total = np.eye(4)
+        for socket in chain[: chain.index(reached[0])]:
+            extrinsics = cameras[socket].need("extrinsics")
+            turn, (where, kind) = extrinsics.need("rotationMatrix"), _translation(extrinsics, is_specified=is_specified)
             step = np.eye(4)
             step[:3, :3] = rotation_of(turn, turn.numbers(9))
-            step[:3, 3] = [moved.need(axis).number() for axis in ("x", "y", "z")]
+            step[:3, 3] = [where.need(axis).number() for axis in ("x", "y", "z")]
             total, kinds = step @ total, [*kinds, kind]
-        rotation, translation = total[:3, :3], total[:3, 3]
-        if first == right:
-            rotation, translation = rotation.T, -rotation.T @ translation
-        return rotation, translation, _translation(steps[-1])[0], " and ".join(dict.fromkeys(kinds))
-    raise cameras[left].fail(f"no chain of extrinsics connects the sockets {left} and {right}")
+        totals.append(total)
+    between = inverse(totals[1]) @ totals[0]
+    return between[:3, :3], between[:3, 3], where, " and ".join(dict.fromkeys(kinds))
 
 
-def _chain(cameras: dict[str, Located], first: str, last: str) -> list[Located]:
-    """Extrinsics from one camera to another, in order; empty if they do not connect."""
-    steps: list[Located] = []
-    here = first
-    while here != last:
-        extrinsics = cameras[here].find("extrinsics") if here in cameras else None
+def _chain(cameras: dict[str, Located], first: str) -> list[str]:
+    """The sockets to which the extrinsics of a camera lead, itself first; the last one refers to no other camera."""
+    sockets = [first]
+    while True:
+        extrinsics = cameras[sockets[-1]].find("extrinsics")
         there = None if extrinsics is None else extrinsics.find("toCameraSocket")
-        if extrinsics is None or there is None or there.text() == _NOBODY or len(steps) > len(cameras):
-            return []
-        steps.append(extrinsics)
-        here = there.text()
-    return steps
+        if there is None or there.text() not in cameras or there.text() in sockets:
+            return sockets
+        sockets.append(there.text())
 
 
-def _translation(extrinsics: Located) -> tuple[Located, str]:
-    """The measured translation, else the specified one."""
+def _translation(extrinsics: Located, *, is_specified: bool) -> tuple[Located, str]:
+    """The measured translation, unless the device uses the specified one or none was measured."""
     measured, specified = extrinsics.find("translation"), extrinsics.find("specTranslation")
+    if is_specified and specified is not None:
+        return specified, "specified (specTranslation), as stereoUseSpecTranslation says"
     if measured is not None and any(measured.need(axis).number() for axis in ("x", "y", "z")):
         return measured, "measured (translation)"
     if specified is not None:
@@ -160,7 +170,7 @@ def _camera(socket: str, value: Located) -> ImportedCamera:
             "coefficients": distortion.key,
         },
     )
-    return check_lens(camera, distortion)
+    return check_lens(camera, distortion, "set cameraType to 1 in the file")
 
 
 FORMAT: Final = Format(name="DepthAI calibration", options=("length_unit", "pair"), recognises=recognises, read=read)

@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
-from tradestudy.cameras.imported import FITTED_LENS, ImportedCamera, Stated, Value
+import numpy as np
+
+from tradestudy.cameras.imported import (
+    FITTED_LENS,
+    PICTURE_SIZE,
+    Convention,
+    Imported,
+    ImportedCamera,
+    ImportedCorners,
+    ImportedPlenoptic,
+    ImportedRig,
+    Stated,
+    Value,
+    conventions_stated,
+)
 from tradestudy.cameras.kinds import KINDS
+from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
-from tradestudy.study.camera_files.request import Format, Request
+from tradestudy.study.camera_files.pairs import size_convention
+from tradestudy.study.camera_files.request import OTHER_CAMERAS, Format, Request
 from tradestudy.study.camera_files.syntax import parsed, syntax_of
 from tradestudy.study.document import (
     Annotation,
@@ -21,10 +39,22 @@ from tradestudy.study.document import (
     Member,
     Place,
     ScalarEntry,
+    dotted,
     scalar_text,
 )
+from tradestudy.units import ANGLE, LENGTH, pretty
 
 ONE_CAMERA: Final = "a single camera; a stereo rig needs two, from: [LEFT, RIGHT]"
+UNUSED: Final = "not used"
+"""Name of the convention that lists the keys of calibration files that the program does not use."""
+_LAST_SEPARATOR: Final = re.compile(r"\n---\s*\Z")
+"""The line that ``rostopic echo`` and ``ros2 topic echo`` write after every message."""
+_CHANGES_GEOMETRY: Final = re.compile(
+    r"distor|dist_?coef|^dist(_?[12lr]|_left|_right)?$|^d_?([12lr]|left|right)?$|radial|tangential|^xi_?[12lr]?$|^tau"
+    r"|prism|fisheye|skew|^binning|(?-i:^[kp][1-6]$)",
+    re.IGNORECASE,
+)
+"""Keys that look like distortion, or otherwise change where a point appears in the picture."""
 FORMATS: Final[tuple[Format, ...]] = (
     corners.FORMAT, mrcal.FORMAT, depthai.FORMAT, libpleno.FORMAT, kalibr.FORMAT, ros.FORMAT, opencv.FORMAT,
 )  # fmt: skip
@@ -46,6 +76,7 @@ def recognised(path: Path, text: str, label: str) -> CameraFile | None:
     CameraFileError
         The text begins like a calibration file but is not one.
     """
+    text = _LAST_SEPARATOR.sub("", text)
     syntax = syntax_of(text)
     if syntax == "yaml":  # studies and their cameras are YAML too; their reader reports mistakes in them
         try:
@@ -82,25 +113,106 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
                 f"the files have different formats, {first.name} and {one.name}; one format is expected"
             )
     for option in fields(request):
-        if option.name not in (*first.options, "fitted_lens") and getattr(request, option.name) != option.default:
+        allowed = (*first.options, "fitted_lens", "pixels")
+        if option.name not in allowed and getattr(request, option.name) != option.default:
             raise files[0].top.fail(f"{option.name} does not apply to the format {first.name}; remove it")
     found = first.read(files, request)
     kind = next(kind for kind in KINDS if isinstance(found, kind.imports))
-    stated = [*kind.stated_by(found)]
+    stated = [*kind.stated_by(found), *conventions_stated(tuple(_further(found, files, request)))]
     names = " and ".join(dict.fromkeys(file.label for file in files))
     read_as = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
     labels = {
+        PICTURE_SIZE: "",
         "length unit": "length unit ",
         FITTED_LENS: "lens model ",
         "order of cameras": "",
         "distortion": "distortion: ",
+        "translation": "translation ",
+        "rectification": "rectification ",
+        "scaling of depth": "",
         "pictures": "pictures ",
+        OTHER_CAMERAS: "not used: camera ",
+        UNUSED: "not used: ",
     }
-    shown = [label + read_as[name] for name, label in labels.items() if name in read_as]
+    shown = [*_lens_and_baseline(found), *(label + read_as[name] for name, label in labels.items() if name in read_as)]
     if isinstance(found, ImportedCamera):
         shown.append(ONE_CAMERA)
     line = f"{names}: {'; '.join([first.name, *shown])}"
     return _tree(stated, {key: place for file in files for key, place in file.places.items()}, files[0]), line
+
+
+def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> Iterator[Convention]:
+    """The size of the pictures, and the keys that are not used."""
+    if isinstance(found, ImportedPlenoptic | ImportedCamera) and found.pixels is not None:
+        yield size_convention(found)
+    unused = [value for file in files if file.syntax != "corners" for value in file.unused()]
+    for value in unused:
+        if not value.path:
+            raise value.fail("nothing in this file is needed beside the other files; remove it from from:")
+        if request.pictures == "raw" and _CHANGES_GEOMETRY.search(value.last) and any(_numbers_in(value.entry)):
+            raise value.fail(
+                "this key looks like a part of the lens model, but no such key is known here; rename it as the format "
+                "names it, or remove it if it does not belong to these pictures"
+            )
+    if unused:
+        names = dict.fromkeys(dotted(value.path) for value in unused)
+        yield Convention(name=UNUSED, says=", ".join(names), key=unused[0].key)
+
+
+def _numbers_in(entry: Entry) -> Iterator[float]:
+    if isinstance(entry, MappingEntry):
+        below = [member.entry for key, member in entry.members.items() if key not in ("rows", "cols", "sizes")]
+    elif isinstance(entry, ListEntry):
+        below = [*entry.items]
+    else:
+        try:
+            yield 0.0 if entry.value is None or isinstance(entry.value, bool) else float(entry.value)
+        except (ValueError, OverflowError):  # a text
+            return
+        return
+    for one in below:
+        yield from _numbers_in(one)
+
+
+def _lens_and_baseline(found: Imported) -> Iterator[str]:
+    """Lens models, field of view and baseline in words."""
+    cameras = [found] if isinstance(found, ImportedCamera) else []
+    if isinstance(found, ImportedRig):
+        cameras = [found.left, found.right]
+    words = [_lens_words(camera) for camera in cameras]
+    if len({*words}) == 1:
+        yield f"lens model {words[0]}"
+    elif words:
+        yield f"lens models {words[0]} (left) and {words[1]} (right)"
+    if angle := _field_of_view(cameras[0]) if cameras else "":
+        yield f"field of view {angle}"
+    if isinstance(found, ImportedRig | ImportedCorners):
+        baseline = found.baseline if isinstance(found, ImportedCorners) else math.hypot(*found.translation)
+        yield f"baseline {pretty(baseline, LENGTH)}"
+
+
+def _lens_words(camera: ImportedCamera) -> str:
+    names = {"rational": "pinhole", "kannala-brandt": "fisheye (Kannala–Brandt)"}
+    name = names.get(camera.lens_model, camera.lens_model)
+    given = " ".join(key for key, value in camera.coefficients.items() if value)
+    return f"{name} with {given}" if given else f"{name} without distortion"
+
+
+def _field_of_view(camera: ImportedCamera) -> str:
+    """Angles across and down between the edges of the picture, through the principal point, by the lens model."""
+    family = FAMILIES.get(camera.lens_model)
+    if family is None or camera.pixels is None:
+        return ""
+    lens, angles = family(**camera.coefficients), []
+    for axis, (focal_length, centre, count) in enumerate(
+        zip(camera.focal_lengths, camera.centre, camera.pixels, strict=True)
+    ):
+        edges = np.zeros((2, 2))
+        edges[:, axis] = (np.array([-0.5, count - 0.5]) - centre) / focal_length
+        directions = lens.unproject(edges)
+        off_axis = np.arctan2(directions[:, axis], directions[:, 2])
+        angles.append(float(off_axis[1] - off_axis[0]))
+    return " × ".join("beyond the lens model" if math.isnan(one) else pretty(one, ANGLE) for one in angles)
 
 
 def _format_of(file: CameraFile) -> Format | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.conversions import rigid_of
+from tradestudy.study.camera_files.conversions import inverse, rigid_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.pairs import check_lens, paired
 from tradestudy.study.camera_files.request import (
@@ -18,6 +18,7 @@ from tradestudy.study.camera_files.request import (
     UnsupportedLensError,
     coefficients_of,
     origin_of_pixels,
+    other_cameras,
 )
 
 _OWN: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
@@ -34,6 +35,8 @@ _DISTORTION: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
 }
 _WITH: Final = {"pinhole": ("radtan", "equidistant", "fov", "none"), "omni": ("radtan", "none")}
 _TRANSFORM: Final = "T_cn_cnm1"
+_TO_BODY, _FROM_BODY = "T_imu_cam", "T_cam_imu"
+"""Transforms of every camera into the frame of the inertial sensor and out of it, as OpenVINS and Kalibr write them."""
 
 
 def recognises(file: CameraFile) -> bool:
@@ -45,7 +48,8 @@ def recognises(file: CameraFile) -> bool:
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """One camera, or two of a chain: the first two unless ``pair`` names others.
 
-    ``T_cn_cnm1`` maps points of camera n − 1 into camera n; transforms of a longer chain are multiplied.
+    ``T_cn_cnm1`` maps points of camera n − 1 into camera n; transforms of a longer chain are multiplied. A file without
+    it, such as one of OpenVINS, relates each camera to the inertial sensor: by ``T_imu_cam`` or ``T_cam_imu``.
 
     Raises
     ------
@@ -63,35 +67,69 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if len(pair) == 1:
         return _camera(top.need(pair[0]), request)
     first, second = pair
-    rotation, translation, where = _between(top, names, first, second)
+    if first == second:
+        raise top.fail(f"pair: {first} occurs twice; two cameras are expected")
+    rotation, translation, where = _by_body(top, first, second) or _between(top, names, first, second)
     metre, unit = request.metres(where, stated="m", why="the definition of Kalibr's camchain")
     conventions = (
         Convention(name="format", says="Kalibr camchain", key=where.key),
         Convention(
             name="direction of transforms",
-            says="T_cn_cnm1 maps camera n − 1 into camera n, x_n = R x_(n−1) + t",
+            says=_DIRECTIONS[where.last],
             key=where.key,
         ),
         Convention(name="pictures", says="raw: as taken, before rectification", key=where.key),
         unit,
+        *other_cameras({name: top.need(name) for name in names}, pair),
     )
     left, right = (_camera(top.need(name), request) for name in (first, second))
     return paired(
-        left, right, rotation, translation * metre, metre=metre, where=(where, where), conventions=conventions
+        left,
+        right,
+        rotation,
+        translation * metre,
+        metre=metre,
+        where=(where, where),
+        exchanged=f"left and right are exchanged; give pair: [{second}, {first}] beside from:",
+        conventions=conventions,
     )
+
+
+_DIRECTIONS: Final = {
+    _TRANSFORM: "T_cn_cnm1 maps camera n − 1 into camera n, x_n = R x_(n−1) + t",
+    _TO_BODY: "T_imu_cam maps the camera into the inertial sensor",
+    _FROM_BODY: "T_cam_imu maps the inertial sensor into the camera",
+}
+
+
+def _by_body(top: Located, first: str, second: str) -> tuple[FloatArray, FloatArray, Located] | None:
+    """Rotation and translation by way of the inertial sensor; None if the file has the transforms of a chain."""
+    if any(top.need(name).find(_TRANSFORM) is not None for name in (first, second)):
+        return None
+    for key in (_TO_BODY, _FROM_BODY):
+        values = [top.need(name).find(key) for name in (first, second)]
+        if values[0] is None or values[1] is None:
+            continue
+        steps = [_transform(value) for value in values if value is not None]
+        total = inverse(steps[1]) @ steps[0] if key == _TO_BODY else steps[1] @ inverse(steps[0])
+        if np.array_equal(steps[0], steps[1]):
+            raise values[1].fail(f"{key} is the same for {first} and {second}, so both are at one place; correct it")
+        return total[:3, :3], total[:3, 3], values[1]
+    return None
+
+
+def _transform(value: Located) -> FloatArray:
+    step: FloatArray = np.eye(4)
+    step[:3, :3], step[:3, 3] = rigid_of(value, value.numbers(16))
+    return step
 
 
 def _between(top: Located, names: tuple[str, ...], first: str, second: str) -> tuple[FloatArray, FloatArray, Located]:
     """Rotation and translation from one camera of the chain to another."""
     low, high = sorted((names.index(first), names.index(second)))
-    if low == high:
-        raise top.fail(f"pair: {first} occurs twice; two cameras are expected")
-    total = np.eye(4)
+    total: FloatArray = np.eye(4)
     for name in names[low + 1 : high + 1]:
-        value = top.need(name).need(_TRANSFORM)
-        step = np.eye(4)
-        step[:3, :3], step[:3, 3] = rigid_of(value, value.numbers(16))
-        total = step @ total
+        total = _transform(top.need(name).need(_TRANSFORM)) @ total
     where = top.need(names[high]).need(_TRANSFORM)
     rotation, translation = total[:3, :3], total[:3, 3]
     if names.index(first) > names.index(second):
@@ -115,7 +153,10 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
     lens, names = _distortion(value, name, request)
     if lens is not None and distortion is not None:
         model = lens if name == "pinhole" else model
-        coefficients |= dict(zip(names, distortion.numbers(len(names)), strict=True))
+        numbers = distortion.numbers()
+        if len(numbers) < len(names) or any(numbers[len(names) :]):
+            raise distortion.fail(f"{len(numbers)} numbers are given; {len(names)} are expected")
+        coefficients |= dict(zip(names, numbers, strict=False))
     size = value.need("resolution")
     width, height = _both(size)
     camera = ImportedCamera(
@@ -136,13 +177,16 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
             "coefficients": (distortion or intrinsics).key,
         },
     )
-    return check_lens(camera, intrinsics if own or distortion is None else distortion)
+    at = intrinsics if own or distortion is None else distortion
+    return check_lens(camera, at, "") if request.lens_model == "pinhole" else check_lens(camera, at)
 
 
 def _distortion(value: Located, camera: str, request: Request) -> tuple[LensModelName | None, tuple[str, ...]]:
     """Lens model and coefficient names of ``distortion_model``; None without distortion."""
     named = value.find("distortion_model")
     name = "none" if named is None else named.text()
+    if request.lens_model == "pinhole" and named is not None and name in ("equidistant", "fov"):
+        raise named.fail(f"{name} is a fisheye model, which contradicts lens_model: pinhole; remove one of them")
     if request.lens_model == "fisheye" and camera == "pinhole":
         name = "equidistant"
     if named is not None and name not in (known := _WITH.get(camera, ("none",))):

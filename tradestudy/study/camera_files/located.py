@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 
 from tradestudy.errors import Problem
@@ -37,6 +37,8 @@ class CameraFile:
         Its content; an empty mapping for a table.
     places
         Places of the values used, by file and key.
+    used
+        Keys that lead to the values used.
     """
 
     path: FilePath
@@ -45,6 +47,7 @@ class CameraFile:
     text: str
     root: Entry
     places: dict[str, Place] = field(default_factory=dict)
+    used: set[Path] = field(default_factory=set)
 
     @property
     def name(self) -> str:
@@ -55,6 +58,10 @@ class CameraFile:
     def top(self) -> Located:
         """The outermost value of the file."""
         return Located(file=self, entry=self.root, path=())
+
+    def unused(self) -> Iterator[Located]:
+        """The outermost values of which no part was used; a list of numbers counts as one value."""
+        return _unused(self.top, {path[:count] for path in self.used for count in range(len(path))})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +124,10 @@ class Located:
             raise self.fail(f"the key {' or '.join(names)} is missing")
         return found
 
+    def use(self) -> None:
+        """Note that the whole value has been used."""
+        self.file.used.add(self.path)
+
     def items(self) -> Iterator[Located]:
         """The items of a list.
 
@@ -138,10 +149,12 @@ class Located:
         """A single value as text."""
         if not isinstance(self.entry, ScalarEntry) or self.entry.value is None:
             raise self.fail("a text is expected")
+        self.use()
         return self.entry.text.strip()
 
     def number(self) -> float:
         """A single finite number, written as a number or as text."""
+        self.use()
         shown = self.entry.text if isinstance(self.entry, ScalarEntry) else "a list or a mapping"
         value = self.entry.value if isinstance(self.entry, ScalarEntry) else None
         if isinstance(value, str):
@@ -169,6 +182,7 @@ class Located:
     def numbers(self, *counts: int) -> tuple[float, ...]:
         """The numbers of a list or of its rows; if counts are given, the list must have one of these lengths."""
         found = [*self._numbers()]
+        self.use()
         if counts and len(found) not in counts:
             raise self.fail(f"{len(found)} numbers are given; {' or '.join(map(str, counts))} are expected")
         return tuple(found)
@@ -179,3 +193,26 @@ class Located:
                 yield from item._numbers()
             else:
                 yield item.number()
+
+
+def _unused(value: Located, partly: set[Path]) -> Iterator[Located]:
+    """See `CameraFile.unused`; ``partly`` holds the keys of values of which a part was used."""
+    if value.path in value.file.used:
+        return
+    below: list[Located] = []
+    if isinstance(value.entry, MappingEntry):
+        below = [replace(value, entry=one.entry, path=(*value.path, key)) for key, one in value.entry.members.items()]
+    elif isinstance(value.entry, ListEntry):
+        below = [*value.items()]
+    elif value.entry.value is None:  # an empty value states nothing
+        return
+    if value.path not in partly:
+        if below or isinstance(value.entry, ScalarEntry):
+            yield value
+    elif isinstance(value.entry, MappingEntry) or _has_mapping(value.entry):
+        for one in below:
+            yield from _unused(one, partly)
+
+
+def _has_mapping(entry: Entry) -> bool:
+    return isinstance(entry, MappingEntry) or (isinstance(entry, ListEntry) and any(map(_has_mapping, entry.items)))

@@ -70,6 +70,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         (t2 - rotation @ t1) * metre,
         metre=metre,
         where=(where, where),
+        exchanged="left and right are exchanged; swap the files of from:",
         conventions=conventions,
     )
 
@@ -122,7 +123,7 @@ def _camera(top: Located) -> ImportedCamera:
             "coefficients": intrinsics.key,
         },
     )
-    return check_lens(camera, intrinsics)
+    return check_lens(camera, intrinsics, "mrcal has no such model; give the calibration in another format")
 
 
 def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:

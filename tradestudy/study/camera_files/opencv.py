@@ -26,8 +26,12 @@ _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3
 _ORDER_FISHEYE: Final = ("k1", "k2", "k3", "k4")
 _MATRIX: Final = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic_matrix", "K", "M")
 _DISTORTION: Final = (
-    "distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "DistortionCoefficients", "dist_coeffs", "D",
+    "distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "DistortionCoefficients", "dist_coeffs",
+    "distortion_coeffs", "distortion", "dist", "D",
 )  # fmt: skip
+_FISHEYE_NAMES: Final = ("fisheye", "equidistant", "kannala_brandt", "kannala_brandt4")
+_PINHOLE_NAMES: Final = ("pinhole", "perspective", "plumb_bob", "radtan", "rational_polynomial", "brown_conrady")
+_WIDE: Final = 0.75  # slope of a corner of the picture, above which a fisheye lens and a pinhole differ by much
 _SIDES: Final = (("1", "left", "Left", "L"), ("2", "right", "Right", "R"))
 _ROTATION, _TRANSLATION = ("R", "rotation", "rotation_matrix"), ("T", "translation", "translation_vector")
 
@@ -80,16 +84,55 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         )
     turn, moved = extrinsic.need(*_ROTATION), extrinsic.need(*_TRANSLATION)
     metre, unit = request.metres(moved)
+    if not (first.coefficients or second.coefficients):
+        _refuse_vectors([top for top in tops if top is not extrinsic or top in pairs])
     undistorted = Convention(name="distortion", says="none is given", key=moved.key)
     lenses = () if first.coefficients or second.coefficients else (undistorted,)
-    return paired(
-        first,
-        second,
+    return _in_order(
+        (first, second),
         rotation_of(turn, _matrix(turn, 9)),
         np.array(_matrix(moved, 3)) * metre,
+        request,
         metre=metre,
         where=(turn, moved),
         conventions=(*_conventions(moved, "raw: as taken, before rectification"), unit, *lenses),
+    )
+
+
+def _in_order(
+    cameras: tuple[ImportedCamera, ImportedCamera],
+    rotation: FloatArray,
+    translation: FloatArray,
+    request: Request,
+    *,
+    metre: float,
+    where: tuple[Located, Located],
+    conventions: tuple[Convention, ...],
+) -> ImportedRig:
+    """The pair with the left camera first, which is the first of the file unless ``pair`` says otherwise."""
+    known = [(camera.name, *ends) for camera, ends in zip(cameras, _SIDES, strict=True)]
+    order = [next((side for side in (0, 1) if name in known[side]), -1) for name in request.pair or ("1", "2")]
+    if order not in ([0, 1], [1, 0]):
+        raise where[1].fail("pair: the cameras of an OpenCV calibration are 1 and 2; [1, 2] or [2, 1] is expected")
+    exchanged = (
+        "R and T of OpenCV lead from the first to the second camera, x₂ = R x₁ + T. If the first camera is the right "
+        "one, give pair: [2, 1] beside from:; if R and T lead from the second to the first, replace them by Rᵀ and "
+        "−Rᵀ T in the file"
+    )
+    if order == [1, 0]:
+        rotation, translation = rotation.T, -rotation.T @ translation
+        exchanged = f"so pair: [{', '.join(request.pair)}] contradicts R and T; remove it"
+    first, second = (cameras[side] for side in order)
+    return paired(
+        first,
+        second,
+        rotation,
+        translation,
+        metre=metre,
+        where=where,
+        exchanged=exchanged,
+        otherwise="; or, if T counts squares of the board, multiply T by their side",
+        conventions=conventions,
     )
 
 
@@ -102,6 +145,17 @@ def _refuse_one_distortion(top: Located) -> None:
             raise other.fail(
                 f"camera {2 - side} has distortion coefficients, but camera {side + 1} has none under any of the known "
                 "keys, such as D1 and D2; rename its key, or write zeros for a lens without distortion"
+            )
+
+
+def _refuse_vectors(tops: Sequence[Located]) -> None:
+    """Refuse vectors as long as distortion, under any name, in the files of cameras of which no distortion was read."""
+    for value in (unused for top in tops for unused in top.file.unused()):
+        extents = [value.find("rows"), value.find("cols")]
+        if "1" in [one.text() for one in extents if one is not None] and len(_matrix(value)) in (5, 8, 12, 14):
+            raise value.fail(
+                f"no distortion was read, but {value.last} is as long as distortion; rename it, such as D1 or "
+                "distortion_coefficients, or remove it"
             )
 
 
@@ -135,37 +189,71 @@ def _camera(
     """One camera of a file, under any of its possible keys."""
     matrix = top.need(*matrices)
     focal_lengths, centre = pinhole_of(matrix, _matrix(matrix, 9))
-    distortion = top.find(*distortions)
-    model, coefficients = ("rational", {}) if distortion is None else _lens(top, distortion, request)
-    size = _size(top)
+    distortion, size = top.find(*distortions), _size(top)
+    pixels = request.pixels if size is None else (size[0].count(), size[1].count())
+    across, down = centre if pixels is None else (max(c, n - c) for c, n in zip(centre, pixels, strict=True))
+    slope = math.hypot(across / focal_lengths[0], down / focal_lengths[1])
+    model, coefficients = ("rational", {}) if distortion is None else _lens(top, distortion, slope, request)
     keys = {"focal_lengths": matrix.key, "centre": matrix.key}
     camera = ImportedCamera(
         name=name,
         focal_lengths=focal_lengths,
         centre=centre,
-        pixels=None if size is None else (size[0].count(), size[1].count()),
+        pixels=pixels,
         lens_model=model,
         coefficients=coefficients,
         conventions=(
             origin_of_pixels(matrix),
             Convention(name="lens model", says=_LENS_WORDS[model], key=(distortion or matrix).key),
         ),
-        keys={**keys, "pixels": "" if size is None else size[0].key, "coefficients": (distortion or matrix).key},
+        keys={
+            **keys,
+            "pixels": matrix.key if size is None else size[0].key,
+            "coefficients": (distortion or matrix).key,
+        },
     )
-    return check_lens(camera, distortion or matrix)
+    fisheye = "" if request.lens_model == "pinhole" else "give lens_model: fisheye beside from:"
+    return check_lens(camera, distortion or matrix, fisheye)
 
 
 _LENS_WORDS: Final = {"rational": "pinhole, OpenCV's order k1 k2 p1 p2 k3 …", "kannala-brandt": "fisheye, k1 to k4"}
 
 
-def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensModelName, Mapping[str, float]]:
+def _lens(
+    top: Located, distortion: Located, slope: float, request: Request
+) -> tuple[LensModelName, Mapping[str, float]]:
+    """Lens model and coefficients; ``slope`` is that of the farthest corner of the picture, by a pinhole."""
     numbers = _matrix(distortion, 4, 5, 8, 12, 14)
-    flag = top.find("fisheye_model", "fisheye")
-    if request.lens_model == "fisheye" or (flag is not None and flag.text().lower() in ("1", "true")):
-        if len(numbers) != 4:
+    kind = _stated_kind(top, request)
+    if not kind and len(numbers) == 4 and slope > _WIDE:
+        raise distortion.fail(
+            "4 coefficients are k1 to k4 of a fisheye lens, or k1 k2 p1 p2 of a pinhole; in a picture as wide as this "
+            "(focal length, principal point), depth depends on which; give lens_model: fisheye or lens_model: pinhole "
+            "beside from:"
+        )
+    if kind == "fisheye":
+        if any(numbers[4:]):
             raise distortion.fail(f"{len(numbers)} coefficients are given; a fisheye lens has 4")
-        return "kannala-brandt", dict(zip(_ORDER_FISHEYE, numbers, strict=True))
+        return "kannala-brandt", dict(zip(_ORDER_FISHEYE, numbers, strict=False))
     return "rational", dict(zip(_ORDER, numbers, strict=False))
+
+
+def _stated_kind(top: Located, request: Request) -> str:
+    """``fisheye`` or ``pinhole``, as the study or the file says; empty if neither does."""
+    said = ""
+    if (flag := top.find("fisheye_model", "fisheye")) is not None:
+        said = "fisheye" if flag.text().lower() in ("1", "1.", "true") else "pinhole"
+    if (named := top.find("distortion_model", "camera_model", "lens_model", "model_type")) is not None:
+        name = named.text().lower()
+        if name not in (*_FISHEYE_NAMES, *_PINHOLE_NAMES) and not request.lens_model:
+            raise named.fail(
+                f"the lens model '{name[:40]}' is unknown; give lens_model: fisheye or pinhole beside from:"
+            )
+        if name in _FISHEYE_NAMES:
+            said = "fisheye"
+        elif not said:
+            said = "pinhole"
+    return request.lens_model or said
 
 
 def _size(top: Located) -> tuple[Located, Located] | None:
@@ -176,8 +264,10 @@ def _size(top: Located) -> tuple[Located, Located] | None:
     both = top.find("image_size", "imageSize", "img_size", "Image_Size", "size")
     if both is None:
         return None
-    if isinstance(both.entry, ListEntry):
-        items = tuple(both.items())
+    data = both.find("data")  # of a matrix with both numbers
+    if isinstance(both.entry, ListEntry) or data is not None:
+        items = tuple((data or both).items())
+        both.use()
         if len(items) != 2:
             raise both.fail(f"{len(items)} values are given; width and height are expected")
         return items[0], items[1]
@@ -189,48 +279,53 @@ def _matrix(value: Located, *counts: int) -> tuple[float, ...]:
     if isinstance(value.entry, ListEntry):
         return value.numbers(*counts)
     sizes = value.find("sizes")  # of a list in the form of OpenCV 5
-    extents = [*sizes.items()] if sizes is not None else [value.need("rows"), value.need("cols")]
+    if sizes is None:
+        extents = [value.need("rows"), value.need("cols")]
+    else:  # OpenCV writes the only extent of a vector in XML without a list
+        extents = [*sizes.items()] if isinstance(sizes.entry, ListEntry) else [sizes]
     numbers = value.need("data").numbers(*counts)
     if math.prod(extent.count() for extent in extents) != len(numbers):
         announced = " × ".join(extent.text() for extent in extents)
         raise value.fail(f"{announced} elements are declared, but {len(numbers)} are given")
+    value.use()
     return numbers
 
 
 def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
     """The rectified pair, from its projection matrices: equal focal lengths, no distortion, parallel axes."""
     holder = pair if pair.find("P1") is not None else extrinsic
+    size = _size(pair) or _size(extrinsic)
     if holder.find("P1") is None:
         raise holder.fail("rectified pictures need P1 and P2 from stereoRectify; add them to the file")
     cameras = []
     for side, name in enumerate(("P1", "P2")):
         value = holder.need(name)
         focal_lengths, centre = pinhole_of(value, _matrix(value, 12))
-        size = _size(pair)
         cameras.append(
             ImportedCamera(
                 name=f"camera {side + 1}",
                 focal_lengths=focal_lengths,
                 centre=centre,
-                pixels=None if size is None else (size[0].count(), size[1].count()),
+                pixels=request.pixels if size is None else (size[0].count(), size[1].count()),
                 lens_model="rational",
                 coefficients={},
                 conventions=(origin_of_pixels(value),),
                 keys={
                     "focal_lengths": value.key,
                     "centre": value.key,
-                    "pixels": "" if size is None else size[0].key,
+                    "pixels": value.key if size is None else size[0].key,
                     "coefficients": value.key,
                 },
             )
         )
     value = holder.need("P2")
     metre, unit = request.metres(value)
-    return paired(
-        cameras[0],
-        cameras[1],
+    placed = [translation_of_projection(holder.need(name), _matrix(holder.need(name), 12)) for name in ("P1", "P2")]
+    return _in_order(
+        (cameras[0], cameras[1]),
         np.eye(3),
-        translation_of_projection(value, _matrix(value, 12)) * metre,
+        (placed[1] - placed[0]) * metre,
+        request,
         metre=metre,
         where=(value, value),
         conventions=(*_conventions(value, "rectified, by P1 and P2"), unit),
@@ -238,24 +333,18 @@ def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
 
 
 def translation_of_projection(value: Located, numbers: tuple[float, ...]) -> FloatArray:
-    """Position of the first rectified camera in the frame of the second one, from P = [K, K t].
+    """Position t of the origin in the frame of a rectified camera, from P = [K, K t].
 
     Raises
     ------
     CameraFileError
-        P contains no baseline, or the cameras are not side by side.
+        P is not a projection matrix, or too large.
     """
     matrix = np.array(numbers, dtype=np.float64).reshape(3, 4)
-    (fx, fy), _ = pinhole_of(value, numbers)
-    if matrix[0, 3] == 0.0 and matrix[1, 3] == 0.0:
-        raise value.fail(
-            "P[3] and P[7] are both 0, so the second camera has no baseline; use the camera_info of a pair that was "
-            "calibrated together"
-        )
-    if matrix[2, 3] != 0.0:
-        raise value.fail("P[11] is not 0; rectified cameras are side by side")
-    with np.errstate(over="ignore"):
-        moved: FloatArray = np.array([matrix[0, 3] / fx, matrix[1, 3] / fy, 0.0])
+    (fx, fy), (cx, cy) = pinhole_of(value, numbers)
+    along = matrix[2, 3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved: FloatArray = np.array([(matrix[0, 3] - cx * along) / fx, (matrix[1, 3] - cy * along) / fy, along])
     if not np.all(np.isfinite(moved)):
         raise value.fail(f"P[3] and P[7], {matrix[0, 3]:g} and {matrix[1, 3]:g}, are too large for the focal length")
     return moved
@@ -290,7 +379,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
 FORMAT: Final = Format(
     name="OpenCV FileStorage",
     word="opencv",
-    options=("length_unit", "pictures", "lens_model"),
+    options=("length_unit", "pair", "pixels", "pictures", "lens_model"),
     recognises=recognises,
     read=read,
     write=write,

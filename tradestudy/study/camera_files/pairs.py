@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.calibration.projection import LARGEST_ROLL, roll
-from tradestudy.cameras.imported import Convention, ImportedCamera, ImportedRig
+from tradestudy.cameras.imported import PICTURE_SIZE, Convention, ImportedCamera, ImportedPlenoptic, ImportedRig
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.families import FAMILIES
@@ -18,7 +18,7 @@ from tradestudy.study.camera_files.located import Located
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 
 _SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m]; beyond these, the unit of length is certainly wrong
-_USUAL_FROM, _USUAL_TO = 3e-3, 5.0  # beyond these, it is probably wrong
+_USUAL_FROM, _USUAL_TO = 1e-2, 2.5  # beyond these, it is probably wrong; T in squares of a board is 1 to 10
 _UNITS: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 UNUSUAL_BASELINE: Final = "baseline"
 """Name of the convention that states that another unit of length would give a usual baseline."""
@@ -26,6 +26,8 @@ UNUSUAL_NOISE: Final = "corner noise"
 """Name of the convention that states that corners scatter more about a fit than those of any detector."""
 FOLDING_LENS: Final = "part of the picture without direction"
 """Name of the convention that states that the lens model of a camera does not reach the edges of its picture."""
+UNUSUAL_SIGN: Final = "sign of the projection"
+"""Name of the convention that states that the signs of a pair's projection matrices are not those of ROS."""
 UNUSUAL_MATRIX: Final = "camera matrix"
 """Name of the convention that states that a camera matrix does not fit the picture."""
 _SHORTEST_LENS, _LONGEST_LENS = 0.1, 100.0  # focal length over the wider side of the picture: 157° to 0.6° across
@@ -44,6 +46,8 @@ def paired(
     *,
     metre: float,
     where: tuple[Located, Located],
+    exchanged: str,
+    otherwise: str = "",
     conventions: tuple[Convention, ...],
 ) -> ImportedRig:
     """The pair of two cameras.
@@ -58,6 +62,10 @@ def paired(
         Unit of length of the files [m].
     where
         Where the files give these two.
+    exchanged
+        What to do if the second camera lies to the left of the first one, or above it.
+    otherwise
+        What else than the unit of length may explain an unusual baseline.
     conventions
         Conventions of the files.
 
@@ -82,12 +90,8 @@ def paired(
         raise at.fail("the cameras are one behind the other; a pair side by side is expected")
     is_vertical = abs(y) > abs(x)
     if (y if is_vertical else x) > 0.0:
-        apart = pretty(baseline, LENGTH)
-        side, both = ("above", "upper and lower") if is_vertical else ("to the left of", "left and right")
-        raise at.fail(
-            f"{second.name} lies {apart} {side} {first.name}: {both} are exchanged; swap the files of from:, "
-            "the names of pair:, or the cameras in the file"
-        )
+        side = "above" if is_vertical else "to the left of"
+        raise at.fail(f"{second.name} lies {pretty(baseline, LENGTH)} {side} {first.name}; {exchanged}")
     key = at.key
     sides = ("upper", "lower: both pictures are rotated by 90°") if is_vertical else ("left", "right")
     conventions = (
@@ -95,10 +99,12 @@ def paired(
         Convention(name="order of cameras", says=f"{first.name} is {sides[0]}, {second.name} {sides[1]}", key=key),
     )
     if not is_usual(baseline) and (says := _by_units(baseline, metre)):
-        conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says, key=key))
+        conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says + otherwise, key=key))
     for name, words in ((FOLDING_LENS, _folding), (UNUSUAL_MATRIX, _unusual_matrix)):
         if says := "; ".join(filter(None, map(words, (first, second)))):
             conventions = (*conventions, Convention(name=name, says=says, key=key))
+    if first.pixels is not None or second.pixels is not None:
+        conventions = (*conventions, size_convention(first if first.pixels is not None else second, is_vertical))
     if is_vertical:
         first, second = _turned(first, at), _turned(second, at)
         rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
@@ -110,6 +116,20 @@ def paired(
         conventions=conventions,
         keys={"rotation": where[0].key, "translation": key},
     )
+
+
+def size_words(pixels: tuple[int, int]) -> str:
+    """A size of pictures in words."""
+    return f"{pixels[0]} × {pixels[1]} px"
+
+
+def size_convention(camera: ImportedCamera | ImportedPlenoptic, is_vertical: bool = False) -> Convention:
+    """The size of a camera's pictures, which the calibration requires."""
+    assert camera.pixels is not None
+    says = size_words(camera.pixels)
+    if is_vertical:
+        says += f", rotated to {size_words(camera.pixels[::-1])}"
+    return Convention(name=PICTURE_SIZE, says=says, key=camera.keys["pixels"])
 
 
 def is_usual(baseline: float) -> bool:
@@ -151,8 +171,14 @@ def _check_orientation(rotation: FloatArray, second: str, first: str, at: Locate
         )
 
 
-def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
+def check_lens(
+    camera: ImportedCamera,
+    value: Located,
+    fisheye: str = "name the model equidistant in the file, or give lens_model: fisheye beside from:",
+) -> ImportedCamera:
     """The camera, refused if its coefficients cannot belong to its lens model.
+
+    ``fisheye`` says how to declare a fisheye lens; empty if the study declares that the lens is none.
 
     Raises
     ------
@@ -164,15 +190,14 @@ def check_lens(camera: ImportedCamera, value: Located) -> ImportedCamera:
             FAMILIES[camera.lens_model](**camera.coefficients)
         except OutOfRangeError as error:
             raise value.fail(str(error)) from None
-    if camera.lens_model != "rational":
+    if camera.lens_model != "rational" or not fisheye:
         return camera
     for name in ("p1", "p2"):
         shift = camera.coefficients.get(name, 0.0)
         if abs(shift) > _LARGEST_TANGENTIAL:
             raise value.fail(
                 f"{name} = {shift:g} is too large for tangential distortion (below {_LARGEST_TANGENTIAL:g}); the "
-                "coefficients are probably k1 to k4 of a fisheye lens: name the model equidistant in the file, or give "
-                "lens_model: fisheye beside from:"
+                f"coefficients are probably k1 to k4 of a fisheye lens: {fisheye}"
             )
     return camera
 
@@ -213,7 +238,10 @@ def _turned(camera: ImportedCamera, at: Located) -> ImportedCamera:
     Radial coefficients stay; (p2, p1) and (s1, s3), (s2, s4) rotate with the picture.
     """
     if camera.pixels is None:
-        raise at.fail("a vertical pair needs the size of its pictures, which the file does not state")
+        raise at.fail(
+            "a vertical pair needs the size of its pictures, which the file does not state; give "
+            "sensor: {pixels: [1280, 720]}, columns and rows as taken"
+        )
     if any(camera.coefficients.get(name, 0.0) for name in ("tau_x", "tau_y")):
         raise at.fail("a vertical pair with a tilted sensor (tau_x, tau_y) is not supported")
     columns, rows = camera.pixels

@@ -12,6 +12,8 @@ from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError, Located
 from tradestudy.units import LENGTH, UnitError, parse
 
+OTHER_CAMERAS: Final = "cameras not used"
+"""Name of the convention that lists the cameras of a file that are not part of the pair."""
 PIXEL_ORIGIN: Final = "the centre of the first pixel is (0, 0), x to the right and y down"
 
 
@@ -29,16 +31,19 @@ class Request:
         Unit of length of the files, from the study; empty if not given.
     pair
         Names of the left and the right camera in a file with several; empty: in the order of the format.
+    pixels
+        Columns and rows of the pictures as taken, from the study; None if it gives none.
     pictures
         ``raw`` or ``rectified``: the pictures in which depth is measured.
     lens_model
-        ``fisheye`` if the lens is one although the format does not say so.
+        ``fisheye`` or ``pinhole`` if the format does not say which; empty if not given.
     fitted_lens
         The lens model to fit to corners; None for the default.
     """
 
     length_unit: str = ""
     pair: tuple[str, ...] = ()
+    pixels: tuple[int, int] | None = None
     pictures: str = "raw"
     lens_model: str = ""
     fitted_lens: FittedLensModel | None = None
@@ -144,12 +149,21 @@ def wrong_request(key: str, value: object) -> str:
         except UnitError as error:
             return str(error)
     elif key == "pair":
-        if not (isinstance(value, list) and len(value) == 2 and all(isinstance(one, str) for one in value)):
+        if not (isinstance(value, list) and len(value) == 2 and all(type(one) in (str, int) for one in value)):
             return "the names of the left and the right camera are expected, such as [cam0, cam1]"
-    elif value not in (choices := {"pictures": ("raw", "rectified"), "lens_model": ("fisheye",)}[key]):
+    elif value not in (choices := {"pictures": ("raw", "rectified"), "lens_model": ("fisheye", "pinhole")}[key]):
         corners = "; calibration.corners.lens_model declares a model to fit to corners"
         return f"{' or '.join(choices)} is expected{corners if key == 'lens_model' else ''}"
     return ""
+
+
+def other_cameras(cameras: Mapping[str, Located], pair: Sequence[str]) -> tuple[Convention, ...]:
+    """The cameras of a file that are not part of the pair, in words."""
+    others = {name: camera for name, camera in cameras.items() if name not in pair}
+    for camera in others.values():
+        camera.use()
+    key = next((camera.key for camera in others.values()), "")
+    return (Convention(name=OTHER_CAMERAS, says=", ".join(others), key=key),) if others else ()
 
 
 def origin_of_pixels(value: Located) -> Convention:

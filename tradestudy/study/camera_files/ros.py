@@ -12,7 +12,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.opencv import translation_of_projection
-from tradestudy.study.camera_files.pairs import check_lens, paired
+from tradestudy.study.camera_files.pairs import UNUSUAL_SIGN, check_lens, paired
 from tradestudy.study.camera_files.request import (
     Format,
     Request,
@@ -25,9 +25,14 @@ from tradestudy.study.document import ListEntry
 
 _MODELS: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "plumb_bob": ("rational", ("k1", "k2", "p1", "p2", "k3")),
-    "rational_polynomial": ("rational", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
+    "rational_polynomial": (
+        "rational",
+        ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
+    ),
     "equidistant": ("kannala-brandt", ("k1", "k2", "k3", "k4")),
 }
+_COUNTS: Final = (4, 5, 8, 12, 14)
+"""Lengths of D; numbers beyond those of the model must be 0."""
 _MATRIX, _DISTORTION = ("camera_matrix", "K", "k"), ("distortion_coefficients", "D", "d")
 _RECTIFICATION, _PROJECTION = ("rectification_matrix", "R", "r"), ("projection_matrix", "P", "p")
 
@@ -55,7 +60,8 @@ def _refuse_part_of_the_sensor(top: Located) -> None:
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """One camera, or the left and the right one of a pair.
 
-    Rectifying rotations and P give the pair: ``x₂ = R₂ᵀ R₁ x₁ + R₂ᵀ t`` with ``t = (P[3]/f′, P[7]/f′, 0)``.
+    Rectifying rotations and P give the pair: ``x₂ = R₂ᵀ R₁ x₁ + R₂ᵀ (t₂ − t₁)``, where ``P = K′ [1, t]`` gives each t,
+    ``(P[3]/f′, P[7]/f′, 0)`` for a camera at the depth of the origin.
 
     Raises
     ------
@@ -69,13 +75,9 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         return _camera(tops[0], request)
     if len(tops) != 2:
         raise tops[-1].fail(f"{len(tops)} files are given; camera_info of one camera or of a pair is expected")
-    projection = tops[1].need(*_PROJECTION)
-    ahead = tops[0].need(*_PROJECTION)
-    if _numbers(ahead, 12)[3] != 0.0 or _numbers(ahead, 12)[7] != 0.0:
-        raise ahead.fail(
-            "P[3] or P[7] of the first camera is not 0: left and right are exchanged; swap the files of from:"
-        )
-    moved = translation_of_projection(projection, _numbers(projection, 12))
+    projections = [top.need(*_PROJECTION) for top in tops]
+    projection = projections[1]
+    moved = _between(projections)
     metre, unit = request.metres(projection, stated="m", why="the definition of ROS messages (REP 103)")
     first, second = (_camera(top, request) for top in tops)
     turns = [_rectification(top) for top in tops]
@@ -87,13 +89,80 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         Convention(name="format", says="ROS camera_info", key=projection.key),
         Convention(
             name="direction of transforms",
-            says="from P[3] = −f′B of the second camera, rectified to raw by the rectification matrices",
+            says="from the difference of P[3] = −f′B, rectified to raw by the rectification matrices",
             key=projection.key,
         ),
         Convention(name="pictures", says=_pictures(request, first, second, turns), key=projection.key),
         unit,
+        *_unset_rotations(tops),
+        *_unusual_sign(projections),
     )
-    return paired(first, second, rotation, translation, metre=metre, where=(where, projection), conventions=conventions)
+    return paired(
+        first,
+        second,
+        rotation,
+        translation,
+        metre=metre,
+        where=(where, projection),
+        exchanged=_exchanged(projections, first, second),
+        conventions=conventions,
+    )
+
+
+def _offset(projection: Located) -> float:
+    """P[3], or P[7] if P[3] is 0: 0 for the first camera of a pair, −f′B for the second one."""
+    numbers = _numbers(projection, 12)
+    return numbers[3] or numbers[7]
+
+
+def _between(projections: list[Located]) -> FloatArray:
+    """Position of the first rectified camera in the frame of the second one, both relative to a common origin."""
+    first, second = (translation_of_projection(one, _numbers(one, 12)) for one in projections)
+    moved: FloatArray = second - first
+    if moved.any():
+        return moved
+    if not second.any():
+        raise projections[1].fail(
+            "P[3] and P[7] are both 0, so the second camera has no baseline; use the camera_info of a pair that was "
+            "calibrated together"
+        )
+    raise projections[1].fail(
+        f"P[3] is {_offset(projections[1]):g} in both files, so both cameras are at the same place; P[3] of the left "
+        "camera should be 0, and that of the right one −f′B: correct it, or give the files of two different cameras"
+    )
+
+
+def _exchanged(projections: list[Located], first: ImportedCamera, second: ImportedCamera) -> str:
+    """What to do about a second camera that P places to the left of the first one."""
+    before, after = map(_offset, projections)
+    if before == 0.0:
+        return (
+            f"its P[3] is {after:g}, but ROS defines P[3] = −f′B for the right camera. If {second.name} is the right "
+            f"camera, the sign is wrong: write {-after:g}; if it is the left one, list it first in from:"
+        )
+    return f"P[3] is {before:g} for {first.name} and {after:g} for {second.name}; list {second.name} first in from:"
+
+
+def _unusual_sign(projections: list[Located]) -> tuple[Convention, ...]:
+    """The doubt about a pair whose right camera is at the origin, where ROS places the left one."""
+    before, after = map(_offset, projections)
+    if after != 0.0 or before <= 0.0:
+        return ()
+    says = f"P[3] is {before:g} for the left camera and 0 for the right one; ROS defines 0 for the left and −f′B"
+    return (Convention(name=UNUSUAL_SIGN, says=f"{says} for the right camera", key=projections[0].key),)
+
+
+def _unset_rotations(tops: list[Located]) -> tuple[Convention, ...]:
+    unset = [top.find(*_RECTIFICATION) for top in tops if _is_unset(top)]
+    key = next((one.key for one in unset if one is not None), "")
+    says = "all 0, which means unset: the cameras are taken to be parallel"
+    return (Convention(name="rectification", says=says, key=key, is_assumed=True),) if key else ()
+
+
+def _is_unset(top: Located) -> bool:
+    """Whether the rectifying rotation is all 0, the initial value of the message."""
+    value = top.find(*_RECTIFICATION)
+    return value is not None and not any(_numbers(value, 9))
 
 
 def _pictures(request: Request, first: ImportedCamera, second: ImportedCamera, turns: list[np.ndarray]) -> str:
@@ -132,31 +201,45 @@ def _camera(top: Located, request: Request) -> ImportedCamera:
             "coefficients": distortion.key,
         },
     )
+    if request.lens_model == "pinhole":
+        return check_lens(camera, distortion, "")
     return check_lens(camera, distortion)
 
 
 def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensModelName, dict[str, float]]:
-    named = top.need("distortion_model")
-    name = "equidistant" if request.lens_model == "fisheye" else named.text()
+    named = top.find("distortion_model")
+    stated = "" if named is None else named.text()
+    name = "equidistant" if "fisheye" in (request.lens_model, stated) else stated
+    numbers = _numbers(distortion)
+    if not name:
+        if not any(numbers):
+            return "rational", {}
+        what = f"no distortion model is named, but D has {len(numbers)} coefficients; name one of {', '.join(_MODELS)}"
+        raise (named or distortion).fail(what)
     if name not in _MODELS:
+        assert named is not None
         raise named.fail(f"the distortion model '{name[:40]}' is unknown; one of {', '.join(_MODELS)} is expected")
     model, names = _MODELS[name]
-    numbers = _numbers(distortion)
+    if request.lens_model == "pinhole" and model != "rational":
+        assert named is not None
+        raise named.fail(f"{stated} is a fisheye model, which contradicts lens_model: pinhole; remove one of them")
     if not numbers:
         return model, {}
-    if len(numbers) != len(names) and not (name == "plumb_bob" and len(numbers) == 4):
+    if len(numbers) not in _COUNTS or any(numbers[len(names) :]):
         raise distortion.fail(f"{len(numbers)} coefficients are given; {name} has {len(names)}")
     return model, dict(zip(names, numbers, strict=False))
 
 
 def _rectification(top: Located) -> np.ndarray:
     value = top.find(*_RECTIFICATION)
-    return np.eye(3) if value is None else rotation_of(value, _numbers(value, 9))
+    return np.eye(3) if value is None or _is_unset(top) else rotation_of(value, _numbers(value, 9))
 
 
 def _numbers(value: Located, *counts: int) -> tuple[float, ...]:
     """A matrix in the form of files or of messages."""
-    return (value if isinstance(value.entry, ListEntry) else value.need("data")).numbers(*counts)
+    numbers = (value if isinstance(value.entry, ListEntry) else value.need("data")).numbers(*counts)
+    value.use()
+    return numbers
 
 
 def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
@@ -200,7 +283,7 @@ def _rectifying(rig: ImportedRig) -> tuple[FloatArray, FloatArray]:
 def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
     if camera.lens_model == "kannala-brandt":
         return "equidistant", coefficients_of(camera, _MODELS["equidistant"][1], of="kannala-brandt")
-    lens = shortest_coefficients(camera, _MODELS["rational_polynomial"][1], (5, 8))
+    lens = shortest_coefficients(camera, _MODELS["rational_polynomial"][1][:8], (5, 8))
     return ("plumb_bob" if len(lens) == 5 else "rational_polynomial"), lens
 
 
