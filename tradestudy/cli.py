@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
-import json
+import io
 import logging
 import os
 import signal
@@ -20,10 +20,13 @@ import typer
 
 import tradestudy
 from tradestudy.cost import DEFAULT_BUDGET
-from tradestudy.errors import RequirementsNotMetError, StudyError, TradestudyError, place_error
+from tradestudy.errors import RequirementsNotMetError, StudyError, TradestudyError, escaped, place_error
 from tradestudy.shown_progress import shown_progress
+from tradestudy.wording import json_text
 
 if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
     from tradestudy.api import Study
     from tradestudy.execution import Executor
 
@@ -94,6 +97,7 @@ def _print_version(asked: bool) -> None:
 
 def main() -> None:
     """Run the command line; the exit status says how it ended."""
+    _prepare_streams()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that SIGTERM ends a run as Ctrl-C does
     # Read when NumPy loads OpenBLAS, whose threads make no study faster and wait for each other beside busy cores.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -103,6 +107,36 @@ def main() -> None:
         app()
     except KeyboardInterrupt:  # before a command has begun
         sys.exit(INTERRUPTED)
+
+
+class _Unfailing(io.FileIO):
+    """The file of standard error; what nobody can read any more is dropped, so that it ends no run."""
+
+    def write(self, content: ReadableBuffer, /) -> int:
+        try:
+            return super().write(content)
+        except OSError:
+            return len(memoryview(content))
+
+
+def _prepare_streams() -> None:
+    """Let no closed or limited stream end a run."""
+    for number, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY), (2, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:  # closed: or the next file opened would get its number, and messages
+            os.open(os.devnull, mode)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+    encoding = "utf-8" if sys.stderr is None else sys.stderr.encoding
+    sys.stderr = io.TextIOWrapper(
+        io.BufferedWriter(_Unfailing(2, "w", closefd=False)), encoding, "backslashreplace", line_buffering=True
+    )
+
+
+def _say(*lines: str, err: bool = False) -> None:
+    """Print lines, in which nothing that a study, a result or the name of a file says can act on the terminal."""
+    typer.echo("\n".join(map(escaped, lines)), err=err)
 
 
 @app.callback()
@@ -165,9 +199,9 @@ def run(
                 predicted=progress.expect,
             )
         if as_json:
-            typer.echo(json.dumps(result.conclusions(directory), indent=2, ensure_ascii=False))
+            typer.echo(json_text(result.conclusions(directory)))
         elif not quiet:
-            typer.echo("\n".join([*result.lines(), f"Report: {directory / 'report.html'}"]))
+            _say(*result.lines(), f"Report: {directory / 'report.html'}")
         if strict and result.unmet_requirements:
             raise RequirementsNotMetError("requirements not met", value=", ".join(result.unmet_requirements))
 
@@ -199,13 +233,9 @@ def render(
         ):
             done = api.render(loaded, directory, depth=depth, fresh=fresh, progress=progress, executor=executor)
         if not quiet:
-            typer.echo(
-                "\n".join(
-                    [
-                        *map(str, done.pictures),
-                        *(line for name, one in done.depths.items() for line in (one.line(name), f"  {one.matcher}")),
-                    ]
-                )
+            _say(
+                *map(str, done.pictures),
+                *(line for name, one in done.depths.items() for line in (one.line(name), f"  {one.matcher}")),
             )
 
 
@@ -240,8 +270,8 @@ def export(
         directory = out if out is not None else Path("reports") / loaded.folder_name / "cameras"
         written, left_out = api.export(loaded, camera, directory, formats=formats or (), lossy=lossy)
         for line in left_out:
-            typer.echo(f"left out: {line}", err=True)
-        typer.echo("\n".join(map(str, written)))
+            _say(f"left out: {line}", err=True)
+        _say(*map(str, written))
 
 
 @app.command()
@@ -261,7 +291,7 @@ def plan(
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
-        typer.echo(_warned(api.load(study, set_ or (), tolerance=tolerance)).plan().text(verbose=verbose))
+        _say(*_warned(api.load(study, set_ or (), tolerance=tolerance)).plan().text(verbose=verbose).split("\n"))
 
 
 @app.command()
@@ -293,7 +323,7 @@ def cost(
         with shown_progress(quiet=quiet, is_predicted=False) as progress:  # only measuring shows what fits the budget
             lines = api.cost(loaded, directory, budget=budget, progress=progress)
         if not quiet:
-            typer.echo("\n".join(lines))
+            _say(*lines)
 
 
 @app.command()
@@ -302,7 +332,7 @@ def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = Fal
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
-        typer.echo(_warned(api.load(study, set_ or ())).check())
+        _say(_warned(api.load(study, set_ or ())).check())
 
 
 @app.command(context_settings={"allow_extra_args": True})
@@ -358,7 +388,7 @@ def new(
             except TradestudyError as error:
                 path.unlink()  # nobody can start from a study that cannot run
                 raise _InputError(_not_written(path, error, set_ or ())) from None
-        typer.echo(f"{path}\n{context.find_root().info_name} run {path}")
+        _say(str(path), f"{context.find_root().info_name} run {path}")
 
 
 @app.command()
@@ -372,7 +402,7 @@ def report(
         from tradestudy import api
 
         api.report(directory, pdf=not no_pdf)
-        typer.echo(f"{directory / 'report.html'}")
+        _say(str(directory / "report.html"))
 
 
 @app.command()
@@ -398,9 +428,7 @@ def compare(
         found = api.compare(directories)
         if html is not None:
             replace_file(html, found.html())
-        typer.echo(str(found))
-        if html is not None:
-            typer.echo(f"Page: {html}")
+        _say(*str(found).split("\n"), *([] if html is None else [f"Page: {html}"]))
 
 
 @app.command()
@@ -409,7 +437,7 @@ def schema(debug: DebugOption = False) -> None:
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
-        typer.echo(json.dumps(api.schema(), indent=1, ensure_ascii=False))
+        typer.echo(json_text(api.schema(), indent=1))
 
 
 def _line(said: str) -> str:
@@ -429,9 +457,9 @@ def _warned(study: Study, *, quiet: bool = False) -> Study:
     if quiet:
         return study
     for line in study.imported:
-        typer.echo(f"read: {line}", err=True)
+        _say(f"read: {line}", err=True)
     for warning in study.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+        _say(f"warning: {warning}", err=True)
     return study
 
 
@@ -501,7 +529,7 @@ def _reporting_errors(*, debug: bool) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        typer.echo("interrupted; if you run it again, it takes up what was finished", err=True)
+        _say("interrupted; if you run it again, it takes up what was finished", err=True)
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
         # The reader of our output has gone (`| head`); Python would complain about it again when it flushes at exit.
@@ -510,7 +538,7 @@ def _reporting_errors(*, debug: bool) -> Iterator[None]:
     except TradestudyError as error:
         if debug:
             traceback.print_exc()
-        typer.echo(str(error), err=True)
+        _say(*str(error).split("\n"), err=True)
         raise typer.Exit(error.exit_status) from None
     except OSError as error:
         if debug:
@@ -518,7 +546,7 @@ def _reporting_errors(*, debug: bool) -> Iterator[None]:
         known = place_error(error)
         if known is None:
             raise _unexpected(error) from None
-        typer.echo(str(known), err=True)
+        _say(*str(known).split("\n"), err=True)
         raise typer.Exit(known.exit_status) from None
     except Exception as error:
         if debug:
@@ -529,7 +557,7 @@ def _reporting_errors(*, debug: bool) -> Iterator[None]:
 def _unexpected(error: Exception) -> typer.Exit:
     """Report an unexpected error, and where to find its details."""
     text = " ".join(str(error).split())
-    typer.echo(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
+    _say(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
     return typer.Exit(UNEXPECTED)
 
 
@@ -537,7 +565,7 @@ def _logged() -> str:
     """Write the error being handled to a log file and name it."""
     try:
         with tempfile.NamedTemporaryFile(
-            "w", prefix="tradestudy-", suffix=".log", encoding="utf-8", delete=False
+            "w", prefix="tradestudy-", suffix=".log", encoding="utf-8", errors="backslashreplace", delete=False
         ) as file:
             file.write(f"{' '.join(sys.argv)}\nPython {sys.version}\n\n{traceback.format_exc()}")
     except OSError as error:

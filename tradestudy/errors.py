@@ -4,11 +4,33 @@ from __future__ import annotations
 
 import difflib
 import errno
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
 _SHORTEST_BEGINNING: Final = 3
+
+
+# Control characters, line separators, controls of the direction of writing, halves of characters, non-characters.
+_UNPRINTABLE: Final = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufffe\uffff]"
+)
+
+
+def escaped(text: str, *, lines: bool = False) -> str:
+    r"""Escape what could change how a terminal or a page shows the rest: a line end becomes ``\n``.
+
+    A byte of a file's name that is not UTF-8 becomes ``\xff``. With ``lines``, the text keeps its lines.
+    """
+    if lines:
+        return "\n".join(map(escaped, text.split("\n")))
+    return _UNPRINTABLE.sub(lambda found: _escape(found[0]), text)
+
+
+def _escape(letter: str) -> str:
+    undecoded = ord(letter) - 0xDC00  # how Python keeps a byte that is not UTF-8
+    return f"\\x{undecoded:02x}" if 0x80 <= undecoded <= 0xFF else repr(letter)[1:-1]
 
 
 class TradestudyError(Exception):
@@ -33,13 +55,13 @@ class TradestudyError(Exception):
         super().__init__(what, value, limit, remedy)
 
     def __str__(self) -> str:
-        text = self.what
+        text = escaped(self.what, lines=True)
         if self.value:
-            text += f": {self.value}"
+            text += f": {escaped(self.value)}"
         if self.limit:
             text += f" (allowed: {self.limit})"
         if self.remedy:
-            text += f"; {self.remedy}"
+            text += f"; {escaped(self.remedy)}"
         return text
 
 
@@ -91,7 +113,7 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}"
-        return f"{place}: {self.path}: {self.what}" if self.path else f"{place}: {self.what}"
+        return escaped(f"{place}: {self.path}: {self.what}" if self.path else f"{place}: {self.what}")
 
 
 class StudyError(TradestudyError):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 from tradestudy.units import LENGTH, pretty, significant
 
@@ -13,6 +14,11 @@ NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
 _SPELLED_UNITS: Final = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), " µm"))
+
+
+def json_text(value: Any, indent: int = 2) -> str:
+    """JSON in ASCII, which every terminal and locale can show, and without control characters."""
+    return json.dumps(value, indent=indent).replace("\x7f", "\\u007f")
 
 
 def counted(number: int, word: str, words: str = "") -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from tradestudy.comparison.difference import ARROW, Difference
+from tradestudy.errors import escaped
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Paragraph, Picture, Report, Table
 from tradestudy.wording import counted
@@ -61,7 +62,7 @@ class Comparison:
     without_overlay: str
 
     def __repr__(self) -> str:
-        return "\n".join(self._lines()).replace("\N{NO-BREAK SPACE}", " ")
+        return "\n".join(map(escaped, self._lines())).replace("\N{NO-BREAK SPACE}", " ")
 
     def _lines(self) -> Iterator[str]:
         yield ARROW.join(self.names)

@@ -24,6 +24,7 @@ from tradestudy.plan.problems import light_spot
 from tradestudy.results import dataset
 from tradestudy.run.inference import infer_calibrations
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.wording import json_text
 
 
 def require_prices(definition: StudyDefinition) -> None:
@@ -94,7 +95,7 @@ def cost_json(study: str, cost: xr.Dataset) -> str:
     tables = {"problems": cost.drop_dims("entry").to_dataframe().reset_index()}
     tables["entries"] = cost.drop_dims("problem").to_dataframe()
     rows = {name: json.loads(one.to_json(orient="records", double_precision=15)) for name, one in tables.items()}
-    return json.dumps({"study": study, **cost.attrs, **rows}, indent=2) + "\n"
+    return json_text({"study": study, **cost.attrs, **rows}) + "\n"
 
 
 def _problems(plan: Plan, definition: StudyDefinition) -> Iterator[CostProblem]:

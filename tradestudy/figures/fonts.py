@@ -7,6 +7,8 @@ from pathlib import Path
 
 from matplotlib import font_manager, ft2font
 
+from tradestudy.errors import escaped
+
 
 def font_folder() -> str:
     """The folder with the font."""
@@ -23,6 +25,7 @@ def _characters() -> frozenset[int]:
 
 
 def printable(text: str) -> str:
-    """Text with every character that the font lacks written as its code point, ``⟨U+65E5⟩``."""
+    """Text with control characters escaped, and others that the font lacks as code points, ``⟨U+65E5⟩``."""
     known = _characters()
-    return "".join(letter if ord(letter) in known else f"⟨U+{ord(letter):04X}⟩" for letter in text)
+    shown = escaped(text, lines=True)
+    return "".join(letter if ord(letter) in known else f"⟨U+{ord(letter):04X}⟩" for letter in shown)

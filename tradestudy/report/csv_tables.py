@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tradestudy.errors import escaped
 from tradestudy.results.views.tables import Table, tables_of
 
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
@@ -60,7 +61,8 @@ def _cells(values: NDArray[Any]) -> list[str]:
 def _cell(value: object) -> str:
     """Write one value; text that a spreadsheet would run as a formula gets an apostrophe before it."""
     if isinstance(value, str):
-        return f"'{value}" if value.startswith(_FORMULA_STARTS) else value
+        text = escaped(value, lines=True)
+        return f"'{text}" if value.startswith(_FORMULA_STARTS) else text
     return str(value)
 
 

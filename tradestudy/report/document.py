@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from string import ascii_uppercase
 from typing import Literal, LiteralString
 
+from tradestudy.errors import escaped
 from tradestudy.figures.drawing import Drawing, ValueTable
 from tradestudy.wording import with_unit_symbols
 
@@ -37,17 +38,15 @@ _MARKUP = re.compile(
     r"|\[(?P<link>.*?)\]\(#(?P<target>[\w.-]+)\)"
 )
 _PLACE = re.compile(r"\{(\w+)\}")
-# Characters that XML forbids, and direction overrides, which could make a name look like another one.
-_FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
 _BEFORE_UNIT = re.compile(r"(?<=[\d∞]) (?=(?:[nµmck]?m|[mµ]?s|min|h|[mk]?g|m?W|px|ppm|%)(?!\w))")
 
 
 def literal(text: str) -> str:
-    """Make text safe for every output format: forbidden characters become U+FFFD, and line ends a space.
+    """Make text safe for every output format: control characters are escaped, and line ends become a space.
 
     Units are typeset: "0.2 deg" becomes "0.2°", and no line breaks between a number and its unit.
     """
-    text = _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", re.sub(r"[\r\n\t]+", " ", text))
+    text = escaped(re.sub(r"[\r\n\t]+", " ", text))
     return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", with_unit_symbols(text))
 
 

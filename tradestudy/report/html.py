@@ -12,6 +12,7 @@ import jinja2
 import markupsafe
 import rjsmin
 
+from tradestudy.errors import escaped
 from tradestudy.figures.drawing import Plotted
 from tradestudy.report.curve_values import CurveValues
 from tradestudy.report.designs import PageDesigns
@@ -58,7 +59,10 @@ def render_html(
     colors, letters = frozenset(_COLOR_VARIABLE.findall(style)), set[str]()
     shown = {block.name: pictures[block.name] for block in blocks if isinstance(block, Picture)}
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(template), autoescape=True, undefined=jinja2.StrictUndefined
+        loader=jinja2.FunctionLoader(template),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=lambda value: escaped(value, lines=True) if type(value) is str else value,
     )
     environment.globals.update(
         numbers=document.numbers,
@@ -66,7 +70,7 @@ def render_html(
         zip=zip,
         equation=drawn.__getitem__,
         picture=lambda block: markupsafe.Markup(
-            inlined(pictures[block.name].svg, block.name, block.alt, colors, letters)
+            inlined(pictures[block.name].svg, block.name, escaped(block.alt), colors, letters)
         ),
     )
     write = environment.get_template("blocks.html.jinja").module.render  # type: ignore[attr-defined]  # a macro

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from tradestudy.errors import escaped
 from tradestudy.figures.drawing import Curve, Panel, Plotted
 from tradestudy.report.curve_values import CurveValues
 from tradestudy.report.designs import PageDesigns
@@ -74,7 +75,7 @@ def _panel(figure: str, panel: Panel, values: Mapping[str, CurveValues], pool: _
     """A panel as the script reads it, with the identifiers of the page."""
     return {
         "id": f"{figure}-{panel.id}",
-        "title": panel.title,
+        "title": escaped(panel.title, lines=True),
         "box": [round(end, 2) for end in panel.box],
         "x": vars(panel.x),
         "y": vars(panel.y),
@@ -85,7 +86,7 @@ def _panel(figure: str, panel: Panel, values: Mapping[str, CurveValues], pool: _
 
 def _curve(figure: str, curve: Curve, values: Mapping[str, CurveValues], pool: _Pool) -> dict[str, Any]:
     """A curve as the script reads it, without data if the results have its values."""
-    fields = {name: getattr(curve, name) for name in ("kind", "label", "name", "color")}
+    fields = {name: escaped(getattr(curve, name), lines=True) for name in ("kind", "label", "name", "color")}
     own = () if "/".join(curve.name.split("/")[:2]) in values else ("x", "y", "top")
     return {
         **fields,

@@ -18,6 +18,7 @@ import xarray as xr
 
 from tradestudy.errors import NoResultsError, ResultsError
 from tradestudy.results import FORMAT_VERSION
+from tradestudy.wording import json_text
 
 RESULTS = "results.nc"
 RUN = "run.json"
@@ -188,7 +189,7 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
 
 
 def _text_of(run: Mapping[str, Any]) -> str:
-    return json.dumps(run, indent=2, ensure_ascii=False) + "\n"
+    return json_text(run) + "\n"
 
 
 def _checksum(content: bytes) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -33,6 +32,7 @@ from tradestudy.optics.window_matching import REASONS
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.run.pictures import Rendering
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.wording import json_text
 
 STEP: Final = "depth maps"
 _WHITE: Final = 0.15  # fraction of the time of a map until its white pictures are computed
@@ -327,7 +327,7 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
         "measurable": "255 where the estimator sees a point in two pictures and nothing hides it",
         "score": _plain(asdict(one.score)),
     }
-    replace_file(folder / "depth_map.json", f"{json.dumps(facts, indent=2, ensure_ascii=False)}\n".encode())
+    replace_file(folder / "depth_map.json", f"{json_text(facts)}\n".encode())
     for name, values in one.made.items():
         _write_floats(folder / f"{name}.{depth_format}", values, "brightness relative to a white scene")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -27,6 +26,7 @@ from tradestudy.plan.problems.scene_pictures import picture_problems
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.scene_image import SceneImagePart
+from tradestudy.wording import json_text
 
 STEP: Final = "rendering"
 _BYTES_PER_PIXEL: Final = 16  # values and depth, in tiles and assembled
@@ -131,8 +131,7 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
         facts_of.setdefault(one.camera, {})[one.name] = _picture_facts(one, written[-1], rendering)
     for taken in rendering.cameras:
         facts = _camera_facts(rendering, taken, facts_of[taken.name])
-        text = json.dumps(facts, indent=2, ensure_ascii=False)
-        replace_file(directory / taken.name / "camera.json", f"{text}\n".encode())
+        replace_file(directory / taken.name / "camera.json", f"{json_text(facts)}\n".encode())
     return written
 
 

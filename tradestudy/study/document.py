@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, cast, get_args
 
-from tradestudy.errors import Problem
+from tradestudy.errors import Problem, escaped
 from tradestudy.units import significant
 
 Path = tuple[str | int, ...]
@@ -223,8 +223,7 @@ class Document:
 
 def dotted(path: Path) -> str:
     """A path as written in ``--set``; control characters are escaped so that they never reach a terminal."""
-    text = ".".join(str(step) for step in path)
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+    return escaped(".".join(str(step) for step in path))
 
 
 def scalar_text(value: Scalar) -> str:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
-from tradestudy.errors import Problem, StudyError, nearest
+from tradestudy.errors import Problem, StudyError, escaped, nearest
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child, dotted, walk
 from tradestudy.study.schema.alignment import (
     Alignment,
@@ -372,9 +372,7 @@ def _only_nearest(name: str, known: Iterable[str]) -> str:
 def _shown(entry: Entry | None) -> str:
     """Quote the written value, shortened to one line."""
     if isinstance(entry, ScalarEntry):
-        text = "".join(
-            letter if letter.isprintable() else repr(letter)[1:-1] for letter in " ".join(entry.text.split())
-        )
+        text = escaped(" ".join(entry.text.split()))
         if not text:
             return "an empty value"
         return f"'{text}'" if len(text) <= 40 else f"'{text[:37]}…'"
