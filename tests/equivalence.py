@@ -58,6 +58,8 @@ SCALES: Mapping[str, Scale] = {
     # A result less that of a second method, or of a finer computation; shares of it, and margins divided by it.
     "/depth/depth_uncertainty_error": "depth_uncertainty",
     "/depth/depth_uncertainty_by_error_source_error": "depth_uncertainty_by_error_source",
+    "/depth/depth_error_radius_error": "depth_error_radius",
+    "/depth/depth_error_radius_by_error_source_error": "depth_error_radius_by_error_source",
     **dict.fromkeys(("/depth/failed_fraction", "/depth/failed_fraction_error", "/depth/variance_share"), 1.0),
     "/depth/disparity_error_px_error": "disparity_error_px",
     "/disparity_causes/disparity_error_px_error": "disparity_error_px",

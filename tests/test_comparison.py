@@ -76,6 +76,8 @@ def tree(
         {
             "depth_uncertainty": uncertainty,
             "depth_uncertainty_error": error * uncertainty,
+            "depth_error_radius": 0.999 * uncertainty,
+            "depth_error_radius_error": error * uncertainty,
             "usable": (distance >= ends[:, :1]) & (distance <= ends[:, 1:]),
             "usable_near": ends[:, :1],
             "usable_far": ends[:, 1:],

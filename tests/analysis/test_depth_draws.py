@@ -141,7 +141,10 @@ def test_rows_of_a_posterior_are_the_distribution() -> None:
 def test_without_tolerance_no_interval_has_converged_even_without_a_far_end() -> None:
     depths = np.stack([np.array([[0.9, 0.9], [1.0, 1.0], [far, np.inf]]) for far in (1.1, 1.2)])
     found = DepthDistribution(
-        probabilities=(0.15865, 0.5, 0.84135), quantiles=depths, failures=lambda: np.array([[0.0, 0.2], [0.0, 0.3]])
+        probabilities=(0.15865, 0.5, 0.84135),
+        quantiles=depths,
+        failures=lambda: np.array([[0.0, 0.2], [0.0, 0.3]]),
+        radii=lambda: np.array([[0.1, 0.1], [0.15, 0.1]]),
     )
     assert not found.converged(0.0).any()
     assert found.converged(1e9).all()

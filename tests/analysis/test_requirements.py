@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth import depth_uncertainty, depth_uncertainty_error, evaluate_depth
+from tradestudy.analysis.depth import evaluate_depth, judged_uncertainty, judged_uncertainty_error
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable, check_requirement, is_kept
 from tradestudy.analysis.usable import END_OF_STUDY, Interval
@@ -74,7 +74,7 @@ def test_the_worst_value_is_that_of_a_fine_grid() -> None:
     case = study.definition.case
     found = check_requirement(part(study, "near"), case, "raytrix-r5")
     fine = np.geomspace(0.4, 0.9, 4001)
-    values = depth_uncertainty(case.cameras["raytrix-r5"], fine)
+    values = judged_uncertainty(case.cameras["raytrix-r5"], fine)
     assert found.value == pytest.approx(values.max(), rel=1e-6)
     assert found.place == pytest.approx(fine[values.argmax()], rel=1e-3)
     assert found.margin == pytest.approx(5e-3 / values.max() - 1.0, rel=1e-6)
@@ -84,8 +84,8 @@ def test_the_worst_value_is_that_of_a_fine_grid() -> None:
 def test_errors_of_single_values_equal_those_of_the_table() -> None:
     case, places = tradestudy.load(ROBOT).definition.case, np.array([0.5, 1.0, 3.0])
     for camera in case.cameras.values():
-        table = evaluate_depth(camera, places).uncertainty_error[-1]
-        np.testing.assert_allclose(depth_uncertainty_error(camera, places), table, rtol=1e-12)
+        table = evaluate_depth(camera, places).judged_error[-1]
+        np.testing.assert_allclose(judged_uncertainty_error(camera, places), table, rtol=1e-12)
 
 
 def test_any_takes_the_best_camera_and_all_the_worst() -> None:
@@ -291,7 +291,7 @@ def test_the_end_of_an_interval_is_a_root_and_not_a_design() -> None:
     while high - low > 1e-6:
         middle = (low + high) / 2.0
         camera = definition.with_values({"stereo-75mm.baseline": f"{middle} m"}).case.cameras["stereo-75mm"]
-        low, high = (low, middle) if depth_uncertainty(camera, np.array([3.0]))[0] < 0.03 else (middle, high)
+        low, high = (low, middle) if judged_uncertainty(camera, np.array([3.0]))[0] < 0.03 else (middle, high)
     begins, ends = (float(found[name].values[0, 0]) for name in ("met_from", "met_to"))
     error = float(found["met_to_within"].values[0, 0])
     assert abs(begins - high) <= 2.0 * error + 1e-6

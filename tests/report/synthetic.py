@@ -26,6 +26,7 @@ READINGS = {
     "yaw-uniform": "0.2° is a bound, not a standard deviation",
 }
 PLACES = [0.3, 0.5, 1.0]
+_DIVIDED = ("depth_uncertainty", "depth_error_radius")
 Sweep = dict[str, list[float]] | dict[str, list[str]]
 
 
@@ -107,6 +108,10 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
         "converged": np.ones_like(both, dtype=bool),
         "depth_quantile": z[None, :, None, None] + by_error_source[..., None] * np.array([-1.96, -1, 0, 1, 1.96]),
         "depth_uncertainty_error": 0.004 * both,
+        "depth_error_radius": 0.999 * both,
+        "depth_error_radius_error": 0.004 * both,
+        "depth_error_radius_by_error_source": 0.999 * by_error_source,
+        "depth_error_radius_by_error_source_error": 0.004 * by_error_source,
         "equivalent_baseline": np.stack([np.full_like(z, b) for b in (3.6e-4, 0.1, 0.1)]),
         "failed_fraction": np.where(by_error_source > 3.0, 0.02, 0.0),
         "failed_fraction_error": np.zeros_like(by_error_source),
@@ -122,7 +127,8 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
         factor = np.arange(1.0, len(numbers) + 1)
         values = {
             name: np.stack(
-                [array / f for f in factor] if name.startswith("depth_unc") else [array] * len(factor), axis=axis
+                [array / f for f in factor] if name.startswith(_DIVIDED) else [array] * len(factor),
+                axis=axis,
             )
             for name, array in values.items()
         }

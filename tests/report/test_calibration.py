@@ -260,7 +260,7 @@ def with_field(tree: xr.DataTree) -> xr.DataTree:
     """Up to twice as uncertain 70 % of the way to the corners, where the R5 sees nothing."""
     depth = tree["depth"].to_dataset()
     off = (
-        (2.0 * depth[["depth_uncertainty", "depth_uncertainty_by_error_source"]])
+        (2.0 * depth[["depth_uncertainty", "depth_error_radius", "depth_uncertainty_by_error_source"]])
         .expand_dims(field=[0.7], axis=1)
         .copy(deep=True)
     )

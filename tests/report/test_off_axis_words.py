@@ -23,7 +23,7 @@ def with_field(tree: xr.DataTree, factor: float) -> xr.DataTree:
     return xr.DataTree.from_dict(
         {
             **{node.path: node.to_dataset() for node in tree.subtree},
-            "/depth_field": xr.Dataset({"depth_uncertainty": off}),
+            "/depth_field": xr.Dataset({"depth_uncertainty": off, "depth_error_radius": 0.999 * off}),
         }
     )
 

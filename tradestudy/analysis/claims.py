@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth import judged_uncertainty
 from tradestudy.analysis.focus_claims import (
     depth_of_field_ratio,
     depth_of_field_ratio_words,
@@ -90,7 +90,7 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
             return _limit_distance(claim, case)
         case UncertaintyRatioClaim():
             first, second = (
-                depth_uncertainty(case.cameras[name], _span(claim.over), claim.errors)
+                judged_uncertainty(case.cameras[name], _span(claim.over), claim.errors)
                 for name in (claim.camera, claim.against)
             )
             with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
@@ -145,7 +145,7 @@ def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case
     camera, first, last = case.cameras[claim.camera], float(case.distance[0]), float(case.distance[-1])
 
     def above(points: FloatArray) -> FloatArray:
-        difference = depth_uncertainty(camera, points, claim.errors) - claim.threshold * points
+        difference = judged_uncertainty(camera, points, claim.errors) - claim.threshold * points
         return margin(difference > 0.0, difference)
 
     def begins(points: FloatArray) -> list[float]:
@@ -153,7 +153,7 @@ def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case
 
     if found := begins(case.distance):
         return found[-1]
-    uncertainty = depth_uncertainty(camera, case.distance, claim.errors)
+    uncertainty = judged_uncertainty(camera, case.distance, claim.errors)
     if np.isnan(uncertainty).all():
         return math.nan
     if np.any(uncertainty > claim.threshold * case.distance):
@@ -164,7 +164,7 @@ def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case
 def _share_better(claim: ShareBetterClaim, case: Case) -> float:
     points = _span(claim.over)
     first, second = (
-        depth_uncertainty(case.cameras[name], points, claim.errors) for name in (claim.camera, claim.against)
+        judged_uncertainty(case.cameras[name], points, claim.errors) for name in (claim.camera, claim.against)
     )
     usable, other = (is_usable(case, name, points) for name in (claim.camera, claim.against))
     better = usable & (~other | (first < second))

@@ -7,12 +7,15 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.analysis.error_radius import without_rounding
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.quantiles import quantiles_of
 
 _FIT_DRAWS: Final = 2**14  # draws used to fit the line
 _ROWS: Final = 512  # quantiles that represent the rows of a posterior
 _BISECTIONS: Final = 30
+_WIDER: Final = 4.0  # times the largest sampled radius; the exact one is smaller
 _ALIKE: Final = 1e-12
 _REACH: Final = 9.0  # standard deviations; the probability beyond is below 1e-18
 
@@ -39,17 +42,35 @@ class Drivers:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SamplingError:
-    """Sampling errors, in each scramble, of the line's quantiles and of its share at or beyond infinity.
+    """Sampling errors, in each scramble, of the line's quantiles, share at or beyond infinity, and radius of error [m].
 
-    Shapes (scrambles, probabilities, distances) and (scrambles, distances).
+    Shapes (scrambles, probabilities, distances) for the quantiles, otherwise (scrambles, distances).
     """
 
     quantiles: FloatArray
     failed: FloatArray
+    radius: FloatArray
 
 
-def sampling_error(inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities: FloatArray) -> SamplingError:
-    """Sampling error, in each scramble, of the quantiles and the failed share of a line fitted to inverse depth.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Within:
+    """The share of draws that a radius about the true distances [m] contains."""
+
+    distance: FloatArray
+    share: float
+
+    def radius(self, inverse: FloatArray) -> FloatArray:
+        """Radius [m] of draws of inverse depth (distances, draws); those without a depth are infinitely wrong."""
+        if self.share >= 1.0:
+            return np.full(self.distance.shape, np.inf)
+        wrong = np.abs(depth_from_inverse(inverse) - self.distance[:, np.newaxis])
+        return without_rounding(quantiles_of(np.where(np.isnan(wrong), np.inf, wrong), self.share), self.distance)
+
+
+def sampling_error(
+    inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities: FloatArray, within: Within
+) -> SamplingError:
+    """Sampling error, in each scramble, of quantiles, failed share and radius of a line fitted to inverse depth.
 
     Parameters
     ----------
@@ -61,6 +82,8 @@ def sampling_error(inverse: FloatArray, drivers: Drivers, scrambles: int, probab
         Number of scrambles, which follow one another in the draws.
     probabilities
         Probabilities of the quantiles.
+    within
+        The true distances, and the share of draws within the radius.
     """
     known = np.concatenate([drivers.scores, drivers.responses])
     ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
@@ -71,10 +94,30 @@ def sampling_error(inverse: FloatArray, drivers: Drivers, scrambles: int, probab
     exact, lines = _quantiles_of_line(rows, deviation, probabilities), np.split(slopes @ known, scrambles, axis=1)
     infinity = -ranked.mean(axis=1, keepdims=True)
     beyond = _share_below(rows, deviation, infinity)
+    middle = -infinity - np.mean(lines, axis=(0, 2))[:, np.newaxis]
+    radii = np.stack([within.radius(middle + line) for line in lines])
     return SamplingError(
         quantiles=np.stack([quantiles_of(line, probabilities) - exact for line in lines]),
         failed=np.stack([np.mean(line <= infinity, axis=1) - beyond for line in lines]),
+        radius=_error_of_radii(radii, within, rows, deviation, middle),
     )
+
+
+def _error_of_radii(
+    radii: FloatArray, within: Within, rows: FloatArray, deviation: FloatArray, middle: FloatArray
+) -> FloatArray:
+    """Sampled radii (scrambles, distances) of a line about its middle [1/m], less the exact ones; 0 where infinite."""
+    finite, distance = np.isfinite(radii), within.distance[:, np.newaxis]
+    low, high = np.zeros(distance.shape), _WIDER * np.max(np.where(finite, radii, 0.0), axis=0)[:, np.newaxis]
+    some = rows if rows.shape[1] <= _ROWS else quantiles_of(rows, (np.arange(_ROWS) + 0.5) / _ROWS).T
+    for _ in range(_BISECTIONS):
+        radius = 0.5 * (low + high)
+        with np.errstate(divide="ignore"):
+            nearest = 1.0 / np.maximum(distance - radius, 0.0)
+        near, far = (_share_below(some, deviation, end - middle) for end in (nearest, 1.0 / (distance + radius)))
+        below = (near - far)[:, np.newaxis] < within.share
+        low, high = np.where(below, radius, low), np.where(below, high, radius)
+    return np.where(finite, radii, 0.0) - np.where(finite, 0.5 * (low + high)[:, 0], 0.0)
 
 
 def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import ERROR_SOURCES, depth_uncertainty, distribution, evaluate_depth
+from tradestudy.analysis.depth import ERROR_SOURCES, distribution, evaluate_depth, judged_uncertainty
 from tradestudy.analysis.usable import (
     all_met,
     boundaries,
@@ -19,7 +19,6 @@ from tradestudy.analysis.usable import (
     scramble_error,
     usable_ends,
 )
-from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case
@@ -117,8 +116,8 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
     usable = {name: is_usable(case, name, places) for name in pair}
     winners, certain, ratios = [], [], []
     for number in range(len(ERROR_SOURCES)):
-        uncertainty = {name: one.uncertainty[number] for name, one in found.items()}
-        error = {name: stated_error(case.cameras[name], one.uncertainty_error[number]) for name, one in found.items()}
+        uncertainty = {name: one.judged[number] for name, one in found.items()}
+        error = {name: stated_error(case.cameras[name], one.judged_error[number]) for name, one in found.items()}
         winners.append(best_cameras(usable, uncertainty, error))
         everywhere = {name: np.ones(places.shape, dtype=bool) for name in pair}
         certain.append([name if name in pair else "" for name in best_cameras(everywhere, uncertainty, error)])
@@ -143,7 +142,7 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
 def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_source: str) -> FloatArray:
     """ln(u₁/u₂) of each scramble; ±∞ where one is unbounded, NaN where both are; shape (scrambles, distances)."""
     a, b = (
-        distribution(camera, np.where(camera.images(distance), distance, np.nan), error_source).half_widths(ONE_SIGMA)
+        distribution(camera, np.where(camera.images(distance), distance, np.nan), error_source).judged_widths
         for camera in (first, second)
     )
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
@@ -155,7 +154,7 @@ def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, error_sour
     sure = {name: np.zeros(distance.shape) for name in pair}
     found = best_cameras(
         {name: is_usable(case, name, distance) for name in pair},
-        {name: depth_uncertainty(case.cameras[name], distance, error_source) for name in pair},
+        {name: judged_uncertainty(case.cameras[name], distance, error_source) for name in pair},
         sure,
     )
     return [name.split(TIED)[0] for name in found]
@@ -217,7 +216,7 @@ def _turn(
 
     def below_one(points: FloatArray) -> FloatArray:
         with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
-            ratio = depth_uncertainty(first, points, error_source) / depth_uncertainty(second, points, error_source)
+            ratio = judged_uncertainty(first, points, error_source) / judged_uncertainty(second, points, error_source)
         return margin(ratio < 1.0, ratio - 1.0)
 
     # Where both intervals are unbounded, the ratio is undefined and counts as "not below one" for either camera.

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.analysis.depth_distribution import DepthDistribution, judged_by_larger, standard_error
 from tradestudy.analysis.depth_draws import exact_distribution, trial_distribution
 from tradestudy.analysis.linear_depth import (
     has_covariance,
@@ -44,11 +44,12 @@ class DepthEvaluation:
         True distance [m].
     discrimination
         Towards and away from the camera [m], shape (2, distance); the second may be infinite.
-    uncertainty, quantile, failed_fraction
+    uncertainty, quantile, failed_fraction, error_radius
         For noise only, calibration only and both: half the central 68.27 % interval [m], shape (error source,
         distance); the quantiles of depth [m], shape (error source, distance, quantile), infinite at or beyond infinity;
-        the share of measurements there or falsely matched. The first two exclude false matches.
-    uncertainty_error, failed_fraction_error
+        the share of measurements there or falsely matched; the radius about the true distance [m] that contains
+        68.27 % of all measurements. The first two exclude false matches.
+    uncertainty_error, failed_fraction_error, error_radius_error
         Estimated errors of these, shape (error source, distance): the standard error of the draws, or the measured
         difference between a cheaper model and draws.
     converged
@@ -66,14 +67,26 @@ class DepthEvaluation:
     uncertainty: FloatArray
     quantile: FloatArray
     failed_fraction: FloatArray
+    error_radius: FloatArray
     uncertainty_error: FloatArray
     failed_fraction_error: FloatArray
+    error_radius_error: FloatArray
     converged: BoolArray
     shares: Mapping[str, FloatArray]
     disparity_px: FloatArray
     equivalent_baseline: FloatArray
     disparity_error_px: FloatArray
     disparity_error_px_error: FloatArray
+
+    @property
+    def judged(self) -> FloatArray:
+        """The larger of half width and radius [m], shape (error source, distance): what ranks are judged by."""
+        return judged_by_larger(self.uncertainty, self.error_radius, self.uncertainty, self.error_radius)
+
+    @property
+    def judged_error(self) -> FloatArray:
+        """Estimated error of `judged` [m]."""
+        return judged_by_larger(self.uncertainty, self.error_radius, self.uncertainty_error, self.error_radius_error)
 
 
 def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> DepthEvaluation:
@@ -83,16 +96,18 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: FieldPositi
     """
     given, distance = distance, _imaged(camera, distance)
     found = [distribution(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
-    uncertainty, failed = (np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction"))
+    uncertainty, failed, radius = (
+        np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction", "error_radius")
+    )
     if camera.propagation.model != "exact":
         measured = [model_error(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
-        relative = np.stack([one.half_width for one in measured])
-        known = np.where(np.isinf(uncertainty), np.nan, uncertainty)
-        uncertainty_error = relative * known
+        uncertainty_error = np.stack([one.half_width for one in measured]) * _finite(uncertainty)
+        radius_error = np.stack([one.radius for one in measured]) * _finite(radius)
         failed_error = np.stack([one.failed_fraction for one in measured])
         converged = np.ones(distance.shape, dtype=bool)
     else:
         uncertainty_error = np.stack([one.half_width_error for one in found])
+        radius_error = np.stack([one.error_radius_error for one in found])
         failed_error = np.stack([one.failed_fraction_error for one in found])
         converged = np.logical_and.reduce([one.converged(camera.propagation.tolerance) for one in found])
     return DepthEvaluation(
@@ -101,6 +116,8 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: FieldPositi
         uncertainty=uncertainty,
         quantile=np.stack([one.quantile.T for one in found]),
         failed_fraction=failed,
+        error_radius=radius,
+        error_radius_error=radius_error,
         uncertainty_error=uncertainty_error,
         failed_fraction_error=failed_error,
         converged=converged,
@@ -127,28 +144,13 @@ def distribution(
 @lru_cache(maxsize=256)
 def _known(camera: DepthCamera, distances: bytes, field: FieldPosition, error_source: str) -> DepthDistribution:
     """The distribution, cached because limits, ratios and tables of a camera request it repeatedly."""
-    return _with_false_matches(
-        _of_true_matches(camera, np.frombuffer(distances), field, error_source), camera, error_source
-    )
-
-
-def _of_true_matches(
-    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str
-) -> DepthDistribution:
-    model, groups = camera.propagation.model, camera.calibration.groups
+    distance, model, groups = np.frombuffer(distances), camera.propagation.model, camera.calibration.groups
+    false_matches = false_match_share(camera, error_source)
     if error_source == "noise" or (error_source == "both" and (model == "off" or not groups)):
-        return noise_distribution(camera, distance, field)
+        return noise_distribution(camera, distance, field, false_matches)
     if not groups or (model != "exact" and has_covariance(camera)):
-        return linear_distribution(camera, distance, field, error_source)
+        return linear_distribution(camera, distance, field, error_source, false_matches)
     return exact_distribution(camera, distance, field, error_source)
-
-
-def _with_false_matches(found: DepthDistribution, camera: DepthCamera, error_source: str) -> DepthDistribution:
-    """The distribution with the false matches m added to the failures f: ``1 − (1 − f)(1 − m)``."""
-    share = 0.0 if error_source == "calibration" else false_match_share(camera)
-    if share == 0.0:
-        return found
-    return replace(found, failures=lambda: found.failed + share * (1.0 - found.failed))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,9 +186,9 @@ class DepthErrors:
         return distribution(self.camera, self.distance, self.error_source, self.field)
 
     @property
-    def uncertainty(self) -> FloatArray:
-        """Half the central 68.27 % interval of depth [m]."""
-        return self._distribution.half_width
+    def judged(self) -> FloatArray:
+        """See `judged_uncertainty`."""
+        return self._distribution.judged
 
     @property
     def failed_fraction(self) -> FloatArray:
@@ -197,18 +199,33 @@ class DepthErrors:
 def depth_uncertainty(
     camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
 ) -> FloatArray:
-    """Half the central 68.27 % interval of depth [m], for root finding."""
+    """Half the central 68.27 % interval of depth [m]: the spread of measurements, whatever their bias."""
     return distribution(camera, _imaged(camera, distance), error_source, field).half_width
 
 
-def depth_uncertainty_error(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> FloatArray:
-    """Estimated error of `depth_uncertainty` [m]: the standard error of draws, or the error of a cheaper model."""
+def judged_uncertainty(
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
+) -> FloatArray:
+    """The uncertainty [m] that judges a camera: the larger of half width and radius about the true distance.
+
+    The radius contains 68.27 % of all measurements, failures and false matches counted as infinitely wrong; it exceeds
+    the half width where measurements are biased or fail.
+    """
+    return distribution(camera, _imaged(camera, distance), error_source, field).judged
+
+
+def judged_uncertainty_error(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> FloatArray:
+    """Estimated error of `judged_uncertainty` [m]: the standard error of draws, or the error of a cheaper model."""
     distance = _imaged(camera, distance)
     found = distribution(camera, distance, "both", field)
     if camera.propagation.model == "exact":
-        return found.half_width_error
-    known = np.where(np.isinf(found.half_width), np.nan, found.half_width)
-    return np.asarray(model_error(camera, distance, "both", field).half_width * known)
+        return found.judged_error
+    return np.asarray(model_error(camera, distance, "both", field).judged * _finite(found.judged))
+
+
+def _finite(width: FloatArray) -> FloatArray:
+    """A width, NaN where it is unbounded: no error can be stated there."""
+    return np.where(np.isinf(width), np.nan, width)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,15 +234,18 @@ class ModelError:
 
     Parameters
     ----------
-    half_width
-        Error of the depth uncertainty, relative to the model's value.
+    half_width, radius, judged
+        Errors of the depth uncertainty, of the radius about the true distance, and of the larger of these, relative to
+        the model's values.
     intervals
-        Largest error of the half width of any reported interval, relative to the half width of the draws.
+        Largest error of `judged` or of the half width of any reported interval, relative to that of the draws.
     failures
         Computes `failed_fraction` on demand.
     """
 
     half_width: FloatArray
+    radius: FloatArray
+    judged: FloatArray
     intervals: FloatArray
     failures: Callable[[], FloatArray]
 
@@ -246,50 +266,57 @@ def model_error(
     known = distance[~np.isnan(distance)]
     if not known.size or error_source == "noise" or not camera.calibration.groups:  # exact in every model
         none = np.where(np.isnan(distance), np.nan, 0.0)
-        return ModelError(half_width=none, intervals=none, failures=lambda: none)
+        return ModelError(half_width=none, radius=none, judged=none, intervals=none, failures=lambda: none)
     if (curved := second_order(camera, distance, field, error_source)) is not None:
         line = distribution(camera, distance, error_source, field)
-        read = _with_false_matches(curved.expected, camera, error_source)
-        intervals = [_apart(line, read, coverage) + curved.uncertain for coverage in camera.propagation.coverages]
+        read = curved.expected
         return ModelError(
-            half_width=_apart(read, line, ONE_SIGMA) + curved.uncertain,
-            intervals=np.fmax.reduce(intervals),
+            half_width=_apart(read.half_widths(ONE_SIGMA), line.half_widths(ONE_SIGMA)) + curved.uncertain,
+            radius=_apart(read.error_radii, line.error_radii) + curved.uncertain,
+            judged=_apart(read.judged_widths, line.judged_widths) + curved.uncertain,
+            intervals=_apart_anywhere(line, read, camera) + curved.uncertain,
             failures=lambda: np.abs(line.failed_fraction - read.failed_fraction),
         )
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
-    draws = _with_false_matches(trial_distribution(camera, places, field, error_source), camera, error_source)
+    draws = trial_distribution(camera, places, field, error_source)
     line = distribution(camera, places, error_source, field)
-    intervals = [_apart(line, draws, coverage) for coverage in camera.propagation.coverages]
+    neighbour = partial(_larger_neighbour, distance, places)
 
     def failures() -> FloatArray:
         failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error
-        return _larger_neighbour(distance, places, failed)
+        return neighbour(failed)
 
     return ModelError(
-        half_width=_larger_neighbour(distance, places, _apart(draws, line, ONE_SIGMA)),
-        intervals=_larger_neighbour(distance, places, np.fmax.reduce(intervals)),
+        half_width=neighbour(_apart(draws.half_widths(ONE_SIGMA), line.half_widths(ONE_SIGMA))),
+        radius=neighbour(_apart(draws.error_radii, line.error_radii)),
+        judged=neighbour(_apart(draws.judged_widths, line.judged_widths)),
+        intervals=neighbour(_apart_anywhere(line, draws, camera)),
         failures=failures,
     )
 
 
 def clear_departure(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> FloatArray:
-    """How far the half widths of a linear model are off along the direction in which the errors change depth most.
+    """How far the widths of a linear model are off along the direction in which the errors change depth most.
 
     A cheap first estimate for errors of any distribution; 0 where it gives no answer, NaN where nothing is measured.
     """
     read = second_order(camera, distance, field, "both", any_shape=True)
     if read is None:
         return np.zeros(distance.shape)
-    line = distribution(camera, distance, "both", field)
-    found = [_apart(line, read.expected, coverage) for coverage in camera.propagation.coverages]
-    return np.asarray(np.fmax.reduce(found))
+    return _apart_anywhere(distribution(camera, distance, "both", field), read.expected, camera)
 
 
-def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) -> FloatArray:
-    """Bound on the difference of half widths, relative to those of ``other``; infinite if only one has no far end."""
-    width, drawn = (np.mean(either.half_widths(coverage), axis=0) for either in (one, other))
+def _apart_anywhere(one: DepthDistribution, other: DepthDistribution, camera: DepthCamera) -> FloatArray:
+    """The largest bound on the difference of the half widths of all reported intervals and of the judged widths."""
+    found = [_apart(one.half_widths(share), other.half_widths(share)) for share in camera.propagation.coverages]
+    return np.asarray(np.fmax.reduce([*found, _apart(one.judged_widths, other.judged_widths)]))
+
+
+def _apart(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Bound on the difference of widths (scrambles, distances), relative to ``other``; infinite if one alone is."""
+    width, drawn = np.mean(one, axis=0), np.mean(other, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        error = np.nan_to_num((one.half_width_errors(coverage) + other.half_width_errors(coverage)) / drawn)
+        error = np.nan_to_num((standard_error(one) + standard_error(other)) / drawn)
         relative = np.abs(width / drawn - 1.0) + 2.0 * error
     lost = np.isinf(width) | np.isinf(drawn)
     return np.where(np.isinf(width) & np.isinf(drawn), 0.0, np.where(lost, np.inf, relative))

@@ -13,10 +13,10 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.analysis.control_line import Drivers, sampling_error
-from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.analysis.control_line import Drivers, Within, sampling_error
+from tradestudy.analysis.depth_distribution import DepthDistribution, share_of_true_matches
 from tradestudy.cameras.calibration import Calibration, Propagation
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.cameras.depth_measurement import Field, FieldPosition, MeasuredInverseDepth
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.optics.arrays import FloatArray
@@ -266,16 +266,21 @@ def _of_draws(
     probabilities = camera.propagation.probabilities
     drivers, values = _drawn(camera, error_source, field, draws)
     inverse, upper = _read_all(camera, distance, field, error_source, values), 1.0 - np.array(probabilities)
-    off = sampling_error(inverse, drivers, SCRAMBLES, upper)
+    false_matches = false_match_share(camera, error_source)
+    within = Within(distance=distance, share=share_of_true_matches(false_matches))
+    off = sampling_error(inverse, drivers, SCRAMBLES, upper, within)
     quantiles = np.stack([_ranked_quantiles(one, upper) for one in np.split(inverse, SCRAMBLES, axis=1)])
     counted = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
     failed = np.clip(counted - off.failed, 0.0, 1.0)
+    radii = np.stack([within.radius(one) for one in np.split(inverse, SCRAMBLES, axis=1)]) - off.radius
     seen = np.isfinite(nominal_inverse(camera, distance, field))
     return DepthDistribution(
         probabilities=probabilities,
         quantiles=np.where(seen, depth_from_inverse(quantiles - off.quantiles), np.nan),
         failures=lambda: np.where(seen, failed, np.nan),
+        radii=lambda: np.where(seen, radii, np.nan),
         counting_step=1.0 / (SCRAMBLES * draws),
+        false_matches=false_matches,
     )
 
 

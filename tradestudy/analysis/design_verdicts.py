@@ -19,7 +19,7 @@ _ROUNDING: Final = 1e-9  # of a distance
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """Depth uncertainty of one camera over distance.
+    """Depth uncertainty that judges one camera (`judged_uncertainty`) over distance.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ class Curve:
         found = table.evaluation
         return cls(
             distance=found.distance,
-            uncertainty=found.uncertainty[_BOTH],
-            error=stated_error(camera, found.uncertainty_error[_BOTH]),
+            uncertainty=found.judged[_BOTH],
+            error=stated_error(camera, found.judged_error[_BOTH]),
             usable=[(one.near, one.far) for one in table.intervals],
         )
 

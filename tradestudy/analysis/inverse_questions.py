@@ -13,7 +13,6 @@ import numpy as np
 from tradestudy.analysis.depth import distribution
 from tradestudy.analysis.halving import bracketed
 from tradestudy.analysis.planned_calibrations import planned, plans, to_be_planned, varied_calibrations
-from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
@@ -208,7 +207,7 @@ def _log_ratios(definition: StudyDefinition, question: SolvePart) -> FloatArray:
 def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     """Uncertainty [m] at the distance of the question, in each scramble; draws need to converge only there."""
     asked = replace(camera, propagation=replace(camera.propagation, judged=(question.place,)))
-    return distribution(asked, np.array([question.place]), question.errors).half_widths(ONE_SIGMA)[:, 0]
+    return distribution(asked, np.array([question.place]), question.errors).judged_widths[:, 0]
 
 
 def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:

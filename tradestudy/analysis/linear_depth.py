@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.analysis.depth_distribution import DepthDistribution, share_of_true_matches
 from tradestudy.analysis.depth_draws import MeasuresDepth, fixed_errors, read_draws, uncertain_groups
+from tradestudy.analysis.error_radius import error_radius, last_scores
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.errors import OutOfRangeError
@@ -23,7 +24,6 @@ _STEP: Final = 1e-3
 _LEAST_NOISE_PX: Final = 1e-3  # smallest step of the noise; a smaller one would be lost in rounding
 _NEVER: Final = 1e-18
 _FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
-_SECTIONS: Final = 16
 _ROUNDS: Final = 7  # to 1e-7 of a standard deviation
 
 
@@ -122,7 +122,7 @@ def _linearised(camera: MeasuresDepth, distances: bytes, field: FieldPosition, e
 
 
 def linear_distribution(
-    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, error_source: str
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, error_source: str, false_matches: float = 0.0
 ) -> DepthDistribution:
     """The distribution of depth, with all errors treated as additional noise.
 
@@ -132,16 +132,18 @@ def linear_distribution(
     line = linearised_depth(camera, distance, field)
     noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
     included = line if error_source == "both" else line.without(PIXEL_NOISE)
-    return scaled_noise(camera, distance, field, included.standard_deviation / noise)
+    return scaled_noise(camera, distance, field, included.standard_deviation / noise, false_matches)
 
 
-def noise_distribution(camera: MeasuresDepth, distance: FloatArray, field: FieldPosition) -> DepthDistribution:
+def noise_distribution(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, false_matches: float = 0.0
+) -> DepthDistribution:
     """The exact distribution of depth under noise alone: quantiles of disparity map to quantiles of depth."""
-    return scaled_noise(camera, distance, field, np.ones(distance.shape))
+    return scaled_noise(camera, distance, field, np.ones(distance.shape), false_matches)
 
 
 def scaled_noise(
-    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, scale: FloatArray
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, scale: FloatArray, false_matches: float = 0.0
 ) -> DepthDistribution:
     """The distribution of depth under noise multiplied by a scale (distances,)."""
     from scipy.special import ndtr, ndtri
@@ -157,8 +159,19 @@ def scaled_noise(
         failed = np.where(shares > _NEVER, shares, 0.0)
         return np.where(seen, failed, np.nan)[None]
 
+    def radii() -> FloatArray:
+        def read(scores: FloatArray) -> FloatArray:
+            return depth_from_inverse(_under_noise(camera, distance, field, scores * scale))
+
+        found = error_radius(read, distance, share_of_true_matches(false_matches))
+        return np.where(seen, found, np.nan)[None]
+
     return DepthDistribution(
-        probabilities=probabilities, quantiles=np.where(seen, depths, np.nan)[None], failures=failures
+        probabilities=probabilities,
+        quantiles=np.where(seen, depths, np.nan)[None],
+        failures=failures,
+        radii=radii,
+        false_matches=false_matches,
     )
 
 
@@ -175,13 +188,12 @@ def _score_of_infinity(
     beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])
-    low, high = -reach[open_], reach[open_]
-    shares, columns = np.linspace(0.0, 1.0, _SECTIONS + 1)[:, None], np.arange(open_.size)
-    for _ in range(_ROUNDS if open_.size else 0):
-        scores = low + shares * (high - low)
-        inside = _under_noise(camera, distance[open_], field, scores[1:-1]) <= 0.0
-        # Depth reads infinity at low but not at high.
-        last = np.sum(np.logical_and.accumulate(inside, axis=0), axis=0)
-        low, high = scores[last, columns], scores[last + 1, columns]
-    found[open_] = 0.5 * (low + high)
+    if open_.size:
+        low, high = last_scores(
+            -reach[open_],
+            reach[open_],
+            lambda scores: _under_noise(camera, distance[open_], field, scores) <= 0.0,
+            rounds=_ROUNDS,
+        )
+        found[open_] = 0.5 * (low + high)
     return np.asarray(found)

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, depth_uncertainty_error, evaluate_depth
+from tradestudy.analysis.depth import DepthErrors, evaluate_depth, judged_uncertainty, judged_uncertainty_error
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements_of_any_camera import check_criterion, check_sharp
 from tradestudy.analysis.usable import END_OF_STUDY, Interval, evaluate_limits, usable_intervals
@@ -426,7 +426,7 @@ def _failed_fraction(camera: DepthCamera, distance: FloatArray, field: FieldPosi
 
 
 def _depth_uncertainty(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:
-    return depth_uncertainty(camera, distance, field=field)
+    return judged_uncertainty(camera, distance, field=field)
 
 
 _Measured = Callable[[DepthCamera, FloatArray, FieldPosition], FloatArray]
@@ -436,6 +436,6 @@ _MEASURED: Final[Mapping[str, _Measured]] = {
     "failed_fraction": _failed_fraction,
 }
 _ERRORS: Final[Mapping[str, _Measured]] = {
-    "depth_uncertainty": depth_uncertainty_error,
+    "depth_uncertainty": judged_uncertainty_error,
     "failed_fraction": lambda camera, at, field: evaluate_depth(camera, at, field).failed_fraction_error[-1],
 }

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.analysis.depth_distribution import DepthDistribution, share_of_true_matches
 from tradestudy.analysis.depth_draws import fixed_errors, read_draws, uncertain_groups
+from tradestudy.analysis.error_radius import error_radius
 from tradestudy.cameras.calibration import ONE_SIGMA
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
@@ -94,12 +96,23 @@ def second_order(
     steepest = np.divide(gradient, length, out=np.zeros_like(gradient), where=length > 0.0)
     along, moved, spread = _quantiles(camera, read, steepest, length)
 
+    false_matches = false_match_share(camera, error_source)
+
     def of(inverse: FloatArray) -> DepthDistribution:
-        depths = np.where(np.isnan(inverse).any(axis=0), np.nan, depth_from_inverse(inverse))
+        unseen = np.isnan(inverse).any(axis=0)
+        depths = np.where(unseen, np.nan, depth_from_inverse(inverse))
+        between = partial(_between, camera, inverse)
+
+        def radii() -> FloatArray:
+            found = error_radius(between, distance, share_of_true_matches(false_matches))
+            return np.where(unseen, np.nan, found)[np.newaxis]
+
         return DepthDistribution(
             probabilities=camera.propagation.probabilities,
             quantiles=depths[np.newaxis],
             failures=lambda: np.where(np.isnan(along).any(axis=0), np.nan, _failed(read, steepest))[np.newaxis],
+            radii=radii,
+            false_matches=false_matches,
         )
 
     expected = of(along + moved + spread)
@@ -159,6 +172,19 @@ def _quantiles(
     growth = np.divide(2.0 * slopes, scores, out=np.zeros_like(slopes), where=np.abs(scores) > _MEDIAN)
     with np.errstate(invalid="ignore", divide="ignore"):
         return along, 0.5 * np.sum(curvature, axis=1), (scores * variance - growth) / (2.0 * length)
+
+
+def _between(camera: DepthCamera, inverse: FloatArray, scores: FloatArray) -> FloatArray:
+    """Depth [m] at scores, by the polynomial through the quantiles of inverse depth, constant beyond them."""
+    from scipy.special import ndtri
+
+    nodes = -ndtri(np.array(camera.propagation.probabilities))
+    within = np.clip(scores, nodes[-1], nodes[0])
+    powers = np.linalg.solve(np.vander(nodes), inverse)
+    found = np.zeros(within.shape)
+    for power in powers:
+        found = found * within + power
+    return depth_from_inverse(found)
 
 
 def _failed(read: Reader, steepest: FloatArray) -> FloatArray:

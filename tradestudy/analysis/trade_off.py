@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import depth_uncertainty, depth_uncertainty_error
+from tradestudy.analysis.depth import judged_uncertainty, judged_uncertainty_error
 from tradestudy.analysis.trade_criteria import criterion_of
 from tradestudy.analysis.usable import usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
@@ -66,7 +66,7 @@ def _computed(case: Case, name: str, one: WeighedPart) -> tuple[float, float]:
         at = np.array([one.at])
         if not is_usable(case, name, at)[0]:
             return math.nan, 0.0
-        return float(depth_uncertainty(camera, at)[0]), float(np.nan_to_num(depth_uncertainty_error(camera, at))[0])
+        return float(judged_uncertainty(camera, at)[0]), float(np.nan_to_num(judged_uncertainty_error(camera, at))[0])
     found = usable_intervals(camera, case.criteria, case.distance)
     if not found:
         return math.nan, 0.0

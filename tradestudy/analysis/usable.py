@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.depth import DepthErrors, distribution
-from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -85,7 +84,7 @@ def evaluate_limits(
             value=value, bound=criteria.failed_fraction, met=value <= criteria.failed_fraction
         )
     if "relative_uncertainty" in names and criteria.relative_uncertainty is not None:
-        value = errors.uncertainty / distance
+        value = errors.judged / distance
         limits["relative_uncertainty"] = Limit(
             value=value, bound=criteria.relative_uncertainty, met=value <= criteria.relative_uncertainty
         )
@@ -265,7 +264,7 @@ def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, nam
     if "failed_fraction" in names:
         kept.append((criteria.failed_fraction or 0.0) - found.failed)
     if "relative_uncertainty" in names:
-        kept.append((criteria.relative_uncertainty or 0.0) - found.half_widths(ONE_SIGMA) / grid)
+        kept.append((criteria.relative_uncertainty or 0.0) - found.judged_widths / grid)
     return scramble_error(np.min(kept, axis=0), end.distance)
 
 

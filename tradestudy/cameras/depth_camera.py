@@ -330,10 +330,13 @@ def numerical_error_of_disparity_error(
     return error.numerical_error_px(camera, distance, camera.field_share(field))
 
 
-def false_match_share(camera: DepthCamera) -> float:
-    """Fraction of all measurements that are false matches; 0 for a declared disparity error, which excludes them."""
+def false_match_share(camera: DepthCamera, error_source: str = "both") -> float:
+    """Fraction of all measurements that are false matches; 0 for a declared disparity error, which excludes them.
+
+    0 for calibration errors alone, which cause no false matches.
+    """
     error = camera.disparity_error_px
-    return 0.0 if isinstance(error, float | int) else error.false_matches
+    return 0.0 if isinstance(error, float | int) or error_source == "calibration" else error.false_matches
 
 
 def require_disparity_error(error: DisparityError) -> None:

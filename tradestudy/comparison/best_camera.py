@@ -12,6 +12,7 @@ import xarray as xr
 
 from tradestudy.comparison.difference import Difference, Run, titles_of
 from tradestudy.comparison.stated_errors import SURE, left_out_share
+from tradestudy.results.depth import judged_uncertainty
 from tradestudy.results.views.decision import answer_title, reported_winners, tied
 from tradestudy.results.views.depth import nominal, nominal_is_declared, of_camera, swept
 from tradestudy.results.views.groups import group, has
@@ -157,7 +158,8 @@ def _moved_by_models(tree: xr.DataTree, depth: xr.Dataset, place: float, cameras
     shares = [left_out_share(tree, camera, "depth_uncertainty") for camera in cameras]
     if len(cameras) != 2 or not any(shares):
         return 0.0
-    first, second = (of_camera(depth, "depth_uncertainty", camera) for camera in sorted(cameras))
+    judged = judged_uncertainty(depth)
+    first, second = (judged.sel(camera=camera).values for camera in sorted(cameras))
     known = np.isfinite(first) & np.isfinite(second)
     if np.count_nonzero(known) < 2:
         return 0.0

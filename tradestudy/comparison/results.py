@@ -36,9 +36,10 @@ _COVERED_ELSEWHERE: Final = (
     "assumptions", "cameras", "claims", "contradictions", "cost", "datasheet", "decision", "effects", "requirements",
 )  # fmt: skip
 _OF_PLACES, _OF_DEPTH, _REQUIREMENTS = "depth_at_places", "depth", "requirements"
+_UNCERTAINTY, _RADIUS = "depth_uncertainty", "depth_error_radius"
 _PARTS_OF_DEPTH: Final = (
-    "depth_uncertainty_by_error_source", "depth_quantile", "equivalent_baseline", "limit_value",
-    "usable_near", "usable_far",
+    "depth_uncertainty_by_error_source", "depth_error_radius_by_error_source", "depth_quantile", "equivalent_baseline",
+    "limit_value", "usable_near", "usable_far",
 )  # fmt: skip
 # They repeat another variable, or the conclusions.
 _REPETITIONS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -91,14 +92,17 @@ def compare_results(runs: Sequence[Run]) -> Results:
     for name, variable in _variables(runs):
         aligned = _aligned(runs, name, variable)
         if aligned is None:
-            apart.append(f"{result_words(variable)}{group_words(name)}")
+            apart += [f"{result_words(variable)}{group_words(name)}"] * (variable != _RADIUS)
             continue
         for camera in _cameras(aligned.values[0]):
             found = _largest(runs, titles, name, variable, camera, aligned.of(camera))
-            if found is None:
-                within += 1
-            else:
+            if found is not None:
                 moved.append(found)
+            elif variable != _RADIUS:
+                within += 1
+    # The radius repeats the depth uncertainty unless a bias or failures alone change.
+    spread = {(one.group, one.camera) for one in moved if one.variable == _UNCERTAINTY}
+    moved = [one for one in moved if one.variable != _RADIUS or (one.group, one.camera) not in spread]
     worst = list(_worst_values(runs))
     moved += [one for one in worst if one is not None]
     within += worst.count(None)

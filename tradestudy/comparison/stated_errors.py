@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
+from tradestudy.results.depth import JUDGED
 from tradestudy.results.views.groups import FloatArray, group, has
 
 # As in decisions: by chance, over eight scrambles, one difference in a thousand exceeds this many standard errors.
@@ -84,6 +85,7 @@ def left_out_share(tree: xr.DataTree, camera: str, quantity: str) -> float:
     if not has(tree, "effects", "joint_change"):
         return 0.0
     changes = group(tree, "effects")["joint_change"]
+    quantity = JUDGED[0] if quantity in JUDGED else quantity  # the plan knows the change of the larger of them
     if camera not in changes["problem"].values or quantity not in changes["quantity"].values:
         return 0.0
     return float(np.nan_to_num(changes.sel(problem=camera, quantity=quantity).item()))

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from scipy.special import stdtrit
 
-from tradestudy.analysis.depth import depth_uncertainty, distribution, variance_shares
+from tradestudy.analysis.depth import distribution, judged_uncertainty, variance_shares
 from tradestudy.analysis.depth_draws import SCRAMBLES
 from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.analysis.usable import all_met, evaluate_limits
@@ -73,7 +73,7 @@ def depth_problem(case: Case, name: str, title: str, chosen: Models, offered: Of
         title=title,
         difference=_worst,
         candidates=tuple(
-            Candidate(models=words, compute=partial(depth_uncertainty, camera, places), chosen=camera == taken)
+            Candidate(models=words, compute=partial(judged_uncertainty, camera, places), chosen=camera == taken)
             for camera, words in sets.items()
         ),
         references=tuple(_references(complete, places)),
@@ -122,7 +122,7 @@ def _words(models: Models, offered: Offered, tolerance: float) -> str:
 def _usable_places(case: Case, camera: DepthCamera) -> FloatArray:
     """Some of the study's distances [m] where the camera is usable and its uncertainty finite."""
     usable = all_met(evaluate_limits(camera, case.criteria, case.distance), case.distance.shape)
-    places = case.distance[usable & np.isfinite(depth_uncertainty(camera, case.distance))]
+    places = case.distance[usable & np.isfinite(judged_uncertainty(camera, case.distance))]
     if not places.size:
         return places
     evenly = np.geomspace(places[0], places[-1], _MOST_PLACES)
@@ -154,8 +154,8 @@ def _with_error(camera: DepthCamera, places: FloatArray) -> tuple[FloatArray, fl
     share = np.nan_to_num(variance_shares(camera, places)["noise"], nan=1.0)
     off = numerical_error_of_disparity_error(camera, places) / disparity_error_at(camera, places)
     picture = np.sqrt(1.0 + share * ((1.0 + off) ** 2 - 1.0)) - 1.0
-    drawn = stdtrit(SCRAMBLES - 1, 0.975) * found.half_width_error / found.half_width
-    return found.half_width, max(float(np.nanmax(drawn + picture)), float(np.finfo(np.float64).eps))
+    drawn = stdtrit(SCRAMBLES - 1, 0.975) * found.judged_error / found.judged
+    return found.judged, max(float(np.nanmax(drawn + picture)), float(np.finfo(np.float64).eps))
 
 
 def _worst(values: FloatArray, reference: FloatArray) -> float:

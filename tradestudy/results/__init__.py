@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMAT_VERSION", "GROUPS", "PAPER", "Variable", "dataset"]
 
-FORMAT_VERSION: Final = 7
+FORMAT_VERSION: Final = 8
 
 GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "cameras": CAMERAS,

@@ -8,9 +8,12 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
 from tradestudy.results.variable import DECLARED, ESTIMATE, PAPER, ROUNDING, SEE_ERROR, Variable
 
+JUDGED: Final = ("depth_uncertainty", "depth_error_radius")
+"""The larger of these variables judges a camera; see `judged_uncertainty`."""
 _EIGHT = f"{PAPER}, eqs. 4 and 8"
 _MATCHING = "Carter, Proc. IEEE 75, 236 (1987)"
 
@@ -56,6 +59,37 @@ DEPTH: Final[Mapping[str, Variable]] = {
         "depth uncertainty is infinite or NaN",
         error=ESTIMATE,
     ),
+    "depth_error_radius": Variable(
+        dims=("camera", "distance"),
+        units="m",
+        long_name="radius about the true distance that contains 68.27 % of all measurements, from matching noise and "
+        "calibration errors together; failed measurements count as infinitely wrong; infinite where too many fail, NaN "
+        "where the camera does not see the point",
+        symbol="r(a)",
+        error="see depth_error_radius_error",
+    ),
+    "depth_error_radius_error": Variable(
+        dims=("camera", "distance"),
+        units="m",
+        long_name="error of depth_error_radius, estimated like depth_uncertainty_error; NaN where depth_error_radius "
+        "is infinite or NaN",
+        error=ESTIMATE,
+    ),
+    "depth_error_radius_by_error_source": Variable(
+        dims=("camera", "distance", "error_source"),
+        units="m",
+        long_name="depth_error_radius from matching noise alone, from calibration errors alone, and from both; "
+        "infinite where too many measurements fail, NaN where the camera does not see the point",
+        symbol="r(a)",
+        error="see depth_error_radius_by_error_source_error",
+    ),
+    "depth_error_radius_by_error_source_error": Variable(
+        dims=("camera", "distance", "error_source"),
+        units="m",
+        long_name="error of depth_error_radius_by_error_source, estimated like depth_uncertainty_error; NaN where the "
+        "radius is infinite or NaN",
+        error=ESTIMATE,
+    ),
     "variance_share": Variable(
         dims=("camera", "distance", "part"),
         units="1",
@@ -92,9 +126,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "converged": Variable(
         dims=("camera", "distance"),
         units="1",
-        long_name="whether, with 95 % confidence, the draws determine half the width of every interval of depths to "
-        "within accuracy.depth_uncertainty; where an interval has no far end, failed_fraction is judged instead; true "
-        "where nothing is drawn",
+        long_name="whether, with 95 % confidence, the draws determine half the width of every interval of depths, and "
+        "the larger of depth_uncertainty and depth_error_radius, to within accuracy.depth_uncertainty; where an "
+        "interval has no far end, failed_fraction is judged instead; true where nothing is drawn",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
@@ -211,8 +245,9 @@ DEPTH: Final[Mapping[str, Variable]] = {
 
 _OF_FIELD: Final = (
     "depth_uncertainty", "depth_uncertainty_error", "depth_uncertainty_by_error_source",
-    "depth_uncertainty_by_error_source_error", "variance_share", "depth_quantile", "failed_fraction",
-    "failed_fraction_error", "converged",
+    "depth_uncertainty_by_error_source_error", "depth_error_radius", "depth_error_radius_error",
+    "depth_error_radius_by_error_source", "depth_error_radius_by_error_source_error", "variance_share",
+    "depth_quantile", "failed_fraction", "failed_fraction_error", "converged",
 )  # fmt: skip
 DEPTH_FIELD: Final[Mapping[str, Variable]] = {
     name: replace(DEPTH[name], dims=("camera", "field", "corner", *DEPTH[name].dims[1:])) for name in _OF_FIELD
@@ -327,6 +362,17 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         "saturate or fewer than two form an image",
     ),
 }
+
+
+def judged_uncertainty(depth: xr.Dataset, of: str = "") -> xr.DataArray:
+    """What judges cameras: the larger of ``depth_uncertainty`` and ``depth_error_radius``.
+
+    ``of`` is the end of the names of both variables: ``_error``, ``_by_error_source`` or ``_by_error_source_error``.
+    """
+    compared = of.removesuffix("_error")
+    half_width, radius = (depth[name + compared] for name in JUDGED)
+    of_half_width, of_radius = (depth[name + of] for name in JUDGED)
+    return of_half_width.where(~(radius > half_width), of_radius)
 
 
 def distances_without_decision(distance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

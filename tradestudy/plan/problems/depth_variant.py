@@ -13,7 +13,7 @@ from tradestudy.analysis.depth import clear_departure, distribution, model_error
 from tradestudy.analysis.linear_depth import has_covariance, linearised_depth, scaled_noise
 from tradestudy.analysis.second_order import all_normal
 from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usable_ends, usable_stretches
-from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
+from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, false_match_share
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.effects.models import OFF, Models
 from tradestudy.imaging.derived_error import PictureDisparityError
@@ -238,12 +238,14 @@ class DepthVariant:
         return np.where(np.isnan(found), 1.0, found)
 
     def _half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
-        """Half widths of depth everywhere, with the bound of the disparity error multiplied by `factor`.
+        """Half widths of depth everywhere, or radii about the truth if larger.
 
-        `beside` is the standard deviation by calibration over that by noise.
+        `factor` multiplies the bound of the disparity error; `beside` is the standard deviation by calibration over
+        that by noise.
         """
         noise = factor if self.law is None else self.law.matcher.change(self.disparity_error_px({}), factor)
-        return scaled_noise(self.reference, self._everywhere, 0.0, np.hypot(noise, beside)).half_width
+        scale, false_matches = np.hypot(noise, beside), false_match_share(self.reference)
+        return scaled_noise(self.reference, self._everywhere, 0.0, scale, false_matches).judged
 
     @cached_property
     def _failed_at_most(self) -> float | None:

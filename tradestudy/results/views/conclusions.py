@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
+from tradestudy.results.depth import judged_uncertainty
 from tradestudy.results.views.decision import answer_title, candidates, reported_winners, solved_questions
-from tradestudy.results.views.depth import least_broken, nominal, nominal_is_declared, of_camera, where_usable
+from tradestudy.results.views.depth import least_broken, nominal, nominal_is_declared, where_usable
 from tradestudy.results.views.designs import (
     feasible_designs,
     feasible_words,
@@ -211,11 +212,11 @@ def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
     places = np.asarray(depth["distance"].values, dtype=np.float64)
     best = {title for one in best_ranges(tree) for title in one.cameras}
     among = candidates(tree) or tuple(map(str, depth["camera"].values))
-    uncertainty = {}
+    uncertainty, judged = {}, judged_uncertainty(depth)
     for name in among:
         inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, name)]
         usable = np.any([np.zeros(places.shape, dtype=np.bool_), *inside], axis=0)
-        uncertainty[name] = np.where(usable, of_camera(depth, "depth_uncertainty", name), np.inf)
+        uncertainty[name] = np.where(usable, judged.sel(camera=name).values, np.inf)
     smallest = np.min(list(uncertainty.values()), axis=0)
     for name in among:
         known = np.isfinite(uncertainty[name])

@@ -17,6 +17,8 @@ _MEASURED: Final = (
     "depth_discrimination",
     "depth_uncertainty",
     "depth_uncertainty_by_error_source",
+    "depth_error_radius",
+    "depth_error_radius_by_error_source",
     "depth_quantile",
     "variance_share",
     "equivalent_baseline",

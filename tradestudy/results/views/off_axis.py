@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.depth import field_words, nominal, nominal_is_declared, of_camera, where_usable
+from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results.views.depth import field_words, nominal, nominal_is_declared, where_usable
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
 from tradestudy.wording import distance, with_article
@@ -21,15 +22,16 @@ def off_axis_words(tree: xr.DataTree) -> list[str]:
     if not has(tree, "depth_field", "depth_uncertainty") or not nominal_is_declared(tree):
         return []
     depth, off, titles = nominal(tree), group(tree, "depth_field"), camera_titles(tree)
+    on_axis, off_axis = judged_uncertainty(depth), judged_uncertainty(off)
     distances = np.asarray(depth["distance"].values, dtype=np.float64)
     found = []
     for camera in map(str, depth["camera"].values):
         usable = np.zeros(distances.shape, dtype=bool)
         for near, far in where_usable(depth, camera):
             usable |= (near <= distances) & (distances <= far)
-        there = off["depth_uncertainty"].sel(camera=camera).transpose("field", "corner", "distance").values
+        there = off_axis.sel(camera=camera).transpose("field", "corner", "distance").values
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(usable, there / of_camera(depth, "depth_uncertainty", camera), np.nan)
+            ratio = np.where(usable, there / on_axis.sel(camera=camera).values, np.nan)
         if not np.any(ratio > _CLEARLY_WORSE):
             continue
         field, corner, place = np.unravel_index(np.nanargmax(ratio), ratio.shape)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from tradestudy.results.depth import judged_uncertainty
 from tradestudy.results.views.decision import candidates, merged_ranges, winners, worth_reporting
 from tradestudy.results.views.depth import by_design, largest_parts, nominal, nominal_is_declared, swept
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, ranges_of
@@ -40,7 +41,7 @@ class CameraDepth:
     Parameters
     ----------
     uncertainty
-        Depth uncertainty [m].
+        The depth uncertainty that judges it [m]; see `judged_uncertainty`.
     parts, largest_shares
         The part with the largest share of its variance, if known, and this share.
     broken
@@ -101,7 +102,7 @@ def best_cameras(tree: xr.DataTree) -> BestCameras:
     depth = nominal(tree)
     cameras = camera_depths(depth)[0] if nominal_is_declared(tree) else {}
     if cameras and has(tree, "depth_field", "depth_uncertainty"):
-        off = group(tree, "depth_field")["depth_uncertainty"].max(("field", "corner"))
+        off = judged_uncertainty(group(tree, "depth_field")).max(("field", "corner"))
         cameras = {key: replace(one, worst=off.sel(camera=key).values) for key, one in cameras.items()}
     return BestCameras(ranges=tuple(winners(tree)), cameras=cameras, **_shared(tree, depth))
 
@@ -138,7 +139,7 @@ def _shared(tree: xr.DataTree, depth: xr.Dataset) -> dict[str, Any]:
 
 def camera_depths(depth: xr.Dataset) -> list[dict[str, CameraDepth]]:
     """The cameras of every design of ``/depth``, by key."""
-    uncertainty = by_design(depth, depth["depth_uncertainty"], "camera", "distance")
+    uncertainty = by_design(depth, judged_uncertainty(depth), "camera", "distance")
     broken = by_design(depth, depth["limit_met"], "camera", "distance", "limit") == 0
     near, far = (by_design(depth, depth[name], "camera", "interval") for name in ("usable_near", "usable_far"))
     parts, shares = largest_parts(depth)

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
+from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, judged_uncertainty
 from tradestudy.analysis.usable import usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, disparity_error_at
 from tradestudy.imaging.derived_error import PictureDisparityError
@@ -35,7 +35,7 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
         sizes = [count * camera.sensor.pixel_pitch for count in (camera.sensor.columns, camera.sensor.rows)]
         at_middle = camera.depth_behind_lens(middle)
         for key, values in {
-            "z_accuracy": np.where(seen, depth_uncertainty(camera, places, "calibration"), np.nan),
+            "z_accuracy": np.where(seen, judged_uncertainty(camera, places, "calibration"), np.nan),
             "temporal_noise": np.where(seen, depth_uncertainty(_repeating(camera), places, "noise"), np.nan),
             "subpixel_rms": np.where(camera.images(places) & seen, disparity_error_at(camera, places), np.nan),
             "plane_fit_rms": np.where(seen, depth_uncertainty(camera, places, "noise"), np.nan),

@@ -26,6 +26,7 @@ from tradestudy.analysis.inverse_questions import solve
 from tradestudy.analysis.required_values import solve_requirement
 from tradestudy.execution.steps import Progress, shares_before
 from tradestudy.results import dataset
+from tradestudy.results.depth import judged_uncertainty
 from tradestudy.run.groups.depth import depth_as_declared
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import StudyDefinition
@@ -53,7 +54,7 @@ def decision_group(
     names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
     attributes["candidates"] = ", ".join(names)
     usable = {name: nominal["usable"].values[rows[name]] for name in names}
-    widths, errors = (nominal[f"depth_uncertainty_by_error_source{of}"].values for of in ("", "_error"))
+    widths, errors = (judged_uncertainty(nominal, f"_by_error_source{of}").values for of in ("", "_error"))
     values["best_camera"] = np.stack(
         [
             best_cameras(

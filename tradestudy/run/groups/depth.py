@@ -207,13 +207,16 @@ def _error_arrays(evaluations: Sequence[DepthEvaluation]) -> tuple[dict[str, NDA
     def over_error_sources(name: str) -> FloatArray:
         return np.stack([getattr(one, name).T for one in evaluations])
 
-    uncertainty, error = over_error_sources("uncertainty"), over_error_sources("uncertainty_error")
+    def widths(variable: str, name: str) -> dict[str, FloatArray]:
+        found = {end: over_error_sources(name + end) for end in ("", "_error")}
+        return {variable + end: values[..., ERROR_SOURCES.index("both")] for end, values in found.items()} | {
+            f"{variable}_by_error_source{end}": values for end, values in found.items()
+        }
+
     missing = np.full_like(evaluations[0].distance, np.nan)
     return {
-        "depth_uncertainty": uncertainty[..., ERROR_SOURCES.index("both")],
-        "depth_uncertainty_error": error[..., ERROR_SOURCES.index("both")],
-        "depth_uncertainty_by_error_source": uncertainty,
-        "depth_uncertainty_by_error_source_error": error,
+        **widths("depth_uncertainty", "uncertainty"),
+        **widths("depth_error_radius", "error_radius"),
         "variance_share": np.stack(
             [np.stack([one.shares.get(name, missing) for name in part_names], axis=-1) for one in evaluations]
         ),
