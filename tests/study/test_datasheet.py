@@ -35,7 +35,7 @@ def test_a_sheet_has_three_to_five_distances_and_the_parts_of_the_uncertainty(fo
 
 def test_the_field_of_a_head_is_that_of_its_sensor(found) -> None:
     data = found[1].data["datasheet"].to_dataset().sel(camera="stereo-75mm")
-    behind = 1.0 / (1.0 / 2.65e-3 - 1.0)  # focused at 1 m
+    behind = 2.65e-3  # the principal distance, from which overlap and depth follow too; not the focused image distance
     assert float(data["horizontal_field_of_view"]) == pytest.approx(2.0 * np.arctan(1280 * 3e-6 / (2.0 * behind)))
     np.testing.assert_allclose(data["field_height"].values, 800 * 3e-6 * data["sheet_distance"].values / behind)
 

@@ -40,6 +40,12 @@ class CalibratedMeasurement(Protocol):
     def shared_area(self, distance: FloatArray) -> FloatArray:
         """Overlap of the pictures at distances [m]: the smaller of the shares of their areas that both cameras see."""
 
+    def disparity_px(self, distance: FloatArray) -> FloatArray:
+        """Disparity [px] of points midway between the cameras at distances [m]: the difference of their x coordinates.
+
+        Each is measured from the principal point of its camera, along the rows of its own picture; infinity is allowed.
+        """
+
     def cropped(self, columns: int, rows: int) -> Self:
         """The same pair with only the middle of its pictures, so many pixels wide and high."""
 

@@ -68,6 +68,15 @@ class Camera(ABC):
     def depth_behind_lens(self, nearest: float) -> float:
         """Distance from principal plane to sensor [m] when focused as near as the scene requires (``nearest`` [m])."""
 
+    def edge_angles(self, nearest: float) -> tuple[float, float, float, float]:
+        """Angles [rad] from the axis to the left, right, upper and lower edge of the picture.
+
+        It is focused as near as the scene requires (``nearest`` [m]).
+        """
+        twice = 2.0 * self.depth_behind_lens(nearest)
+        across, down = math.atan(self.sensor.width / twice), math.atan(self.sensor.height / twice)
+        return across, across, down, down
+
     @property
     def makes_depth_map(self) -> bool:
         """Whether the exposures of one scene give a depth map."""

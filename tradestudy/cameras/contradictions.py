@@ -28,13 +28,18 @@ class Contradiction:
     used: str
 
 
-def lens_contradictions(lens: Lens, sensor: Sensor, stated: StatedPart | None) -> list[Contradiction]:
-    """Check stated field of view, hyperfocal distance and sensitivity against focal length, aperture and sensor."""
+def lens_contradictions(
+    lens: Lens, sensor: Sensor, stated: StatedPart | None, views: tuple[float, float] | None = None
+) -> list[Contradiction]:
+    """Check stated field of view, hyperfocal distance and sensitivity against focal length, aperture and sensor.
+
+    ``views`` are the fields of view across and on the diagonal [rad] of a lens that is no pinhole.
+    """
     if stated is None:
         return []
     found = _sensitivity_contradictions(sensor, stated.absolute_sensitivity_threshold)
     if stated.field_of_view is not None:
-        across, diagonal = lens.field_of_view(sensor.width), lens.field_of_view(sensor.diagonal)
+        across, diagonal = views or (lens.field_of_view(sensor.width), lens.field_of_view(sensor.diagonal))
         if not any(math.isclose(stated.field_of_view, angle, rel_tol=_ANGLE_TOLERANCE) for angle in (across, diagonal)):
             found.append(
                 Contradiction(

@@ -50,30 +50,31 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "field_width": Variable(
         dims=_OVER,
         units="m",
-        long_name="width w Z/b of the field of view at the distance Z, with the width w of the sensor and the "
-        "distance b from lens to sensor",
+        long_name="width of the field of view at the distance Z: w Z/b, with the width w of the sensor and the "
+        "distance b from lens to sensor; for a lens with a lens model, Z times the sum of the tangents of the angles "
+        "between axis and edges, infinite if one reaches 90°",
         error=ROUNDING,
     ),
     "field_height": Variable(
         dims=_OVER,
         units="m",
-        long_name="height h Z/b of the field of view at the distance Z, with the height h of the sensor and the "
-        "distance b from lens to sensor",
+        long_name="height of the field of view at the distance Z: h Z/b, with the height h of the sensor; see "
+        "field_width",
         error=ROUNDING,
     ),
     "usable": Variable(dims=_OVER, units="1", long_name="whether the camera is usable at this distance", error=EXACT),
     "horizontal_field_of_view": Variable(
         dims=("camera",),
         units="rad",
-        long_name="full horizontal field of view 2 atan(w/(2b)), with w and b as in field_width; a camera that "
-        "refocuses is focused at the middle sheet_distance",
+        long_name="full horizontal field of view: 2 atan(w/(2b)), with w and b as in field_width, or that of the "
+        "lens model; a camera that refocuses is focused at the middle sheet_distance",
         error=ROUNDING,
     ),
     "vertical_field_of_view": Variable(
         dims=("camera",),
         units="rad",
-        long_name="full vertical field of view 2 atan(h/(2b)), with h and b as in field_height; a camera that "
-        "refocuses is focused at the middle sheet_distance",
+        long_name="full vertical field of view: 2 atan(h/(2b)), with h and b as in field_height, or that of the "
+        "lens model; a camera that refocuses is focused at the middle sheet_distance",
         error=ROUNDING,
     ),
     "near_limit": Variable(

@@ -33,6 +33,7 @@ from tradestudy.optics.lens_models.families import ANGLES
 from tradestudy.optics.lens_models.lens_model import slopes
 
 SIDES: Final = ("left", "right")
+_FARTHEST: Final = 1e12  # m; disparity there differs from that of infinity by less than rounding
 _BOTH: Final = {"left": -0.5, "right": 0.5}
 _POSE: Final = ("yaw", "pitch", "roll", "baseline", "baseline_direction_y", "baseline_direction_z")
 
@@ -137,6 +138,14 @@ class RigMeasurement:
         for axis, size in enumerate((columns, rows)):
             best[[2 + axis, own + 2 + axis]] += (size - self.pixels[axis]) / 2.0
         return replace(self, best=best, pixels=(columns, rows))
+
+    def disparity_px(self, distance: FloatArray) -> FloatArray:
+        """See `CalibratedMeasurement`; infinity is computed as a distance of 10¹² m."""
+        seen = observe_pair(
+            self.best, points_midway(self.best, np.minimum(distance, _FARTHEST)), self.lenses, self.free
+        )
+        left, right = cameras_of(self.best)
+        return np.asarray((seen[..., 0] - left[2]) - (seen[..., 2] - right[2]))
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
         """See `CalibratedMeasurement`."""

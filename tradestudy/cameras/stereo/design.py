@@ -25,7 +25,7 @@ from tradestudy.cameras.depth_measurement import (
     value_of,
 )
 from tradestudy.cameras.environment import Environment, warmed
-from tradestudy.cameras.error_vocabulary import ErrorVocabulary
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE, ErrorVocabulary
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.method import Method
@@ -45,7 +45,6 @@ from tradestudy.cameras.stereo.pair import (
 )
 from tradestudy.cameras.stereo.picture_field import (
     edge_angle,
-    full_angle,
     place_across,
     properties_of_lens_models,
     scale_across,
@@ -57,7 +56,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel, slopes
 from tradestudy.optics.lens_models.rational import IDEAL
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
-from tradestudy.optics.triangulation import stereo_depth, stereo_disparity
+from tradestudy.optics.triangulation import depth_of_inverse, stereo_depth, stereo_disparity
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 
 if TYPE_CHECKING:
@@ -65,6 +64,7 @@ if TYPE_CHECKING:
 
 # Ten times the magnification of the strongest microscope objectives: no sensor lies so far behind its lens.
 _LARGEST_MAGNIFICATION = 1000.0
+_STEP_PX = 1e-3  # of a numerical derivative by disparity, which is nearly constant over some pixels
 PrincipalDistanceRule = Literal["focal_length", "focused"]
 
 
@@ -186,15 +186,47 @@ class StereoRig(DepthCamera):
     @property
     def field_of_view(self) -> float:
         """Horizontal field of view of one camera as focused [rad]."""
-        return self.view_of(self.sensor.width, 0.0)
+        left, right, _, _ = self.edge_angles(np.inf)
+        return left + right
 
-    def view_of(self, width: float, height: float) -> float:
-        """Full angle [rad] between opposite corners of a central part of the sensor [m].
+    def edge_angles(self, nearest: float) -> tuple[float, float, float, float]:  # noqa: ARG002 - c stays the same
+        """By the lens model, with the principal distance or the own intrinsics of a calibrated pair's left camera.
 
-        ``2 atan(extent/2c)`` without distortion; never beyond the valid field of the lens.
+        ``atan(extent/2c)`` without distortion; never beyond the valid field of the lens.
         """
-        twice = 2.0 * self.principal_distance
-        return full_angle(self.distortion, width / twice, height / twice)
+        lens, (left, right), (top, bottom) = self._picture
+        found = [
+            signed * edge_angle(lens, x, y)
+            for signed, x, y in (
+                (-math.copysign(1.0, left), left, 0.0),
+                (math.copysign(1.0, right), right, 0.0),
+                (-math.copysign(1.0, top), 0.0, top),
+                (math.copysign(1.0, bottom), 0.0, bottom),
+            )
+        ]
+        return found[0], found[1], found[2], found[3]
+
+    @property
+    def _picture(self) -> tuple[LensModel, tuple[float, float], tuple[float, float]]:
+        """Lens model and edges of the left camera's picture, across and down, in normalised image coordinates."""
+        measurement, sensor = self.calibration.measurement, self.sensor
+        known = self.calibrated_pair if measurement is None else measurement.pair
+        if known is None:
+            across, down = (extent / 2.0 / self.principal_distance for extent in (sensor.width, sensor.height))
+            return self.distortion, (-across, across), (-down, down)
+        edges = [
+            ((-0.5 - centre) / focal, (count - 0.5 - centre) / focal)
+            for focal, centre, count in zip(
+                known.parameters[:2], known.parameters[2:4], (sensor.columns, sensor.rows), strict=True
+            )
+        ]
+        return known.lenses[0], edges[0], edges[1]
+
+    @property
+    def _diagonal_view(self) -> float:
+        """Angle [rad] between the upper left and the lower right corner of the picture."""
+        lens, (left, right), (top, bottom) = self._picture
+        return edge_angle(lens, left, top) + edge_angle(lens, right, bottom)
 
     @property
     def mapped(self) -> bool:
@@ -240,7 +272,13 @@ class StereoRig(DepthCamera):
         return rig_of_design(self.pair, self.sensor)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
-        """The disparity on the sensor [m]; without distortion, that of `stereo_disparity`."""
+        """The disparity on the sensor [m]; without distortion, that of `stereo_disparity`.
+
+        That of a calibrated pair follows from its own intrinsics and pose; see `CalibratedMeasurement`.
+        """
+        if (calibrated := self.calibration.measurement) is not None:
+            z = np.asarray(distance, dtype=np.float64)
+            return calibrated.disparity_px(z.ravel()).reshape(z.shape) * self.sensor.pixel_pitch
         left, right = self._seen_midway(distance)
         return np.asarray(left[..., 0] - right[..., 0])
 
@@ -258,8 +296,11 @@ class StereoRig(DepthCamera):
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
         """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`.
 
-        For lenses with distortion, each picture has half of the disparity's deviation from that at the true distance.
+        For lenses with distortion, and for a calibrated pair, each picture has half of the disparity's deviation from
+        that at the true distance.
         """
+        if self.calibration.measurement is not None:
+            return depth_of_inverse(self._inverse_of_calibrated(disparity, distance))
         c, d = self.principal_distance, np.asarray(disparity, dtype=np.float64)
         left, right = self._seen_midway(distance)
         half = (d - (left - right)[..., 0]) / 2.0
@@ -270,11 +311,27 @@ class StereoRig(DepthCamera):
         return stereo_depth(tangents[0] - tangents[1], self.baseline, 1.0, convergence_angle=self.convergence_angle)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
-        """Baseline [m] of the equally precise parallel rig with this principal distance; B for parallel axes."""
+        """Baseline [m] of the equally precise parallel rig with this principal distance c; B for parallel axes.
+
+        For a calibrated pair, ``1/(c ∂(1/Z)/∂d)`` by a central difference over 0.002 px.
+        """
+        if self.calibration.measurement is not None:
+            step, seen = _STEP_PX * self.sensor.pixel_pitch, self.disparity(distance)
+            nearer, farther = (self._inverse_of_calibrated(seen + sign * step, distance) for sign in (1.0, -1.0))
+            return np.asarray(2.0 * step / (nearer - farther) / self.principal_distance)
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
         x = stereo_disparity(distance, self.baseline, 1.0, convergence_angle=self.convergence_angle) / 2.0
         scale = (scale_across(self.distortion, x) + scale_across(self.distortion, -x)) / 2.0
         return np.asarray(self.baseline * scale * (1.0 + x * x) / (1.0 + (self.baseline * inverse / 2.0) ** 2))
+
+    def _inverse_of_calibrated(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
+        """The inverse depth [1/m] that a calibrated pair computes from a disparity [m] near that of a distance [m]."""
+        assert self.calibration.measurement is not None  # callers ensure it
+        z, moved = np.broadcast_arrays(
+            np.asarray(distance, dtype=np.float64), np.asarray(disparity) - self.disparity(distance)
+        )
+        read = self.calibration.measurement(z.ravel(), 0.0, {PIXEL_NOISE: moved.reshape(1, -1)}, None)
+        return np.where(read.no_overlap | read.out_of_range, np.nan, read.inverse_depth).reshape(z.shape)
 
     def overlap(self, distance: ArrayLike) -> FloatArray:
         """Share of each picture's width at a distance that the other camera also sees; see `shared_view`.
@@ -439,7 +496,7 @@ class StereoRig(DepthCamera):
             ("horizontal field of view, from the principal distance", pretty(self.field_of_view, ANGLE, 4)),
             (
                 "diagonal field of view, from the principal distance",
-                pretty(self.view_of(self.sensor.width, self.sensor.height), ANGLE, 4),
+                pretty(self._diagonal_view, ANGLE, 4),
             ),
             ("baseline", pretty(self.baseline, LENGTH, 4)),
             *properties_of_lens_models(self.distortion, self.calibrated_pair),
@@ -450,7 +507,8 @@ class StereoRig(DepthCamera):
 
         The two differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its noise.
         """
-        found = lens_contradictions(self.lens, self.sensor, stated)
+        views = (self.field_of_view, self._diagonal_view)
+        found = lens_contradictions(self.lens, self.sensor, stated, views)
         focus = self.focus_distance
         if self.principal_distance_rule != "focal_length" or focus is None or math.isinf(focus):
             return found

@@ -30,29 +30,33 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
     for name, camera in case.cameras.items():
         usable, shared = is_usable(case, name, places), _seen_twice(camera, places)
         seen, measured = shared > 0.0, 1.0 - DepthErrors.of(camera, places).failed_fraction
-        behind = np.array([camera.depth_behind_lens(float(place)) for place in places])
+        left, right, top, bottom = np.transpose([camera.edge_angles(float(place)) for place in places])
         ranges = usable_intervals(camera, case.criteria, case.distance)
-        sizes = [count * camera.sensor.pixel_pitch for count in (camera.sensor.columns, camera.sensor.rows)]
-        at_middle = camera.depth_behind_lens(middle)
+        view = camera.edge_angles(middle)
         for key, values in {
             "z_accuracy": np.where(seen, judged_uncertainty(camera, places, "calibration"), np.nan),
             "temporal_noise": np.where(seen, depth_uncertainty(_repeating(camera), places, "noise"), np.nan),
             "subpixel_rms": np.where(camera.images(places) & seen, disparity_error_at(camera, places), np.nan),
             "plane_fit_rms": np.where(seen, depth_uncertainty(camera, places, "noise"), np.nan),
             "fill_rate": np.where(usable, np.nan_to_num(shared * measured), 0.0),
-            "field_width": sizes[0] * places / behind,
-            "field_height": sizes[1] * places / behind,
+            "field_width": places * (_slope(left) + _slope(right)),
+            "field_height": places * (_slope(top) + _slope(bottom)),
             "usable": usable.astype(np.float64),
         }.items():
             columns.setdefault(key, []).append(values)
         for key, value in {
-            "horizontal_field_of_view": 2.0 * math.atan(sizes[0] / (2.0 * at_middle)),
-            "vertical_field_of_view": 2.0 * math.atan(sizes[1] / (2.0 * at_middle)),
+            "horizontal_field_of_view": view[0] + view[1],
+            "vertical_field_of_view": view[2] + view[3],
             "near_limit": ranges[0].near if ranges else math.nan,
             "far_limit": ranges[-1].far if ranges else math.nan,
         }.items():
             single.setdefault(key, []).append(value)
     return dataset("datasheet", {**columns, **single}, {"camera": list(case.cameras), "sheet_distance": places})
+
+
+def _slope(angle: FloatArray) -> FloatArray:
+    """Tangent of the angle of an edge; infinite where the view has no edge in the plane, from 90° on."""
+    return np.where(angle < math.pi / 2.0, np.tan(angle), np.inf)
 
 
 def _repeating(camera: DepthCamera) -> DepthCamera:
