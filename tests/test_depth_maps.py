@@ -116,6 +116,28 @@ def test_planes_are_measured_within_the_predicted_errors(
         assert 0.8 < (high - low) / 2.0 < 1.4
 
 
+@pytest.mark.parametrize("camera", ["pair", "converging", "plenoptic", "views"])
+def test_a_plane_at_the_end_of_the_distances_is_measured(tmp_path: Path, camera: str) -> None:
+    """In single precision, 150 mm lies beyond the search range that ends there."""
+    assert float(np.float32(0.15)) > 0.15
+    ends = ["scene.distances.to=150 mm"]
+    beyond = ["scene.distances.to=160 mm"]
+    (at_end, _), (inside, _) = (mapped(tmp_path, camera, PLANE.format(150), one) for one in (ends, beyond))
+    assert inside.seen > 0
+    assert at_end.seen == pytest.approx(inside.seen, rel=0.02)
+    assert at_end.filled == pytest.approx(inside.filled, abs=0.02)
+
+
+@pytest.mark.parametrize("distance", [0.7, 1.03, 1.4])
+def test_a_plane_at_the_nearest_distance_is_measured(tmp_path: Path, distance: float) -> None:
+    pytest.importorskip("cv2")
+    values = {"scene.distances.from": f"{distance} m", "scene.image.surfaces.0.distance": f"{distance} m"}
+    study = api.load(Path(__file__).parent / "data" / "plane-at-the-end" / "near.yaml").with_values(values)
+    score = api.render(study, tmp_path, depth=True).depths["c"]
+    assert score.filled > 0.98
+    assert score.available > 0.85
+
+
 @pytest.mark.parametrize("distance", [138, 150, 168])
 def test_the_sharpest_of_a_stack_lies_within_a_sixth_of_a_step(tmp_path: Path, distance: int) -> None:
     score, _ = mapped(tmp_path, "stack", PLANE.format(distance), length="0.3 mm")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from tradestudy.cameras.light_cones import Description
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
+
+_ROUNDING: Final = 1e-4
+"""Relative error of a true depth: it is in single precision, and interpolated between pixels if it is rectified."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,8 +69,23 @@ class DepthSearch:
 
     @property
     def distances(self) -> FloatArray:
-        """Distances from near to far [m], evenly spaced in inverse distance, for tables."""
-        return np.asarray(1.0 / np.linspace(1.0 / self.near, 1.0 / self.far, 513))
+        """Distances from near to far [m], and just beyond, evenly spaced in inverse distance, for tables."""
+        near, far = _with_rounding(self.near, self.far)
+        return np.asarray(1.0 / np.linspace(1.0 / near, 1.0 / far, 513))
+
+    def includes(self, depth: Samples) -> BoolArray:
+        """Whether true depths [m] are searched; see `lies_within`."""
+        return lies_within(depth, self.near, self.far)
+
+
+def lies_within(depth: Samples, near: float, far: float) -> BoolArray:
+    """Whether true depths lie between two distances [m], which depths at the ends do in spite of rounding."""
+    low, high = _with_rounding(near, far)
+    return np.asarray((depth >= low) & (depth <= high))
+
+
+def _with_rounding(near: float, far: float) -> tuple[float, float]:
+    return near * (1.0 - _ROUNDING), far * (1.0 + _ROUNDING)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from tradestudy.cameras.conventional.design import ConventionalCamera
-from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth, lies_within
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
@@ -106,7 +106,7 @@ class FocusStackReader(DepthReader):
         first = stack[0].name
         depth = np.where(pure[first], depths[first], np.nan)
         ends = sorted(one.focus_distance for one in stack)
-        return TrueDepth(depth=depth, measurable=(depth >= ends[0]) & (depth <= ends[-1]))
+        return TrueDepth(depth=depth, measurable=lies_within(depth, ends[0], ends[-1]))
 
 
 def _gradient_energy(values: Samples) -> Samples:

@@ -186,7 +186,7 @@ class RawPictureReader(DepthReader):
         reference = values[lenses, inner, inner]
         base = grid.corner[:, lenses] - grid.corner[:, others] + move[:, np.newaxis] + MARGIN
         ends = np.sort(length * self._inverse_virtual_depths[[0, -1]])
-        steps = range(math.floor(ends[0]) - 1, math.floor(ends[1]) + 3)
+        steps = range(math.floor(ends[0]) - 2, math.floor(ends[1]) + 4)
 
         place = grid.corner[:, lenses] - grid.image_centre[:, lenses]
         arrives = grid.corner[:, lenses] + move[:, np.newaxis] - grid.image_centre[:, others]

@@ -95,8 +95,8 @@ class PairReader(DepthReader):
     @property
     def _steps(self) -> range:
         """Disparities to search [px], at most the width of a picture."""
-        first = math.floor(self._scale / self.search.far) - 1
-        last = min(math.floor(self._scale / self.search.near) + 3, self.camera.sensor.columns)
+        first = math.floor(self._scale / self.search.far) - 2
+        last = min(math.floor(self._scale / self.search.near) + 4, self.camera.sensor.columns)
         return range(first, max(last, first + 4))
 
     def _depth(self, disparity: Samples) -> Samples:
@@ -271,8 +271,7 @@ class PairReader(DepthReader):
             inside = (place >= 0.0) & (place <= left.shape[1] - 1) & np.isfinite(left)
             beside = np.rint(np.where(inside, place, 0.0)).astype(np.intp)
             same = np.abs(self._scale / right[rows, beside] - disparity) <= _SAME_SURFACE_PX
-        searched = (left >= self.search.near) & (left <= self.search.far)
-        return TrueDepth(depth=left, measurable=inside & same & searched)
+        return TrueDepth(depth=left, measurable=inside & same & self.search.includes(left))
 
     def _true_depth(self, depth: Samples, side: str) -> Samples:
         """True depth along the axis of the rectified camera [m]."""

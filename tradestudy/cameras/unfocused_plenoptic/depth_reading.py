@@ -122,7 +122,7 @@ class ViewsReader(DepthReader):
         template = np.where(smooth.seen, smooth.at(np.zeros(2)), np.float32(np.nan))
         pairs = [self._pair(picture, template, u) for u in self._half_pairs]
         ends = np.sort(camera.disparity_px(np.array([self.search.near, self.search.far])) * self._baseline_ratio)
-        steps = range(math.floor(ends[0]) - 1, math.floor(ends[1]) + 3)
+        steps = range(math.floor(ends[0]) - 2, math.floor(ends[1]) + 4)
         found = match_windows(
             pairs,
             steps,
@@ -171,7 +171,7 @@ class ViewsReader(DepthReader):
         found = np.full(shape, np.nan)
         found[row[inside], column[inside]] = raw[y[inside], x[inside]]
         depth = self._straightened(found)
-        within = (depth >= self.search.near) & (depth <= self.search.far)
+        within = self.search.includes(depth)
         disparity = self.camera.disparity_px(np.where(within, depth, self.search.far)) * self._baseline_ratio
         smooth = maximum_filter(disparity, 3) - minimum_filter(disparity, 3) <= _SAME_SURFACE_PX
         return TrueDepth(depth=depth, measurable=within & smooth)
