@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -285,8 +286,26 @@ def test_the_command_says_how_well_each_camera_measured(tmp_path: Path) -> None:
 
 def test_stereo_without_the_library_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(ValueError, match="pip install opencv-python-headless"):
+    with pytest.raises(ValueError, match=r"pip install '\.\[images\]'"):
         mapped(tmp_path, "pair", PLANE.format(150))
+    path = tmp_path / "maps.yaml"
+    path.write_text(study_text("pair", PLANE.format(150), more="depth_maps: true"), encoding="utf-8")
+    for command in ("check", "plan"):
+        said = CliRunner().invoke(cli.app, [command, str(path)])
+        assert said.exit_code == 2
+        assert "scene.image.depth_maps: depth from stereo pictures needs OpenCV" in said.output
+
+
+@pytest.mark.parametrize("command", ["check", "plan"])
+def test_depth_in_saturated_pictures_is_refused_first(tmp_path: Path, command: str) -> None:
+    """80 000 electrons at f/4 and 5.5 µm are 80 000 (4 · 10/(8.451 · 5.5))² in pixels of 10 µm at f/8.451."""
+    pytest.importorskip("cv2")
+    path = tmp_path / "maps.yaml"
+    text = study_text("pair", PLANE.format(150), more="depth_maps: true")
+    path.write_text(text.replace("8000 electrons", "80000 electrons"), encoding="utf-8")
+    said = CliRunner().invoke(cli.app, [command, str(path)])
+    assert said.exit_code == 2
+    assert re.search(r"scene\.picture\.light: the pictures of pair would be saturated: 59300 e", said.output)
 
 
 def test_a_plane_is_sharpest_refocused_where_it_is_and_views_shift_by_parallax(tmp_path: Path) -> None:

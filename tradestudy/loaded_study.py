@@ -141,15 +141,17 @@ class Study:
         Raises
         ------
         UnaffordableError
-            If even the most complete models exceed a tolerance.
+            If even the most complete models exceed a tolerance, or pictures do not fit into the free memory.
         StudyError
-            If the study prescribes a model for an effect that none of its cameras, lenses or light paths has.
+            If pictures cannot be rendered, or depth cannot be measured in them, or the study prescribes a model for an
+            effect that none of its cameras, lenses or light paths has.
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:
             from tradestudy.plan.choice import choose_models
 
             choose_models(self.definition)
+        self._refuse_pictures()
         return self.check_summary()
 
     def with_values(self, values: Mapping[str, Value]) -> Study:
@@ -187,7 +189,16 @@ class Study:
         """
         from tradestudy.plan.plan import plan_of
 
+        self._refuse_pictures()
         return plan_of(self.definition)
+
+    def _refuse_pictures(self) -> None:
+        """Refuse pictures that a run would refuse; see `refuse_pictures`."""
+        scene = self.file.scene
+        if self.file.depth_loop is not None or (scene is not None and scene.image is not None):
+            from tradestudy.run.refusals import refuse_pictures
+
+            refuse_pictures(self.definition)
 
     def cost(
         self,

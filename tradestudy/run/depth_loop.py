@@ -41,7 +41,8 @@ _RENDERED: Final = 0.65  # typical fraction of the time of a depth map until its
 MOST_PICTURES: Final = 8
 """Maximum number of whole pictures of a plane, each with its own texture and noise, to collect windows from."""
 _SEEDS_APART: Final = 1000  # more than there are distances
-_NOISE: Final = "shot+read+quantisation"
+NOISE: Final = "shot+read+quantisation"
+"""Sensor noise of all pictures of a loop."""
 _FARTHEST: Final = 100.0  # times the distance
 
 _Map = TypeVar("_Map", DepthMap, TrueDepth)
@@ -254,7 +255,7 @@ def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[D
     exposures = small.exposures(distance, {}, None, settings.stop_separation)
     pattern = pattern_of_scene(settings.texture, exposures, (distance, distance), point.seed)
     recording = Recording(
-        light=settings.light, noise=settings.sensor_noise, model=_NOISE, pixel_fill=settings.pixel_fill
+        light=settings.light, noise=settings.sensor_noise, model=NOISE, pixel_fill=settings.pixel_fill
     )
     taken = {
         one.name: take_picture(

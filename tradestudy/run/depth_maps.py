@@ -32,6 +32,7 @@ from tradestudy.optics.window_matching import REASONS
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.run.pictures import Rendering
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.scene_image import Rig
 from tradestudy.wording import json_text
 
 STEP: Final = "depth maps"
@@ -121,13 +122,15 @@ class MeasuredDepth:
     frame: Description
 
 
-def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
+def set_up_readers(definition: StudyDefinition, *, rig: Rig | None = None) -> list[CameraReader]:
     """The depth readers of all cameras that take pictures of the scene.
 
     Parameters
     ----------
     definition
-        A study with ``scene.image``, its calibrations inferred.
+        A study with ``scene.image``, its calibrations inferred unless ``rig`` is as-designed.
+    rig
+        Overrides that of the study.
 
     Raises
     ------
@@ -135,7 +138,7 @@ def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
         A camera cannot measure depth in its pictures.
     """
     image, picture = declared_image(definition)
-    extent, cameras = extent_and_cameras(definition)
+    extent, cameras = extent_and_cameras(definition, rig=rig)
     if image.mosaic is not None:
         raise OutOfRangeError(
             "depth maps from pictures taken through a mosaic of colour filters",

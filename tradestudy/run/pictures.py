@@ -25,7 +25,7 @@ from tradestudy.plan.choice import chosen
 from tradestudy.plan.problems.scene_pictures import picture_problems
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.scene_image import SceneImagePart
+from tradestudy.study.schema.scene_image import Rig, SceneImagePart
 from tradestudy.wording import json_text
 
 STEP: Final = "rendering"
@@ -101,6 +101,7 @@ def render_scene(definition: StudyDefinition, steps: Steps, seconds: Sequence[fl
         The pictures do not fit into the free memory; raised before anything is rendered.
     """
     image, picture = declared_image(definition)
+    refuse_too_large(definition, workers=int(getattr(steps.executor, "count", 1)))
     scene, cameras = set_up(definition)
     whole, errors = [], []
     for taken, (by_waves, change) in zip(cameras, _models(definition), strict=True):
@@ -109,7 +110,6 @@ def render_scene(definition: StudyDefinition, steps: Steps, seconds: Sequence[fl
             waves = waves_of(one.exposure, scene, definition.case.wavelength) if by_waves else None
             whole.append(replace(one, waves=waves))
             errors.append(change if waves is None else waves.bent_farther)
-    _refuse_too_large(whole, scene, workers=int(getattr(steps.executor, "count", 1)))
     tiles = [tiles_of(one) for one in whole]
     flat = [tile for some in tiles for tile in some]
     predicted = {one.name: its for one, its in zip(cameras, seconds, strict=True)} if seconds else {}
@@ -159,9 +159,18 @@ def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:
     return found
 
 
-def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int) -> None:
-    """Refuse pictures that do not fit into the free memory."""
-    sensors = [one.exposure.sensor for one in whole]
+def refuse_too_large(definition: StudyDefinition, *, workers: int = 1, rig: Rig | None = None) -> None:
+    """Refuse pictures that do not fit into the free memory; ``rig`` overrides that of the study.
+
+    Raises
+    ------
+    StudyError
+        The scene cannot be rendered.
+    UnaffordableError
+        The pictures do not fit.
+    """
+    scene, cameras = set_up(definition, rig=rig)
+    sensors = [exposure.sensor for taken in cameras for exposure in taken.exposures]
     pixels = sum(sensor.columns * sensor.rows for sensor in sensors)
     patterns = {one.pattern for one in scene.surfaces if isinstance(one.pattern, RandomPattern)}
     each = WORKER_BYTES + sum(_BYTES_PER_SAMPLE * pattern.side**2 for pattern in patterns)

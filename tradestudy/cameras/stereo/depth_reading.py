@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.util import find_spec
 from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
@@ -63,7 +64,8 @@ class PairReader(DepthReader):
     search: DepthSearch
 
     def __post_init__(self) -> None:
-        _opencv()  # refused here, before pictures are rendered for it
+        if find_spec("cv2") is None:  # refused here, before pictures are rendered for it
+            raise _without_opencv()
 
     @cached_property
     def _exposures(self) -> Mapping[str, SingleLensExposure]:
@@ -296,8 +298,12 @@ def _opencv() -> Any:
     try:
         import cv2
     except ImportError:
-        raise OutOfRangeError(
-            "depth from stereo pictures needs OpenCV, which is not installed",
-            remedy="install it with: pip install opencv-python-headless",
-        ) from None
+        raise _without_opencv() from None
     return cv2
+
+
+def _without_opencv() -> OutOfRangeError:
+    return OutOfRangeError(
+        "depth from stereo pictures needs OpenCV, which is not installed",
+        remedy="install the extra `images` of this program, in its folder: pip install '.[images]'",
+    )
