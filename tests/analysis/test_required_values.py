@@ -72,11 +72,37 @@ def test_a_requirement_that_another_camera_meets_is_not_ascribed_to_the_one_that
     yaw = {"says": "Which yaw?", "vary": "stereo-75mm.calibration.errors.yaw.standard_deviation"}
     needed = {"depth_uncertainty": {"below_relative": "4 %", "over": ["0.5 m", "3 m"]}}
     found = asked({**needed, "camera": "any"}, {**yaw, "low": "0.001 deg", "high": "2 deg"})
-    assert found.solutions == ()
-    assert re.match(r"met every.* by 75 mm stereo head or 50 mm stereo head, because any camera may", found.answer)
     alone = asked(needed, {**yaw, "low": "0.001 deg", "high": "2 deg"})
     assert len(alone.solutions) == 1
-    assert "by" not in alone.answer
+    assert found.solutions == alone.solutions
+    own = re.escape(alone.answer.partition("; declared")[0])
+    assert re.match(
+        rf"75 mm stereo head: {own}; 50 mm stereo head: met everywhere .*; Raytrix R5: met nowhere ", found.answer
+    )
+
+
+def test_several_requirements_are_met_between_their_own_limits() -> None:
+    """1 % at 3 m wants a long baseline, 60 % overlap at 0.4 m one of at most 0.4 · 0.4 m W/f."""
+    far = {
+        "says": "far",
+        "camera": "stereo-75mm",
+        "depth_uncertainty": {"below_relative": "1 %", "over": ["2 m", "3 m"]},
+    }
+    near = {"says": "near", "camera": "stereo-75mm", "overlap": {"above": "60 %", "over": ["0.4 m", "3 m"]}}
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values(
+        {
+            "requirements": {"near-and-mid": None, "far": far, "near": near},
+            "solve": {"which": {**BASELINE, "requirement": ["far", "near"]}},
+            "usable_range": None,
+        }
+    )
+    definition = study.plan().definition
+    begins, ends = solve_requirement(definition, definition.file.solve["which"]).solutions
+    assert ends.value == pytest.approx(0.4 * 0.4 * WIDTH / 2.65e-3, rel=2e-4)
+    case = definition.with_values({"stereo-75mm.baseline": f"{begins.value} m"}).case
+    assert depth_uncertainty(case.cameras["stereo-75mm"], np.array([3.0]))[0] / 3.0 == pytest.approx(0.01, rel=0.005)
+    with pytest.raises(StudyError, match="no requirement is called 'nearer'"):
+        study.with_values({"solve.which.requirement": ["far", "nearer"]})
 
 
 def test_a_bound_that_varies_is_the_bound_that_counts() -> None:

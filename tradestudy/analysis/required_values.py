@@ -35,9 +35,10 @@ class _Trial:
 
 
 def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solved:
-    """Find every value at which a requirement begins or ceases to be met.
+    """Find every value at which a requirement, or the last of several, begins or ceases to be met.
 
-    The requirement is evaluated at seventeen values between the declared ends and at the declared value. Where the
+    Where any camera may meet it, each is asked by itself; the solutions are those of the first whose values vary. The
+    requirement is evaluated at seventeen values between the declared ends and at the declared value. Where the
     answer changes between two of them, bisection locates the change, because the margin may jump where a camera ceases
     to be usable. Two changes between neighbouring values are not seen. The error combines the final bracket with the
     error of the worst value divided by the slope of its margin.
@@ -50,40 +51,81 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
         The study is invalid for a value between them.
     """
     varying, judge = Varying.of(definition, question), Judge()
-    name, dimension = question.requirement or "", varying.dimension
     definition = to_be_planned(definition, varying)
-    known: dict[float, RequirementAnswer] = {}
-
-    def is_met(value: float) -> bool | None:
-        changed = planned(definition.with_values(varying.changes(value)))
-        known[value] = judge.answer(changed.file.requirements[name], changed.case)[0]
-        return known[value].met
-
+    tried = _Tried(definition=definition, requirements=question.requirements, varying=varying, judge=judge, known={})
     places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _PLACES)}
     for value in places | varying.declared(definition):
-        is_met(value)
+        tried.answer(value)
     for _ in range(_REFINEMENTS):
-        for value in _beside_the_nearest(known):
-            is_met(varying.possible(value))
-    trials = [_Trial(value=value, answer=answer) for value, answer in sorted(known.items())]
+        for value in _beside_the_nearest({value: tried.answer(value) for value in tried.known}):
+            tried.answer(varying.possible(value))
+    asked = _cameras_asked(definition, tried)
+    varied = {path.removeprefix("cameras.").partition(".")[0] for path in question.paths}
+    alone = {name: _solved(tried, definition, name) for name in sorted(asked, key=lambda name: name not in varied)}
+    first = next((name for name in alone if name in varied), "")
+    solutions, answer = alone[first] if first else _solved(tried, definition)
+    if alone:
+        each = "; ".join(f"{definition.file.cameras[name].title}: {words}" for name, (_, words) in alone.items())
+        answer = each if first else f"{answer}; {each}"
+    return Solved(
+        solutions=tuple(solutions),
+        dimension=varying.dimension,
+        answer=with_declared_value(definition, question, answer),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tried:
+    """The answers to the requirements at the values tried so far, by value in SI."""
+
+    definition: StudyDefinition
+    requirements: tuple[str, ...]
+    varying: Varying
+    judge: Judge
+    known: dict[float, list[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]]
+
+    def answer(self, value: float, camera: str = "") -> RequirementAnswer:
+        """The answer to the requirement that is hardest to meet, of all cameras together or of one alone."""
+        if value not in self.known:
+            changed = planned(self.definition.with_values(self.varying.changes(value)))
+            self.known[value] = [
+                self.judge.answer(changed.file.requirements[name], changed.case) for name in self.requirements
+            ]
+        answers = [every[camera] if camera else deciding for deciding, every in self.known[value]]
+        return min(answers, key=lambda one: (one.met is True, one.met is None, np.nan_to_num(one.margin)))
+
+
+def _cameras_asked(definition: StudyDefinition, tried: _Tried) -> list[str]:
+    """The cameras of a requirement on any of several, in their order; none for other requirements."""
+    if len(tried.requirements) > 1 or definition.file.requirements[tried.requirements[0]].camera != ANY:
+        return []
+    ((_, every),) = next(iter(tried.known.values()))
+    return list(every) if len(every) > 1 else []
+
+
+def _solved(tried: _Tried, definition: StudyDefinition, camera: str = "") -> tuple[list[Solution], str]:
+    """Where the requirements begin or cease to be met, by all cameras together or by one alone, also in words."""
+    varying = tried.varying
+    trials = [_Trial(value=value, answer=tried.answer(value, camera)) for value in sorted(tried.known)]
     if undecided := [one.answer.reason for one in trials if one.answer.met is None]:
-        reason = undecided[0]
-        return Solved(solutions=(), dimension=dimension, answer=f"cannot be decided: {reason}")
+        return [], f"cannot be decided: {undecided[0]}"
     solutions: list[Solution] = []
     for before, after in itertools.pairwise(trials):
         if before.answer.met == after.answer.met:
             continue
         inside, outside = (before, after) if before.answer.met else (after, before)
-        ends = bracketed(inside.value, outside.value, is_met, possible=varying.possible, close=_CLOSE)
+        ends = bracketed(
+            inside.value,
+            outside.value,
+            lambda value: tried.answer(value, camera).met,
+            possible=varying.possible,
+            close=_CLOSE,
+        )
         # A count has no values between neighbouring integers.
-        error = 0.0 if varying.is_counted else _error(known[ends[0]], abs(ends[1] - ends[0]), before, after)
+        bracket = abs(ends[1] - ends[0])
+        error = 0.0 if varying.is_counted else _error(tried.answer(ends[0], camera), bracket, before, after)
         solutions.append(Solution(value=ends[0], error=error))
-    answer = _answer(trials, solutions, dimension, varying.declared(definition))
-    if definition.file.requirements[name].camera == ANY:
-        answer += _by_others(definition, question, trials)
-    return Solved(
-        solutions=tuple(solutions), dimension=dimension, answer=with_declared_value(definition, question, answer)
-    )
+    return solutions, _answer(trials, solutions, varying.dimension, varying.declared(definition))
 
 
 def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Trial) -> float:
@@ -133,16 +175,6 @@ def _answer(
         else:
             parts.append(f"from {first} to {last}" if high else f"from {first} on (searched up to {ends[1]})")
     return f"met {listed(parts)}"
-
-
-def _by_others(definition: StudyDefinition, question: SolvePart, trials: Sequence[_Trial]) -> str:
-    """The cameras that meet a requirement on any of them, unless only those do whose values vary."""
-    varied = {path.partition(".")[0] for path in question.paths}
-    meeting = list(dict.fromkeys(one.answer.camera for one in trials if one.answer.met))
-    if varied.issuperset(meeting):
-        return ""
-    titles = [definition.file.cameras[name].title for name in meeting]
-    return f" by {' or '.join(titles)}, because any camera may meet it"
 
 
 def _nearest(trials: Sequence[_Trial], dimension: Dimension, declared: Container[float] = ()) -> str:

@@ -115,6 +115,9 @@ class ReadingPart(Part):
     )
 
 
+RequirementNames = Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)]
+
+
 class SolvePart(Part):
     """The values of an input at which a condition holds.
 
@@ -140,8 +143,10 @@ class SolvePart(Part):
     uncertainty: PositiveLength | None = Field(
         default=None, description="Instead of `relative`: the depth uncertainty that the camera must reach."
     )
-    requirement: CameraName | None = Field(
-        default=None, description="Instead of `equal` or `camera`: name of the requirement to meet."
+    requirement: CameraName | RequirementNames | None = Field(
+        default=None,
+        description="Instead of `equal` or `camera`: name of the requirement to meet, or names of several that must "
+        "all be met.",
     )
     at: ObjectDistance | None = Field(
         default=None,
@@ -177,6 +182,11 @@ class SolvePart(Part):
     def goal(self) -> float:
         """Depth uncertainty that the camera must reach [m]."""
         return self.uncertainty if self.uncertainty is not None else (self.relative or 0.0) * self.place
+
+    @property
+    def requirements(self) -> tuple[str, ...]:
+        """Names of the requirements to meet; empty for another condition."""
+        return (self.requirement,) if isinstance(self.requirement, str) else self.requirement or ()
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -254,8 +254,13 @@ def _named_readings(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
 
 def _named_requirements(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
     questions = _mapping(tree.get("solve")).items()
-    named = [(("solve", key, "requirement"), _mapping(question).get("requirement")) for key, question in questions]
-    return [(path, name) for path, name in named if name is not None]
+    named: list[tuple[Location, Any]] = []
+    for key, question in questions:
+        asked, place = _mapping(question).get("requirement"), ("solve", key, "requirement")
+        if isinstance(asked, str):
+            named.append((place, asked))
+        named += [((*place, i), name) for i, name in enumerate(_list(asked))]
+    return named
 
 
 def _mapping(value: Any) -> Mapping[Any, Any]:
