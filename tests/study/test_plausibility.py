@@ -10,18 +10,36 @@ from typer.testing import CliRunner
 
 import tradestudy
 from tradestudy.cli import app
+from tradestudy.results.views.conclusions import terminal_lines
 
 STUDIES = Path(__file__).parents[2] / "studies"
 ROBOT = STUDIES / "robot.yaml"
 UNUSUAL = {
-    "stereo-75mm.baseline": ("50 m", "50 m is unusual (100 µm to 10 m is common)"),
+    "stereo-75mm.baseline": ("50 m", "50 m is unusual (100 µm to 10 m is common); did you mean 50 mm?"),
     "raytrix-r5.microlenses.gap": ("100 mm", "100 mm is unusual (10 µm to 10 mm is common)"),
-    "stereo-75mm.sensor.pixel_pitch": ("3 mm", "3 mm is unusual"),
+    "stereo-75mm.sensor.pixel_pitch": ("3 mm", "3 mm is unusual (300 nm to 200 µm is common); did you mean 3 um?"),
     "scene.wavelength": ("30 um", "30 µm is unusual (200 nm to 20 µm is common)"),
     "usable_range.relative_uncertainty": ("100 %", "100 % is unusual"),
     "scene.picture.light.electrons": ("20000 electrons", "full well of"),
     "stereo-75mm.lenses.f_number": ("0.5", "0.5 is unusual (0.7 to 200 is common)"),
-    "stereo-75mm.calibration.errors.yaw.standard_deviation": ("80 deg", "80° is unusual"),
+    "stereo-75mm.calibration.errors.yaw.standard_deviation": (
+        "10 deg",
+        "10° is unusual (0° to 2° is common); did you ",
+    ),
+    "stereo-75mm.depth.disparity_error": ("8 px", "8 px is unusual (0.002 px to 2 px is common)"),
+    "stereo-75mm.depth.discrimination_step": ("10 px", "10 px is unusual"),
+    "scene.picture.texture.correlation_length": ("20 m", "20 m"),
+    "scene.picture.matching_window": ("900 px", "900 px is unusual"),
+    "scene.picture.read_noise": ("5000 electrons", "is unusual"),
+    "stereo-75mm.calibration.errors.baseline": (
+        "{standard_deviation: 8 mm}",
+        "8 mm is unusual (0 m to 5 mm is common)",
+    ),
+    "raytrix-r5.calibration.stability": (
+        "{temperature: {standard_deviation: 3 K}, housing_expansion: 23e-3 1/K, array_expansion: 7 ppm/K, "
+        "focal_length_expansion: 1 ppm/K, glass_index: 1.5}",
+        "is unusual",
+    ),
     "accuracy.tolerance": ("0.1", "0.1 means 10 %; write '0.1 %' for 0.1 %"),
     "decision.at": ("[8 m]", "lies beyond the distances of the scene"),
     "requirements.near-and-mid.depth_uncertainty.over": ("[0.2 m, 1 m]", "reaches beyond the distances of the scene"),
@@ -69,6 +87,78 @@ def test_a_report_keeps_the_warnings() -> None:
     result = tradestudy.load(ROBOT, few).run()
     kept = result.data["assumptions"]["warning"].values.tolist()
     assert any("50 m is unusual" in str(one).replace("\N{NO-BREAK SPACE}", " ") for one in kept)
+
+
+FAST = Path(__file__).parents[1] / "data" / "fast-main-lens" / "spcf22.yaml"
+
+
+def contradictory(*changes: str) -> tuple[str, str]:
+    """The warning and the last lines of the terminal about one contradiction; both empty if there is none."""
+    study = tradestudy.load(FAST, list(changes))
+    warned = [one for one in study.warnings if "unusual" not in one]
+    said = [one for one in terminal_lines(study.run().data) if one.startswith("Contradictory inputs")]
+    assert len(warned) <= 1
+    return "".join(warned), "".join(said)
+
+
+def test_a_main_lens_faster_or_much_slower_than_its_microlenses_is_said_in_check_and_terminal() -> None:
+    """f/22 microlenses: a pupil of f/4 is imaged 22/4 = 5.5 cells wide, one of f/44 half a cell wide."""
+    assert contradictory() == ("", "")
+    warned, said = contradictory("spc.main_lens.f_number=4")
+    assert "main_lens.f_number: f-number matching" in warned
+    assert "its micro-images overlap" in warned
+    assert said.startswith("Contradictory inputs of spc: its micro-images overlap")
+    assert all(one in said for one in ("f/4 ", "f/22"))
+    warned, said = contradictory("spc.main_lens.f_number=44")
+    assert all("fill only 25" in one and "slower" in one for one in (warned, said))
+    # A few dark pixels are no consequence, only a contradiction; a basis says that the author knows.
+    warned, said = contradictory("spc.main_lens.f_number=25")
+    assert warned
+    assert not said
+    warned, said = contradictory("spc.main_lens.f_number={value: 4, basis: measured}")
+    assert not warned
+    assert said
+
+
+def test_the_first_page_says_that_micro_images_overlap(tmp_path: Path) -> None:
+    tradestudy.load(FAST, ["spc.main_lens.f_number=4"]).run().write(tmp_path, pdf=False)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.index('id="answer"') < page.index("its micro-images overlap") < page.index('id="cameras"')
+
+
+MINI = FAST.parents[1] / "coverage-of-other-relay" / "mini40.0.yaml"
+
+
+@pytest.mark.parametrize(
+    ("focal_length", "blurred"),  # b_L/f_L − 1 = 1/v in focus; 1/v of real objects lies from −40.09/136 = −0.295 to 0
+    [("37 um", False), ("40.0 um", False), ("50 um", False), ("80 um", True), ("36 um", True), ("30 um", True)],
+)
+def test_a_gap_that_focuses_on_no_real_object_is_said(focal_length: str, blurred: bool) -> None:
+    """Blur over aperture is the distance of 1/v: 0.083, 0.002, 0, 0.20, 0.114 and 0.34; a tenth is allowed."""
+    warned = tradestudy.load(MINI, [f"c.microlenses.focal_lengths=[{focal_length}]"]).warnings
+    assert any("gap against focal lengths" in one and "no real object" in one for one in warned) == blurred
+
+
+@pytest.mark.parametrize(
+    ("changes", "warns"),
+    [
+        ((), True),
+        (("stereo-50mm.principal_distance=focused",), False),
+        (("stereo-50mm.principal_distance=focal_length",), False),  # a choice that the study makes
+        (("stereo-50mm.lenses.focal_length={value: 12 mm, basis: datasheet}",), True),
+        (("stereo-50mm.lenses.focal_length=4000 px",), False),  # a principal distance, as calibrations give it
+        (("stereo-50mm.focus_distance=3 m",), False),
+        (("stereo-50mm.focus_distance=autofocus",), False),
+    ],
+)
+def test_a_lens_whose_focus_implies_another_focal_length_is_warned_about(changes: tuple[str, ...], warns: bool) -> None:
+    """12 mm focused at 0.3 m: the sensor is 12 · 300/288 = 12.5 mm behind the lens."""
+    near = ["stereo-50mm.lenses.focal_length=12 mm", "stereo-50mm.focus_distance=0.3 m", "stereo-75mm=null"]
+    near += ["decision=null", "trade_off=null"]
+    said = [one for one in tradestudy.load(ROBOT, [*near, *changes]).warnings if "principal distance" in one]
+    assert bool(said) == warns
+    assert all("12 mm" in one.replace("\N{NO-BREAK SPACE}", " ") for one in said)
+    assert all("12.5 mm" in one.replace("\N{NO-BREAK SPACE}", " ") for one in said)
 
 
 STEREO = """%YAML:1.0

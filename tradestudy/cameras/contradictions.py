@@ -20,12 +20,25 @@ _ANGLE_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Contradiction:
-    """Two values of one quantity that cannot both be right."""
+    """Two values of one quantity that cannot both be right.
+
+    Parameters
+    ----------
+    what, stated, implied, used
+        The quantity, its two values, and the one that the program uses, in words.
+    path
+        Keys in the declaration of the camera that `check` names.
+    consequence
+        What it does to the camera's answers, as a clause such as "its micro-images overlap"; empty if they do not
+        suffer.
+    """
 
     what: str
     stated: str
     implied: str
     used: str
+    path: tuple[str, ...]
+    consequence: str = ""
 
 
 def lens_contradictions(
@@ -47,6 +60,7 @@ def lens_contradictions(
                     stated=show(stated.field_of_view, ANGLE),
                     implied=f"{show(across, ANGLE)} across, {show(diagonal, ANGLE)} on the diagonal",
                     used=f"focal length {show(lens.focal_length, LENGTH)}",
+                    path=("stated", "field_of_view"),
                 )
             )
     if stated.hyperfocal_distance is not None:
@@ -58,6 +72,7 @@ def lens_contradictions(
                     stated=show(stated.hyperfocal_distance, LENGTH),
                     implied=f"{show(implied, LENGTH)} for a blur of one pixel",
                     used="focal length and f-number",
+                    path=("stated", "hyperfocal_distance"),
                 )
             )
     return found
@@ -74,6 +89,7 @@ def digitiser_contradictions(sensor: Sensor, full_well: float, bits: int) -> lis
             stated=show(full_well, ELECTRONS),
             implied=f"{show(2.0**bits / gain, ELECTRONS)} at the largest of 2^{bits} digital numbers",
             used="whichever ends first",
+            path=("sensor", "system_gain"),
         )
     ]
 
@@ -96,6 +112,7 @@ def _sensitivity_contradictions(sensor: Sensor, stated: float | None) -> list[Co
             stated=show(stated, PHOTONS),
             implied=show(implied[0], PHOTONS),
             used="quantum efficiency, dark noise and system gain",
+            path=("stated", "absolute_sensitivity_threshold"),
         )
     ]
 

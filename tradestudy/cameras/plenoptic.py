@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 # f-number matching is a rule of thumb; a mismatch of a few percent neither wastes pixels nor mixes micro-images.
 _MATCHING_TOLERANCE: Final = 0.05
 Points = tuple[FloatArray, FloatArray, FloatArray]
+_LITTLE_LIGHT: Final = 0.5  # of the area of a cell; less is a design that few would choose
+_UNSHARP: Final = 0.1  # of the aperture of a microlens; two pixels of about twenty
 _FIELD_PLACES: Final = 101  # in a table; linear interpolation between them misses a parabola by 1e-4 of its height
 _ANY_COLOUR: Final = 550e-9  # the table is the same for all wavelengths
 _CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 1.0}
@@ -233,12 +235,18 @@ def array_contradictions(
 ) -> list[Contradiction]:
     """Check stated distances against those used, and the f-numbers of microlenses and main lens against each other."""
     pairs = (
-        ("microlens gap", stated.microlens_gap if stated else None, array.gap),
-        ("distance from main lens to array", stated.mla_distance if stated else None, mla_distance),
+        ("microlens gap", "microlens_gap", stated.microlens_gap if stated else None, array.gap),
+        ("distance from main lens to array", "mla_distance", stated.mla_distance if stated else None, mla_distance),
     )
     found = [
-        Contradiction(what=what, stated=show(value, LENGTH), implied=show(used, LENGTH), used="the implied value")
-        for what, value, used in pairs
+        Contradiction(
+            what=what,
+            stated=show(value, LENGTH),
+            implied=show(used, LENGTH),
+            used="the implied value",
+            path=("stated", key),
+        )
+        for what, key, value, used in pairs
         if value is not None and not math.isclose(value, used, rel_tol=PRINTED_TOLERANCE)
     ]
     micro, main = array.gap / array.pitch, mla_distance / lens.pupil_diameter
@@ -250,6 +258,41 @@ def array_contradictions(
                 implied=f"microlenses f/{micro:.3g} from pitch and gap",
                 used=f"gap {show(array.gap, LENGTH)}; micro-images "
                 + ("leave dark pixels between them" if micro < main else "overlap"),
+                path=("main_lens", "f_number"),
+                consequence=_mismatch(micro, main),
             )
         )
-    return found
+    return [*found, *_unsharp(lens, array, mla_distance)]
+
+
+def _mismatch(micro: float, main: float) -> str:
+    """What unequal f-numbers do, where that is more than a few dark pixels."""
+    faster = f"the main lens (f/{main:.3g} on the image side) is {{}} than the microlenses (f/{micro:.3g})"
+    if micro > main:
+        return f"its micro-images overlap, because {faster.format('faster')}, and pixels mix views of the scene"
+    if (micro / main) ** 2 < _LITTLE_LIGHT:
+        share = pretty((micro / main) ** 2, FRACTION, 2)
+        return f"its micro-images fill only {share} of their cells, because {faster.format('slower')}"
+    return ""
+
+
+def _unsharp(lens: Lens, array: MicrolensArray, mla_distance: float) -> Iterator[Contradiction]:
+    """Check that a type of microlens focuses on an image that the main lens can form of a real object, or nearly."""
+    if len(array.focal_lengths) == 1 and array.focal_lengths[0] == array.gap:
+        return  # the unfocused design, in which the main lens focuses on the array
+    far = array.gap / (mla_distance - lens.focal_length) if mla_distance != lens.focal_length else math.inf
+    # 1/v of real objects lies between 1/v of infinity and 0 if the array is within the focal length, else outside them.
+    in_focus = [array.gap / one - 1.0 for one in array.focal_lengths]
+    within = [max(far - inverse, inverse, 0.0) for inverse in in_focus]
+    outside = [max(min(far - inverse, inverse), 0.0) for inverse in in_focus]
+    least = min(within if far < 0.0 else outside)
+    if least > _UNSHARP:
+        yield Contradiction(
+            what="gap against focal lengths of the microlenses",
+            stated=f"gap {show(array.gap, LENGTH)}",
+            implied=f"focal lengths {', '.join(show(one, LENGTH) for one in array.focal_lengths)}",
+            used="both; every object is blurred",
+            path=("microlenses", "focal_lengths"),
+            consequence="its microlenses focus on no real object: at every distance, their blur is at least "
+            f"{pretty(least, FRACTION, 2)} of their aperture",
+        )

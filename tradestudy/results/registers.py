@@ -74,6 +74,11 @@ CONTRADICTIONS: Final[Mapping[str, Variable]] = {
     "stated": Variable(dims=("contradiction",), units="", long_name="value that the study states"),
     "implied": Variable(dims=("contradiction",), units="", long_name="value that follows from the other inputs"),
     "used": Variable(dims=("contradiction",), units="", long_name="which value the program uses"),
+    "consequence": Variable(
+        dims=("contradiction",),
+        units="",
+        long_name="what the contradiction does to the answers about the camera; empty if they do not suffer",
+    ),
 }
 
 CRITERIA: Final[Mapping[str, Variable]] = {

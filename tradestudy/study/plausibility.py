@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from tradestudy.cameras.contradictions import Contradiction, digitiser_contradictions
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.imported import NOMINAL_PITCH
 from tradestudy.errors import Problem
@@ -20,7 +22,20 @@ from tradestudy.study.camera_files.pairs import (
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
 from tradestudy.uncertainty.joint import JointDraws
-from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse, pretty
+from tradestudy.units import (
+    ANGLE,
+    ELECTRONS,
+    EXPANSION,
+    FRACTION,
+    LENGTH,
+    NUMBER,
+    PIXELS,
+    TEMPERATURE_DIFFERENCE,
+    Dimension,
+    UnitError,
+    parse,
+    pretty,
+)
 
 _SILENCED: Final = "; stating a basis silences this warning"
 
@@ -52,9 +67,36 @@ _USUAL: Final = (
     _Range(key="factor", dimension=NUMBER, low=1.0, high=10.0, below="matcher"),
     _Range(key="floor", dimension=PIXELS, low=0.0, high=1.0, below="matcher"),
     _Range(key="false_matches", dimension=FRACTION, low=0.0, high=0.5, below="matcher"),
-    _Range(key="standard_deviation", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
-    _Range(key="half_width", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
+    _Range(key="disparity_error", dimension=PIXELS, low=0.002, high=2.0),
+    _Range(key="discrimination_step", dimension=PIXELS, low=0.002, high=2.0),
+    _Range(key="corner_noise", dimension=PIXELS, low=0.002, high=2.0),
+    _Range(key="matching_window", dimension=PIXELS, low=3.0, high=301.0),
+    _Range(key="blur", dimension=PIXELS, low=0.1, high=100.0, below="usable_range"),
+    _Range(key="correlation_length", dimension=LENGTH, low=1e-6, high=1.0, below="texture"),
+    _Range(key="read_noise", dimension=ELECTRONS, low=0.1, high=1000.0),
+    _Range(key="full_well", dimension=ELECTRONS, low=100.0, high=1e7),
+    _Range(key="from", dimension=LENGTH, low=1e-3, high=1e5, below="distances"),
+    _Range(key="to", dimension=LENGTH, low=1e-3, high=1e5, below="distances"),
+    _Range(key="focus_distance", dimension=LENGTH, low=1e-3, high=math.inf, below="cameras"),
+    _Range(key="convergence_distance", dimension=LENGTH, low=1e-3, high=math.inf, below="cameras"),
+    *(
+        _Range(key=f"{part}_expansion", dimension=EXPANSION, low=-100e-6, high=300e-6)
+        for part in ("housing", "baseline", "array", "sensor", "focal_length")
+    ),
+    *(
+        _Range(key=key, dimension=dimension, low=0.0, high=high, below=below)
+        for key in ("standard_deviation", "half_width")
+        for dimension, high, below in (
+            (ANGLE, math.radians(2.0), "errors"),
+            (ANGLE, math.radians(2.0), "ageing"),
+            (LENGTH, 5e-3, "errors"),
+            (LENGTH, 5e-3, "ageing"),
+            (TEMPERATURE_DIFFERENCE, 100.0, "temperature"),
+        )
+    ),
 )
+_OTHER_UNITS: Final = {LENGTH: ("nm", "um", "mm", "m"), ANGLE: ("deg", "mrad", "rad"), EXPANSION: ("ppm/K",)}
+"""Units that people confuse."""
 _OF_IMPORTS: Final = {
     UNUSUAL_BASELINE: "the baseline is {}",
     UNUSUAL_NOISE: "the corners scatter by {}; detectors reach 0.02 to 0.3 px, so the lens may need another "
@@ -63,6 +105,7 @@ _OF_IMPORTS: Final = {
     UNUSUAL_MATRIX: "{}; check the camera matrix",
     UNUSUAL_SIGN: "{}; check the sign, and which camera is the left one",
 }
+_NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _OF_QUESTION: Final = ("solve", "relative")
 _LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit was probably meant in per cent
 
@@ -80,8 +123,38 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_few_draws(definition),
         *_requirements(definition),
         *_decision(definition),
+        *_contradictory(definition),
     ]
     return tuple({(one.file, one.line, one.column, one.what): one for one in found}.values())
+
+
+def contradictions(definition: StudyDefinition) -> list[tuple[str, Contradiction]]:
+    """Cross-check the inputs of every camera of a study."""
+    tolerance = definition.file.accuracy.asked().tolerances["depth_uncertainty"]
+    picture = None if definition.file.scene is None else definition.file.scene.picture
+    found = []
+    for name, camera in definition.case.all_cameras.items():
+        own = [*camera.contradictions(definition.file.cameras[name].stated, tolerance)]
+        if picture is not None:
+            noise = picture.noise(camera.sensor)
+            own += digitiser_contradictions(camera.sensor, noise.full_well_electrons, noise.bits)
+        found += [(name, one) for one in own]
+    return found
+
+
+def _contradictory(definition: StudyDefinition) -> Iterator[Problem]:
+    """Inputs that determine one quantity differently, unless the one that `check` names has a basis."""
+    for name, one in contradictions(definition):
+        path = ("cameras", name, *one.path)
+        entry = definition.document.entry(path)
+        in_pixels = str(definition.document.tree["cameras"][name].get("lenses", {}).get("focal_length", "")).endswith(
+            "px"
+        )
+        chosen = one.path == ("principal_distance",) and (entry is not None or in_pixels)
+        if chosen or (isinstance(entry, ScalarEntry) and _has_basis(entry)):
+            continue
+        what = f"{one.what}: {one.stated}, but {one.implied}; {one.consequence or f'used: {one.used}'}"
+        yield definition.document.locate(path).problem(path, what)
 
 
 def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
@@ -92,7 +165,20 @@ def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
             for value, place in _numbers(entry, path, usual.dimension):
                 if not usual.low <= value <= usual.high:
                     ends = f"{pretty(usual.low, usual.dimension)} to {pretty(usual.high, usual.dimension)}"
-                    yield _warning(definition, place, f"{pretty(value, usual.dimension)} is unusual ({ends} is common)")
+                    written = definition.document.entry(place)
+                    meant = _meant(written.text, usual) if isinstance(written, ScalarEntry) else ""
+                    what = f"{pretty(value, usual.dimension)} is unusual ({ends} is common){meant}"
+                    yield _warning(definition, place, what)
+
+
+def _meant(text: str, usual: _Range) -> str:
+    """The same number in the only other unit in which it would be usual."""
+    number = _NUMBER.match(text)
+    if number is None:
+        return ""
+    others = [f"{number[0]} {unit}" for unit in _OTHER_UNITS.get(usual.dimension, ())]
+    fits = [one for one in others if usual.low < parse(one, usual.dimension) <= usual.high]
+    return f"; did you mean {fits[0]}?" if len(fits) == 1 else ""
 
 
 def _numbers(entry: Entry, path: Path, dimension: Dimension) -> Iterator[tuple[float, Path]]:

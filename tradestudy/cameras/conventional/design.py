@@ -198,5 +198,6 @@ class ConventionalCamera(Camera):
                 implied=f"{show(extent, LENGTH)} for a blur of one pixel; {show(stated.depth_of_field, LENGTH)} "
                 f"implies {stated.depth_of_field / extent:.2g} px",
                 used="the blur criteria of the study",
+                path=("stated", "depth_of_field"),
             ),
         ]

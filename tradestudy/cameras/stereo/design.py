@@ -512,6 +512,8 @@ class StereoRig(DepthCamera):
         focus = self.focus_distance
         if self.principal_distance_rule != "focal_length" or focus is None or math.isinf(focus):
             return found
+        if self.calibrated_pair is not None:
+            return found  # the calibration gives the principal distance itself
         f, focused = self.lens.focal_length, self.sensor_distance(focus)
         magnification = focused / focus
         if magnification <= tolerance:
@@ -526,6 +528,7 @@ class StereoRig(DepthCamera):
                 used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur. If the focal length does not "
                 "come from a camera calibration that gives it in pixels, set principal_distance: focused to use "
                 f"{show(focused, LENGTH)} for both",
+                path=("principal_distance",),
             ),
         ]
 

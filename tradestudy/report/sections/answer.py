@@ -33,7 +33,7 @@ from tradestudy.results.views.conclusions import (
 from tradestudy.results.views.decision import answer_title, flips, handovers, readings_in_words, solved_questions, tied
 from tradestudy.results.views.depth import least_broken
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
-from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, titles_in
+from tradestudy.results.views.groups import camera_titles, consequences, group, has, perfectly_calibrated, titles_in
 from tradestudy.results.views.matching import best_of_any_matcher
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.off_axis import off_axis_words
@@ -79,6 +79,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     sentences = [
         *_off_axis(tree),
         *_weighed(tree),
+        *_contradictory(tree),
         *_taken_as_perfect(tree),
         *_doubted(tree),
         *_rests_on(tree),
@@ -177,6 +178,12 @@ def _measured(tree: xr.DataTree) -> Iterator[Spans]:
     """How measurements in rendered pictures compare with the prediction."""
     for sentence in measured_words(tree, of_scene=""):
         yield say("{sentence}.", sentence=sentence)
+
+
+def _contradictory(tree: xr.DataTree) -> Iterator[Spans]:
+    """What contradictory inputs do to the answers."""
+    for sentence in consequences(tree):
+        yield say("**Contradictory inputs of {sentence}.**", sentence=sentence)
 
 
 def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:

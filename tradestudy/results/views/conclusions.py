@@ -18,7 +18,7 @@ from tradestudy.results.views.designs import (
     feasible_words,
     path_words,
 )
-from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, records
+from tradestudy.results.views.groups import camera_titles, consequences, group, has, perfectly_calibrated, records
 from tradestudy.results.views.matching import at_the_bound
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.off_axis import off_axis_words
@@ -302,6 +302,7 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         last.append(f"Lower bound, as no matcher is declared: the disparity error of {listed(bounds)}")
     if perfect := perfectly_calibrated(tree):
         last.append(f"Assumed perfect: the calibration of {listed(perfect)}")
+    last += [f"Contradictory inputs of {one}" for one in consequences(tree)]
     room = max(most - len(last), needed + 1)
     if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
         hidden = lines[room - 1 :]

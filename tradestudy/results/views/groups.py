@@ -72,3 +72,12 @@ def perfectly_calibrated(tree: xr.DataTree) -> tuple[str, ...]:
         return ()
     cameras = group(tree, "cameras")
     return tuple(str(title) for title in cameras["title"].values[cameras["perfect_calibration"].values > 0.0])
+
+
+def consequences(tree: xr.DataTree) -> tuple[str, ...]:
+    """What contradictory inputs do to the answers about a camera, one sentence each, without a full stop."""
+    if not has(tree, "contradictions", "consequence"):
+        return ()
+    titles = camera_titles(tree)
+    rows = [one for one in records(tree, "contradictions", "contradiction") if one["consequence"]]
+    return tuple(f"{titles.get(str(one['camera']), one['camera'])}: {one['consequence']}" for one in rows)

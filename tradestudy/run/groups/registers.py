@@ -9,12 +9,11 @@ from typing import Final
 
 import xarray as xr
 
-from tradestudy.cameras.contradictions import Contradiction, digitiser_contradictions
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Annotation, Document, ListEntry, Path, Place, ScalarEntry, walk
-from tradestudy.study.plausibility import implausible
+from tradestudy.study.plausibility import contradictions, implausible
 
 SET_FOR_THIS_RUN = "set for this run"
 _NO_INPUTS: Final = ("kind", "title", "note", "from", "like", "read_as", "stated")
@@ -151,19 +150,7 @@ def _camera_and_tail(path: Path) -> tuple[str, Path]:
 def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
     """/contradictions: inputs that contradict each other."""
     found = contradictions(definition)
-    values = {name: [getattr(row, name) for _, row in found] for name in ("what", "stated", "implied", "used")}
+    values = {
+        name: [getattr(row, name) for _, row in found] for name in ("what", "stated", "implied", "used", "consequence")
+    }
     return dataset("contradictions", {"camera": [camera for camera, _ in found], **values}, {})
-
-
-def contradictions(definition: StudyDefinition) -> list[tuple[str, Contradiction]]:
-    """Cross-check the inputs of every camera of a study."""
-    tolerance = definition.file.accuracy.asked().tolerances["depth_uncertainty"]
-    picture = None if definition.file.scene is None else definition.file.scene.picture
-    found = []
-    for name, camera in definition.case.all_cameras.items():
-        own = [*camera.contradictions(definition.file.cameras[name].stated, tolerance)]
-        if picture is not None:
-            noise = picture.noise(camera.sensor)
-            own += digitiser_contradictions(camera.sensor, noise.full_well_electrons, noise.bits)
-        found += [(name, one) for one in own]
-    return found
