@@ -364,7 +364,8 @@ def new(
     """Write NAME.yaml, a commented study to start from. By default it compares a plenoptic camera with a stereo rig."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
-        from tradestudy.study.starter import starter
+        from tradestudy.cameras.depth_camera import DepthCamera
+        from tradestudy.study.starter import questions, starter
 
         _refuse_joined(from_ or (), context.args)
         name = name.removesuffix(".yaml")
@@ -384,6 +385,8 @@ def new(
             raise _InputError("a file of this name already exists", value=str(path), remedy="choose another") from None
         if from_:
             try:
+                if isinstance(api.load(path).definition.designs["rig"], DepthCamera):
+                    path.write_text(text + questions(), encoding="utf-8")
                 _warned(api.load(path))
             except TradestudyError as error:
                 path.unlink()  # nobody can start from a study that cannot run

@@ -59,3 +59,8 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     named = ", ".join(f"'{str(path).replace(chr(39), 2 * chr(39))}'" for path in calibration_files)
     come_from = f"from: [{named}]" if len(calibration_files) > 1 else f"from: {named}"
     return text.replace("    FROM", "\n".join(f"    {line}" for line in (come_from, *said)))
+
+
+def questions() -> str:
+    """The requirement and the inverse question with which the study of an imported camera that measures depth ends."""
+    return files("tradestudy.study").joinpath("imported_questions.yaml").read_text(encoding="utf-8")

@@ -351,3 +351,54 @@ def test_every_format_with_exchanged_cameras_gives_advice_that_works(tmp_path: P
             tradestudy.load(study(tmp_path, rig=advised))
     assert "pair: [2, 1]" in refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
     tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm, pair: [2, 1]"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"scaling": {"a": "0", "b": "1", "c": "0"}, "distortions": {"depth": [["0", "0"]]}}, ""),
+        ({"scaling": {"a": "1.1e-4", "b": "0.9", "c": "12"}}, "corrects depth by 0.00011 Z² + 0.9 Z + 12"),
+        ({"distortions": {"radial": ["1e-5"], "depth": ["0", "1e-7"]}}, "distortion along the axis of the main lens"),
+    ],
+)
+def test_corrections_of_depth_by_libpleno_are_refused(tmp_path: Path, changed: dict[str, object], said: str) -> None:
+    devices.plenoptic(tmp_path / "r12.js", **changed)
+    depth = "depth: {estimator: adjacent-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}"
+    path = study(tmp_path, r12=f"from: r12.js, {depth}")
+    if said:
+        assert said in refusal(path)
+    else:
+        assert "distortion: that of the main lens is not used" in tradestudy.load(path).imported[0]
+
+
+def test_the_study_of_every_format_asks_questions_and_is_without_mistakes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulate_corners_file = DATA / "stereo_65_corners.csv"
+    left, right = written.camera_info_pair(tmp_path)
+    models = devices.cameramodels(tmp_path)
+    plenoptic = {
+        "depth": "{estimator: adjacent-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}",
+    }
+    formats: list[tuple[list[Path], dict[str, str]]] = [
+        ([written.opencv(tmp_path / "rig.yml")], {"length_unit": "mm"}),
+        ([left, right], {}),
+        ([written.camchain(tmp_path / "chain.yaml")], {}),
+        ([*models], {}),
+        ([devices.device(tmp_path / "oak.json")], {}),
+        ([devices.plenoptic(tmp_path / "r12.js")], plenoptic),
+        ([simulate_corners_file], {"sensor__pixels": "[1024, 1024]"}),
+    ]
+    for files, keys in formats:
+        status, said = new(tmp_path, monkeypatch, *map(str, files), **keys)
+        assert status == 0, said
+        assert "warning" not in said, said
+        file = tradestudy.load(tmp_path / "x.yaml").definition.file
+        assert file.usable_range.relative_uncertainty == pytest.approx(0.1)
+        assert file.usable_range.blur is None
+        assert [*file.requirements] == ["working-range"]
+        assert [*file.solve] == ["reach"]
+    one = {"sensor__pixel_pitch": "3 um", "focus": "{distance: 1 m}"}
+    status, said = new(tmp_path, monkeypatch, str(left), **one)  # a single camera measures no depth
+    assert status == 0, said
+    assert not tradestudy.load(tmp_path / "x.yaml").definition.file.requirements

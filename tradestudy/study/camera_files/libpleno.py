@@ -54,6 +54,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         raise geometry.fail(f"the geometry {geometry.text()[:20]} is unknown; one of {', '.join(_LAYOUTS)} is expected")
     scale, width, height = sensor.need("scale"), sensor.need("width"), sensor.need("height")
     focal_length, aperture = lens.need("f"), lens.need("aperture")
+    _refuse_corrections_of_depth(top)
     disagrees = mode is not None and mode_text != relay
     conventions = (
         Convention(name="format", says="libpleno camera", key=top.key),
@@ -92,6 +93,27 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             "mla_distance": behind.key,
         },
     )
+
+
+def _refuse_corrections_of_depth(top: Located) -> None:
+    """Refuse a scaling of depth and a distortion along the axis; note that lateral distortion has been seen."""
+    if (scaling := top.find("scaling")) is not None:
+        a, b, c = (scaling.need(name).number() for name in ("a", "b", "c"))
+        if (a, b, c) != (0.0, 1.0, 0.0):
+            raise scaling.fail(
+                f"the file corrects depth by {a:g} Z² + {b:g} Z + {c:g}, which is not supported: it would multiply the "
+                "depth uncertainty by |2 a Z + b|. For the camera without it, write a = 0, b = 1, c = 0"
+            )
+    for name in ("distortions", "distortions_inverse", "invdistortions"):
+        if (distortion := top.find(name)) is None:
+            continue
+        along = distortion.find("depth")
+        if along is not None and any(along.numbers()):
+            raise along.fail(
+                "distortion along the axis of the main lens changes depth, and is not supported. For the camera "
+                "without it, write zeros"
+            )
+        distortion.use()  # the convention "distortion" says that the rest is not used
 
 
 def _depth(value: Located) -> Located:
