@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import product
 from typing import Any, Final
 
@@ -26,13 +26,12 @@ from tradestudy.optics.chain import (
     LightPath,
     Microlenses,
     PixelGrid,
-    chain_image,
     hexagonal_centres,
-    separate_image,
     square_centres,
 )
-from tradestudy.optics.chain.image import mean_image
+from tradestudy.optics.chain.image import mean_image, unguarded_image, unguarded_separate_image
 from tradestudy.optics.chain.parts import ComputeParts, Part, call, in_turn
+from tradestudy.optics.chain.refusals import refuse_following_microlenses
 from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.propagation import (
     LENS_PHASES,
@@ -230,6 +229,9 @@ def picture_of(
 
     Raises
     ------
+    OutOfRangeError
+        The phase of the microlenses follows the source, which changes the picture by more than the tolerance; see
+        `chain_image`.
     NotConvergedError
         By every sampling, the images of points disagree with independent computations.
     UnaffordableError
@@ -239,8 +241,8 @@ def picture_of(
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
 
     def image(wavelength: float, first: float = 0.0, last: float = 1.0) -> ChainImage:
-        def sampled(accuracy: ChainAccuracy) -> ChainImage:
-            return (separate_image if models.separate else chain_image)(
+        def sampled(accuracy: ChainAccuracy, path: LightPath = path) -> ChainImage:
+            return (unguarded_separate_image if models.separate else unguarded_image)(
                 path,
                 source,
                 wavelength=wavelength,
@@ -251,7 +253,10 @@ def picture_of(
                 compute=compute,
             )
 
-        return _refined(sampled, models.tolerance)
+        found = _refined(sampled, models.tolerance)
+        once = partial(sampled, ChainAccuracy(tolerance=models.tolerance))
+        refuse_following_microlenses(found, path, source, legs(models.method), models.tolerance, once)
+        return found
 
     if models.monochromatic or models.method in RAYS:  # rays are the same at every wavelength
         return image(part.mean_wavelength)
@@ -320,7 +325,7 @@ def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -
         seconds[name] = min(took for took, _ in found)
     name = "one source point, both lenses, Kirchhoff on both legs"
     with timed(seconds, name):
-        errors[name] = chain_image(
+        errors[name] = unguarded_image(
             light_path(part),
             PointSource(distance=part.spot.distance),
             wavelength=part.mean_wavelength,

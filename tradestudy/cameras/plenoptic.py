@@ -145,7 +145,8 @@ class PlenopticCamera(DepthCamera):
     def light_chain(self) -> MicrolensCamera:
         """The camera in the form that `tradestudy.optics.microlens_image` expects.
 
-        All lenses are thin and free of aberrations; `dataclasses.replace` adds them. A table of focal lengths models
+        All lenses are thin: a main lens without aberrations and parabolic microlenses. `dataclasses.replace` changes
+        their phase, or adds aberrations. A table of focal lengths models
         field curvature: it moves images near the array as in the design. Positions are those of the light, upside
         down compared with the picture.
         """

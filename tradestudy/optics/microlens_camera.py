@@ -60,8 +60,9 @@ class MicrolensCamera:
         Phase of the main lens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`. A stigmatic main lens
         images the axial point at the distance of the source exactly.
     microlens_phase
-        Phase of every microlens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`. A stigmatic microlens
-        images its axial point at the distance of the main lens's image exactly.
+        Phase of every microlens, see `CircularLens`: ``parabolic`` is a fixed element. ``perfect`` and ``stigmatic``
+        follow the source: their phase is computed for the main lens's image of it. `chain_image` refuses them where
+        they change the image by more than its tolerance, as they do near focus.
     pupil
         Amplitude transmission and aberrations of the main lens. Default: a clear pupil without aberrations.
     microlens_pupil
@@ -108,7 +109,7 @@ class MicrolensCamera:
     microlens_aperture: float | None = None
     gaps: Gaps = "opaque"
     lens_phase: LensPhase = "perfect"
-    microlens_phase: LensPhase = "perfect"
+    microlens_phase: LensPhase = "parabolic"
     pupil: Pupil | None = None
     microlens_pupil: Pupil | None = None
     odd_pixels: tuple[bool, bool] = (False, False)

@@ -14,8 +14,9 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.array_reach import missing_light
 from tradestudy.optics.chain.arriving_light import point_wave
-from tradestudy.optics.chain.image import chain_image, mean_image
+from tradestudy.optics.chain.image import mean_image, unguarded_image
 from tradestudy.optics.chain.microlenses import Microlenses
+from tradestudy.optics.chain.refusals import refuse_following_microlenses
 from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.microlens_camera import MicrolensCamera, source_points
@@ -126,9 +127,13 @@ def _refined(
 ) -> ChainImage:
     """Image whose stated error is within the tolerance, with as many microlenses as that takes."""
     accuracy = ChainAccuracy(tolerance=tolerance)
-    for _ in range(_ROUNDS):
+
+    def sampled(path: LightPath) -> ChainImage:
         rng = np.random.default_rng(seed)
-        image = chain_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
+        return unguarded_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
+
+    for _ in range(_ROUNDS):
+        image = sampled(path)
         around, missing = path, np.zeros(0)
         if legs.to_array != "geometric":  # rays light none beyond
             around = replace(path, microlenses=camera.next_microlenses(path, source_points(source)[0]))
@@ -136,6 +141,7 @@ def _refined(
         terms = image.error_terms | {"microlenses left out": _SAFETY * float(np.linalg.norm(missing))}
         error = math.hypot(image.numerical_error, terms["microlenses left out"])
         if error <= tolerance:
+            refuse_following_microlenses(image, path, source, legs, tolerance, sampled)
             return replace(image, numerical_error=error, error_terms=terms, tolerance=tolerance)
         if terms["microlenses left out"] > tolerance / 2:
             path = replace(path, microlenses=_joined(path.microlenses, around.microlenses, missing, tolerance / 4))

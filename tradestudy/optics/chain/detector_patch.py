@@ -295,6 +295,7 @@ def _plans(
             path,
             reaches[-1],
             wavelength=wavelength,
+            paraxial=paraxial,
             target_reach=plan.target_reach,
             density=accuracy.microlens_nodes,
         )
@@ -335,6 +336,7 @@ def _patch(
         path,
         reaches[-1],
         wavelength=wavelength,
+        paraxial=paraxial,
         target_reach=math.sqrt(2.0) * half,  # to its corners
         density=accuracy.microlens_nodes,
     )

@@ -25,7 +25,7 @@ from tradestudy.optics.chain.landing_spot import landing_spot_image
 from tradestudy.optics.chain.microlens_edges import refuse_square_edges
 from tradestudy.optics.chain.parts import ComputeParts, in_turn
 from tradestudy.optics.chain.point_image import wave_point_image
-from tradestudy.optics.chain.refusals import refuse_impossible
+from tradestudy.optics.chain.refusals import refuse_following_microlenses, refuse_impossible
 from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.chain.spot_image import wave_spot_image
@@ -95,8 +95,10 @@ def chain_image(
     OutOfRangeError
         The wavelength exceeds an aperture or a distance; rays or a boundary wave are combined with a coherent disc or
         with a `Pupil`; a boundary wave to the detector is combined with square microlenses; an incoherent disc is
-        combined with a main-lens pupil that is not rotationally symmetric; or only one leg uses rays while the image of
-        the source lies on the array or close to it.
+        combined with a main-lens pupil that is not rotationally symmetric; only one leg uses rays while the image of
+        the source lies on the array or close to it; or the phase of the microlenses follows the source (``perfect``, or
+        ``stigmatic`` with its focus at the main lens's image) and the image differs from that of ``parabolic``
+        microlenses by more than the tolerance.
     UnaffordableError
         The computation needs more memory than ``accuracy`` allows, or would divide the source into more
         than about a million points.
@@ -142,13 +144,36 @@ def chain_image(
     >>> print(f"{image.pixels.sum():.2f} of the light on the detector")
     0.83 of the light on the detector
     """
-    found = _image(
+    image = partial(
+        unguarded_image, source=source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, compute=compute
+    )
+    found = image(path, done=done)
+    refuse_following_microlenses(found, path, source, legs, accuracy.tolerance, image)
+    return found
+
+
+def unguarded_image(
+    path: LightPath,
+    source: PointSource | DiscSource,
+    *,
+    wavelength: float,
+    legs: Legs,
+    accuracy: ChainAccuracy,
+    rng: np.random.Generator,
+    done: Callable[[float], None] = lambda _share: None,
+    compute: ComputeParts = in_turn,
+) -> ChainImage:
+    """Image by the laws of the legs, as `chain_image`, whatever the phase of the microlenses follows.
+
+    For loops over tolerances, which call `refuse_following_microlenses` once, with the tolerance that was asked for.
+    """
+    found = _by_laws(
         path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done, compute=compute
     )
     return replace(found, tolerance=accuracy.tolerance)
 
 
-def _image(
+def _by_laws(
     path: LightPath,
     source: PointSource | DiscSource,
     *,
@@ -159,7 +184,7 @@ def _image(
     done: Callable[[float], None],
     compute: ComputeParts,
 ) -> ChainImage:
-    """Image by the laws of the legs."""
+    """Image without its tolerance."""
     refuse_impossible(path, source, wavelength, legs)
     coherent = isinstance(source, DiscSource) and source.coherent
     if legs.to_detector == "boundary_wave":
@@ -378,6 +403,32 @@ def separate_image(
     >>> print(f"{image.pixels.sum():.2f} of the light on the pixels of its own microlens")
     0.82 of the light on the pixels of its own microlens
     """
+    image = partial(
+        unguarded_separate_image,
+        source=source,
+        wavelength=wavelength,
+        legs=legs,
+        accuracy=accuracy,
+        rng=rng,
+        compute=compute,
+    )
+    found = image(path, done=done)
+    refuse_following_microlenses(found, path, source, legs, accuracy.tolerance, image)
+    return found
+
+
+def unguarded_separate_image(
+    path: LightPath,
+    source: PointSource | DiscSource,
+    *,
+    wavelength: float,
+    legs: Legs,
+    accuracy: ChainAccuracy,
+    rng: np.random.Generator,
+    done: Callable[[float], None] = lambda _share: None,
+    compute: ComputeParts = in_turn,
+) -> ChainImage:
+    """Image without cross-talk, as `separate_image`; see `unguarded_image`."""
     owner = nearest_microlens(path)
     present = np.unique(owner)
     seeds = rng.integers(
@@ -419,7 +470,7 @@ def _alone(
 ) -> ChainImage:
     """Image through a single microlens."""
     rng = np.random.default_rng(seed)
-    return chain_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
+    return unguarded_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
 
 
 def nearest_microlens(path: LightPath) -> IndexArray:

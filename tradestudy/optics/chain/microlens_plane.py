@@ -9,6 +9,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.arriving_light import RayReach
+from tradestudy.optics.chain.detector_transfer import sine_towards
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_nodes, lit_share, padded
 from tradestudy.optics.chain.microlenses import Microlenses
 from tradestudy.optics.chain.regions import Disc
@@ -63,7 +64,7 @@ class MicrolensPlane:
     def transmission(self, source: PointSource) -> ComplexArray:
         """Area weight times the phasor and amplitude of each lens, shape (lenses, nodes)."""
         lenses = self.path.microlenses
-        if lenses.lens_phase == "perfect":
+        if lenses.lens_phase == "perfect" and not self.paraxial:
             phases = [self._lens_path(i, self.path.object_before(i, source)) for i in range(lenses.count)]
         elif self.cell.x.ndim > 1:
             phases = [self._lens_path(i, _ANY_POINT) for i in range(lenses.count)]
@@ -102,7 +103,9 @@ def microlens_plane(
     distance to the detector; across the lens, this adds up to the phase that the nodes resolve. Where light has a sharp
     shadow, only the `lit` part gets nodes.
     """
-    cycles = resolved_cycles(path, reach, wavelength=wavelength, target_reach=target_reach, density=density)
+    cycles = resolved_cycles(
+        path, reach, wavelength=wavelength, paraxial=paraxial, target_reach=target_reach, density=density
+    )
     cell = cell_nodes(path.microlenses, cycles=cycles)
     if lit is not None:
         cell = padded([shadowed(path.microlenses, cell, lit, index, cycles) for index in range(path.microlenses.count)])
@@ -110,11 +113,15 @@ def microlens_plane(
 
 
 def resolved_cycles(
-    path: LightPath, reach: RayReach, *, wavelength: float, target_reach: float, density: float
+    path: LightPath, reach: RayReach, *, wavelength: float, paraxial: bool, target_reach: float, density: float
 ) -> float:
-    """Cycles over a half aperture of the phase that nodes must resolve; parameters as for `microlens_plane`."""
+    """Cycles over a half aperture of the phase that nodes must resolve; parameters as for `microlens_plane`.
+
+    The slope of Fresnel's path to a target is a tangent, that of the exact path a sine: behind fast microlenses,
+    Fresnel's law needs many more nodes.
+    """
     offset = target_reach + float(reach.spread.max())
-    sine = offset / math.hypot(offset, path.detector_distance)
+    sine = sine_towards(offset, path.detector_distance, paraxial=paraxial)
     return density * path.microlenses.aperture_width / 2 * sine / wavelength
 
 

@@ -45,7 +45,9 @@ class Microlenses:
     gaps
         Whether the area between the apertures blocks light (``opaque``) or passes it unchanged (``clear``).
     lens_phase
-        Phase of every microlens: ``perfect``, ``stigmatic`` or ``parabolic``, see `CircularLens`.
+        Phase of every microlens, see `CircularLens`: ``parabolic`` is a fixed element; ``perfect`` follows the source,
+        and so does ``stigmatic`` if `focus_distance` is that of the main lens's image. See `chain_image` for where it
+        refuses them.
     focus_distance
         Distance of the axial point that a stigmatic microlens images exactly [m]; required for ``stigmatic``, not
         allowed otherwise.

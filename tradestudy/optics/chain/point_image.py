@@ -234,7 +234,12 @@ def _plane(
 ) -> MicrolensPlane:
     """Nodes for all pixels that light reaches, if memory allows."""
     cycles = resolved_cycles(
-        wave.path, reach, wavelength=wave.wavelength, target_reach=plan.target_reach, density=density
+        wave.path,
+        reach,
+        wavelength=wave.wavelength,
+        paraxial=plan.transfer.paraxial,
+        target_reach=plan.target_reach,
+        density=density,
     )
     lit = isinstance(wave, RayWave)  # one cell is resolved before its dark part is cut off
     least = FEWEST_NODES * cycles**2 * (1 if lit else wave.path.microlenses.count)

@@ -288,7 +288,7 @@ class LightPath:
                 "main lens's image of the source",
                 value=f"on the microlens array, {self.array_distance:g} m behind the lens",
                 limit="before or behind the array",
-                remedy="move the array or the source by a fraction of a micrometre",
+                remedy="use the parabolic lens phase for the microlenses",
             )
         centre_x, centre_y = self.microlenses.centres[index]
         return PointSource(x=float(x - centre_x), y=float(y - centre_y), distance=depth)

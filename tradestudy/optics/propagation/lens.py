@@ -206,7 +206,7 @@ class CircularLens:
                 "focus_distance of a stigmatic lens",
                 value=f"{self.focus_distance:g} m",
                 limit="≠ 0, finite",
-                remedy="for light from infinity use a large distance, such as 1e15 m",
+                remedy="use a large distance, such as 1e15 m, for light from infinity, or the parabolic lens phase",
             )
 
     def without_obscuration(self, nodes_of: Callable[[float], QuadratureNodes]) -> QuadratureNodes:

@@ -115,7 +115,9 @@ class SpotMicrolensesPart(Part):
         description="Whether light passes between the apertures of the microlenses (`clear`) or not (`opaque`)."
     )
     lens_phase: LensPhaseName = Field(
-        description="Phase that each microlens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
+        description="Phase that each microlens adds; see light_spot.main_lens.lens_phase for the meaning of the names. "
+        "Only `parabolic` is the same for every source; a picture by Kirchhoff's integral is refused if another phase "
+        "changes it by more than its tolerance, as near focus."
     )
 
     @model_validator(mode="after")
