@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -275,3 +276,33 @@ def test_a_dark_microlens_and_a_giant_coherent_disc_are_refused() -> None:
 def test_wavelengths_that_no_memory_resolves_are_refused_before_nodes_are_placed() -> None:
     with pytest.raises(UnaffordableError, match="microlens nodes"):
         module.microlens_image(CAMERA, POINT, wavelength=1e-12)
+
+
+@pytest.mark.parametrize("focal_length", [1e6, 5e-3])
+def test_more_points_or_pupil_nodes_than_memory_holds_are_refused_before_they_are_placed(focal_length: float) -> None:
+    """A plane 1 mm behind a lens 4 mm wide: steep light, fine fringes, more than 9 GB."""
+    lenses = optics.Microlenses(
+        centres=optics.square_centres(pitch=300e-6, count=5), focal_lengths=np.full(25, 10e-3), aperture="square",
+        aperture_width=300e-6, pitch=300e-6, layout="square", gaps="opaque", lens_phase="parabolic",
+    )  # fmt: skip
+    path = optics.LightPath(
+        main_lens=optics.CircularLens(radius=2e-3, focal_length=focal_length, lens_phase="parabolic"),
+        microlenses=lenses, array_distance=1e-3, detector_distance=10e-3,
+        pixels=optics.PixelGrid(pitch=5e-6, shape=(301, 301)),
+    )  # fmt: skip
+    one = replace(path, microlenses=replace(lenses.only(0), aperture_width=20e-6, pitch=20e-6))
+    vast = replace(path, pixels=optics.PixelGrid(pitch=5e-6, shape=(100_000, 100_000)))
+    tracemalloc.start()
+    with pytest.raises(UnaffordableError, match=r"pixels of the detector.* use fewer pixels"):
+        optics.chain_image(
+            vast, optics.PointSource.at_infinity(), wavelength=633e-9, legs=optics.GEOMETRIC,
+            accuracy=optics.ChainAccuracy(tolerance=1e-2), rng=np.random.default_rng(0),
+        )  # fmt: skip
+    for part, what in ((path, "points"), (one, "pupil nodes")):
+        with pytest.raises(UnaffordableError, match=f"main-lens field on the array: .* {what}.* use fewer microlenses"):
+            optics.chain_image(
+                part, optics.PointSource.at_infinity(), wavelength=633e-9, legs=optics.FRESNEL,
+                accuracy=optics.ChainAccuracy(tolerance=1e-2), rng=np.random.default_rng(0),
+            )  # fmt: skip
+    assert tracemalloc.get_traced_memory()[1] < 5e8
+    tracemalloc.stop()

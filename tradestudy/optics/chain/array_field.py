@@ -9,7 +9,7 @@ import numpy as np
 
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, tapered_disc_nodes
+from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, tapered_disc_count, tapered_disc_nodes
 from tradestudy.optics.chain.scene import LightPath, WaveMethod
 from tradestudy.optics.chain.table_interpolation import TableKernel, fast_count
 from tradestudy.optics.phasors import ComplexArray, unit_phasor
@@ -139,12 +139,22 @@ class PupilWave:
         return fast_sum(samples, self.kernel, targets, low_rank_tolerance=1e-7, nufft_tolerance=1e-7).field
 
     def nodes(
-        self, region: tuple[FloatArray, FloatArray], *, density: float, only_disc: bool = False
+        self,
+        region: tuple[FloatArray, FloatArray],
+        *,
+        density: float,
+        only_disc: bool = False,
+        memory_limit: float = math.inf,
     ) -> QuadratureNodes:
         """Pupil nodes that resolve the net phase from the source to every point of a rectangle around the region.
 
         With `only_disc`, they resolve it only for the points of the disc within the rectangle. Counts around the rim
         and along the radius are chosen separately: the phase of a defocused wave changes fast only along the radius.
+
+        Raises
+        ------
+        UnaffordableError
+            If the nodes, and what `field_table` computes with them, need more memory [bytes].
         """
         radius, z = self.path.main_lens.radius, self.path.array_distance
         # Light from every point of a coherent disc arrives at its own slope, as if targets lay farther out.
@@ -152,6 +162,8 @@ class PupilWave:
         sides = [np.array([np.min(c) - wider, np.max(c) + wider]) for c in region]
         x, y = _outline(sides[0], sides[1], only_disc=only_disc)
         half_range, turns = net_phase(self.wave.paths, self.kernel, radius=radius, x=x, y=y, z=np.full_like(x, z))
+        # Before they are placed: there may be too many to hold.
+        _check_memory(tapered_disc_count(2 * density * half_range, density * turns), 0, memory_limit)
         return self.path.main_lens.without_obscuration(
             lambda part: tapered_disc_nodes(
                 radius=part, radial_phase=2 * density * half_range, angular_phase=density * turns
@@ -288,16 +300,10 @@ def field_table(
         return replace(table, handed_over=hybrid.handed_over)
     # Points outside the rectangle only shape the ends of the table, for which too few nodes suffice.
     sides = tuple(chief[axis] + np.array([low[axis], high[axis]]) for axis in (0, 1))
-    nodes = wave.nodes((sides[0], sides[1]), density=node_density, only_disc=only_disc)
     points = counts[0] * counts[1]
-    needed = 16.0 * (30 * (nodes.count + points) + 8 * points)  # rank 30 at most; a grid upsampled twice each way
-    if needed > memory_limit:
-        raise UnaffordableError(
-            "main-lens field on the array",
-            value=f"{nodes.count} pupil nodes, {counts[0]} × {counts[1]} points, {needed / 1e9:.3g} GB",
-            limit=f"{memory_limit / 1e9:.3g} GB",
-            remedy="use fewer microlenses or a coarser field sampling, or raise the memory limit",
-        )
+    _check_memory(0, points, memory_limit)
+    nodes = wave.nodes((sides[0], sides[1]), density=node_density, only_disc=only_disc, memory_limit=memory_limit)
+    _check_memory(nodes.count, points, memory_limit)
     result = fast_sum(
         wave.samples(nodes),
         wave.kernel,
@@ -307,6 +313,21 @@ def field_table(
     )
     slow = result.field.reshape(grid.shape) * unit_phasor(-fast_phase(wave, x, y))
     return tabulated(slow, start=(start[0], start[1]), spacing=spacing, tolerance=tolerance)
+
+
+def _check_memory(nodes: float, points: float, limit: float) -> None:
+    """Refuse pupil nodes and points on the array that need more memory than allowed."""
+    needed = 16.0 * (30 * (nodes + points) + 8 * points)  # rank 30 at most; a grid upsampled twice each way
+    if needed > limit:
+        raise UnaffordableError(
+            "main-lens field on the array",
+            value=", ".join(
+                [f"{n:.3g} {what}" for n, what in ((nodes, "pupil nodes"), (points, "points")) if n]
+                + [f"{needed / 1e9:.3g} GB"]
+            ),
+            limit=f"{limit / 1e9:.3g} GB",
+            remedy="use fewer microlenses, a coarser field sampling or a smaller main lens, or raise the memory limit",
+        )
 
 
 def _outline(x: FloatArray, y: FloatArray, *, only_disc: bool) -> tuple[FloatArray, FloatArray]:

@@ -25,7 +25,7 @@ from tradestudy.optics.chain.landing_spot import landing_spot_image
 from tradestudy.optics.chain.microlens_edges import refuse_square_edges
 from tradestudy.optics.chain.parts import ComputeParts, in_turn
 from tradestudy.optics.chain.point_image import wave_point_image
-from tradestudy.optics.chain.refusals import refuse_following_microlenses, refuse_impossible
+from tradestudy.optics.chain.refusals import refuse_following_microlenses, refuse_impossible, refuse_vast_detector
 from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.chain.spot_image import wave_spot_image
@@ -186,6 +186,7 @@ def _by_laws(
 ) -> ChainImage:
     """Image without its tolerance."""
     refuse_impossible(path, source, wavelength, legs)
+    refuse_vast_detector(path.pixels, accuracy.memory_limit)
     coherent = isinstance(source, DiscSource) and source.coherent
     if legs.to_detector == "boundary_wave":
         refuse_square_edges(path.microlenses)

@@ -88,6 +88,11 @@ def tapered_disc_nodes(
     return disc_nodes(radius=radius, radial_count=angles.size, angular_count=angles, centre=centre)
 
 
+def tapered_disc_count(radial_phase: float, angular_phase: float) -> float:
+    """Number of nodes that `tapered_disc_nodes` places, from below and to about a tenth, for plans without them."""
+    return (plane_wave_degree(radial_phase) // 4 + 2) * (2 / 3 * angular_phase + 3)  # ∫ √t dt = 2/3
+
+
 def plane_wave_degree(phase: float) -> int:
     """Polynomial degree that represents exp(i phase t), −1 ≤ t ≤ 1, to about 1e-6."""
     return int(plane_wave_degrees(phase))

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.argument_types import check_wavelength
 from tradestudy.optics.chain.accuracy import ChainImage, relative_change
-from tradestudy.optics.chain.scene import Legs, LightPath
+from tradestudy.optics.chain.scene import Legs, LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.optics.propagation.sampling import refuse_near_zone
@@ -73,6 +73,24 @@ def _passes_light(lens: CircularLens) -> bool:
     """Whether the pupil's amplitude differs from 0 somewhere on the aperture."""
     nodes = disc_nodes(radius=lens.radius, radial_count=40, angular_count=80)
     return bool(np.any(np.square(lens.transmission(nodes.x, nodes.y))))
+
+
+def refuse_vast_detector(pixels: PixelGrid, memory_limit: float) -> None:
+    """Refuse more pixels than memory [bytes] holds twice: in an image, and in another for its error.
+
+    Raises
+    ------
+    UnaffordableError
+        If there are more.
+    """
+    needed = 16.0 * math.prod(pixels.shape)
+    if needed > memory_limit:
+        raise UnaffordableError(
+            "pixels of the detector",
+            value=f"{pixels.shape[0]} × {pixels.shape[1]}, {needed / 1e9:.3g} GB",
+            limit=f"{memory_limit / 1e9:.3g} GB",
+            remedy="use fewer pixels, or raise the memory limit",
+        )
 
 
 def refuse_following_microlenses(
