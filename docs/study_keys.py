@@ -152,6 +152,7 @@ _EXAMPLES: Final = {
     "position": "[50 mm, -30 mm, 600 mm]",
     "housing_expansion": "23 ppm/K",
     "sensor_expansion": "2.6 ppm/K",
+    "relative_exposure": "4",
     "baseline_expansion": "1 ppm/K",
     "array_expansion": "7 ppm/K",
     "microlens_centers": "found-again",

@@ -31,6 +31,7 @@ from tradestudy.declarations.quantities import (
     PositiveCount,
     PositiveElectrons,
     PositiveLength,
+    PositiveNumber,
     PositivePixels,
     QuantityText,
     SystemGain,
@@ -116,6 +117,11 @@ class SensorPart(Part):
         default=None,
         description="System gain (EMVA 1288: K); default: the gain that maps the full well to the largest raw value.",
     )
+    relative_exposure: PositiveNumber = Field(
+        default=1.0,
+        description="Exposure time of this camera, relative to that of scene.picture.light: the camera collects this "
+        "many times the light.",
+    )
 
     def sensor(self) -> Sensor:
         """The sensor in SI."""
@@ -127,6 +133,7 @@ class SensorPart(Part):
             temporal_dark_noise=self.temporal_dark_noise,
             saturation_capacity=self.saturation_capacity,
             system_gain=self.system_gain,
+            relative_exposure=self.relative_exposure,
         )
 
 

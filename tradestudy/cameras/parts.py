@@ -34,6 +34,8 @@ class Sensor:
     quantum_efficiency, temporal_dark_noise, saturation_capacity, system_gain
         As defined by EMVA 1288: η [electrons per photon], σ_d and μ_e.sat [electrons], K [DN/electron]; None where
         unknown.
+    relative_exposure
+        Exposure time, relative to that at which the scene's light is given [1].
     """
 
     columns: int
@@ -43,6 +45,7 @@ class Sensor:
     temporal_dark_noise: float | None = None
     saturation_capacity: float | None = None
     system_gain: float | None = None
+    relative_exposure: float = 1.0
 
     def __post_init__(self) -> None:
         require_positive("pixel pitch", self.pixel_pitch)

@@ -134,6 +134,7 @@ class LightPart(Part):
                     remedy="give sensor.quantum_efficiency, or scene.picture.light.electrons",
                 )
             electrons = self.photons * sensor.quantum_efficiency
+        electrons *= 1.0 if sensor is None else sensor.relative_exposure
         return Light(electrons=electrons, f_number=self.at_f_number, pixel_pitch=self.at_pixel_pitch)
 
 
