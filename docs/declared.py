@@ -28,9 +28,10 @@ probabilities of the quantiles: 0.5, and those of both ends of every interval of
 contrast, counts the ranges of distance in which a camera is usable, from the nearest.
 
 `limit` names the limits of the usable range. Those declared in `usable_range` have the names of their keys, except
-`total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`). The
-others are not declared: `real_image` (the lens forms a real image), and for derived disparity errors `saturation` (the
-brightest pixels are not saturated) and `matching` (a real matcher can come close to the Cramér–Rao bound).
+`total_covering_plane` (key `virtual_depth`), `focus` (key `blur`) and `last_disparity_step` (key `disparity_step`).
+`disparity_range` is declared for a rig (key `depth.disparity_range`). The others are not declared: `real_image` (the
+lens forms a real image), and for derived disparity errors `saturation` (the brightest pixels are not saturated) and
+`matching` (a real matcher can come close to the Cramér–Rao bound).
 """,
     "depth_at_places": """
 The variables of [`/depth`](#group-depth), at the distances of `decision.at`. Here, usable intervals are sought only

@@ -100,6 +100,7 @@ _LIMITS: Final[Mapping[str, str]] = {
     "saturation": "brightest pixels saturated",
     "matching": "unreliable matching",
     "last_disparity_step": "a disparity step no longer tells them from infinity",
+    "disparity_range": "disparities beyond the search range of the matcher",
     "failed_fraction": "too many failed measurements",
     "relative_uncertainty": "too uncertain",
 }

@@ -17,6 +17,7 @@ from tests.cameras.builders import r5, stereo
 from tradestudy.analysis.depth import distribution, evaluate_depth, model_error
 from tradestudy.analysis.error_radius import error_radius
 from tradestudy.cameras.calibration import Calibration, Propagation
+from tradestudy.results.views.conclusions import terminal_lines
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 
@@ -132,3 +133,7 @@ def test_requirement_on_a_biased_estimator_is_not_met() -> None:
     assert float(depth["depth_uncertainty"]) == pytest.approx(0.938, rel=0.01)
     assert float(depth["depth_error_radius"]) == pytest.approx(1.163, rel=0.01)
     assert float(depth["depth_error_radius_error"]) < 0.01
+    (biased,) = (line for line in terminal_lines(result.data) if line.startswith("Biased"))
+    assert "midpoint" in biased
+    assert "too near" in biased
+    assert "disparity" not in biased  # whose median is right

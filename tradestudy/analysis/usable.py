@@ -23,6 +23,7 @@ LIMIT_NAMES: Final = (
     "saturation",
     "matching",
     "last_disparity_step",
+    "disparity_range",
     "failed_fraction",
     "relative_uncertainty",
 )

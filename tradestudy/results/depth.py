@@ -183,7 +183,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "limit"),
         units="mixed",
         long_name="value that is compared with limit_bound, in m for 'real_image' (the distance of the object), in "
-        "px for 'focus', 'matching' and 'last_disparity_step', otherwise a plain number; may be infinite; NaN where "
+        "px for 'focus', 'matching', 'disparity_range' and 'last_disparity_step', otherwise a plain number; may be "
+        "infinite; NaN where "
         "the limit does not apply or the camera forms no image; 'matching' has further conditions, so it can fail "
         "although this value is within its bound",
         error="for most limits, rounding only; limits on failures and on relative uncertainty also have the error of "

@@ -48,6 +48,11 @@ class StereoDepthPart(DisparityPart):
         description="How depth is computed: from the disparity along the baseline (`disparity`), or from the "
         "midpoint of the shortest segment between the two rays (`midpoint`).",
     )
+    disparity_range: PositivePixels | None = Field(
+        default=None,
+        description="Largest disparity that the matcher searches. Objects so near that their disparity exceeds it are "
+        "not measured. Default: unlimited.",
+    )
     disparity_error: PositivePixels | Literal["derived"] = Field(
         default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
     )
@@ -220,4 +225,5 @@ class StereoDeclaration(DepthCameraDeclaration):
             distortion=distortion,
             disparity_error_px=self.depth.error(picture_law),
             discrimination_step_px=self.depth.discrimination_step,
+            disparity_range_px=self.depth.disparity_range,
         )

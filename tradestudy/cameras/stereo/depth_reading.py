@@ -96,9 +96,11 @@ class PairReader(DepthReader):
 
     @property
     def _steps(self) -> range:
-        """Disparities to search [px], at most the width of a picture."""
+        """Disparities to search [px], at most the width of a picture and the search range of the rig's matcher."""
         first = math.floor(self._scale / self.search.far) - 2
         last = min(math.floor(self._scale / self.search.near) + 4, self.camera.sensor.columns)
+        if self.camera.disparity_range_px is not None:
+            last = min(last, math.floor(self.camera.disparity_range_px) + 1)
         return range(first, max(last, first + 4))
 
     def _depth(self, disparity: Samples) -> Samples:

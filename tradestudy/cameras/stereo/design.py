@@ -95,6 +95,8 @@ class StereoRig(DepthCamera):
         Standard deviation of one measured disparity [px], or the law that gives it.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
+    disparity_range_px
+        The largest disparity [px] that the matcher searches; None for no limit.
     calibrated_pair
         Calibrated geometry with which depth is measured, if known. Its pictures have this geometry too, or that of the
         calibration; focus, blur and light are those of two equal cameras.
@@ -121,9 +123,12 @@ class StereoRig(DepthCamera):
     triangulation: Literal["disparity", "midpoint"]
     distortion: LensModel = IDEAL
     calibrated_pair: CalibratedPair | None = None
+    disparity_range_px: float | None = None
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
+        if self.disparity_range_px is not None:
+            require_positive("disparity range", self.disparity_range_px, "px")
         super().__post_init__()
         if not abs(self.convergence_angle) < math.pi:
             raise OutOfRangeError(
@@ -363,7 +368,11 @@ class StereoRig(DepthCamera):
         if self.calibration.measurement is not None:  # of equal parallel cameras, both see the axis if views overlap
             means = {name: np.full((1, 1), mean) for name, mean in self.calibration.means.items()}
             met &= ~self.measured_depth(distance.ravel(), 0.0, means).no_overlap.reshape(distance.shape)
-        return {"overlap": Limit(value=value, bound=bound, met=met)}
+        found = {"overlap": Limit(value=value, bound=bound, met=met)}
+        if (largest := self.disparity_range_px) is not None:
+            disparity = (self.disparity(distance) - self.disparity_of_infinity(distance)) / self.sample_pitch
+            found["disparity_range"] = Limit(value=disparity, bound=largest, met=disparity <= largest)
+        return found
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """The picture through one lens, equal for both; the window may be as large as the sensor."""

@@ -37,6 +37,7 @@ from tradestudy.results.views.groups import camera_titles, consequences, group, 
 from tradestudy.results.views.matching import best_of_any_matcher
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.off_axis import off_axis_words
+from tradestudy.results.views.offset import offset_words
 from tradestudy.results.views.one_design import BestCameras, best_cameras
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
@@ -78,6 +79,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         yield Callout(title="Depth measured in rendered pictures", blocks=(Bullets(measured),))
     sentences = [
         *_off_axis(tree),
+        *_biased(tree),
         *_weighed(tree),
         *_contradictory(tree),
         *_taken_as_perfect(tree),
@@ -166,6 +168,12 @@ def _off_axis(tree: xr.DataTree) -> Iterator[Spans]:
         yield say(
             "**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=listed(worse)
         )
+
+
+def _biased(tree: xr.DataTree) -> Iterator[Spans]:
+    """Say which cameras' measurements lie on one side of the truth."""
+    if biased := offset_words(tree):
+        yield say("**Biased**: {biased}.", biased=listed(biased))
 
 
 def _weighed(tree: xr.DataTree) -> Iterator[Spans]:

@@ -11,9 +11,11 @@ import xarray as xr
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.words import distance_with_error, interval, length, or_dash, share, with_error
+from tradestudy.results.depth import judged_uncertainty
 from tradestudy.results.views.depth import nominal, shares_at, table_depth, table_distances
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, records, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared
+from tradestudy.results.views.offset import offset_words
 from tradestudy.wording import distance, in_words, with_article
 
 _NEGLIGIBLE_SHARE = 1e-6  # what the numerical error of a share amounts to
@@ -45,6 +47,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
                 camera[name]
                 for name in ("depth_uncertainty_by_error_source", "depth_uncertainty_by_error_source_error")
             ]
+            radius, radius_error = (float(camera[f"depth_error_radius{end}"]) for end in ("", "_error"))
             u = {
                 error_source: tuple(float(one.sel(error_source=error_source)) for one in known)
                 for error_source in _ERROR_SOURCES
@@ -57,7 +60,8 @@ def _values_at_places(tree: xr.DataTree) -> Table:
                     "yes" if bool(camera["usable"]) else "no",
                     _step(nearer, farther),
                     *(with_error(value, error) for value, error in u.values()),
-                    share(u["both"][0] / float(place)),
+                    with_error(radius, radius_error),
+                    share(float(judged_uncertainty(camera)) / float(place)),
                     interval(float(low), float(high)) + ("" if bool(camera["converged"]) else " *"),
                 )
             )
@@ -70,6 +74,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             Column(title="Usable"),
             Column(title="Discrim­ination", align="right"),
             *(Column(title=f"u {error_source}", align="right") for error_source in _ERROR_SOURCES),
+            Column(title="r", align="right"),
             Column(title="Relative", align="right"),
             Column(title=f"{content} interval", align="right"),
         ),
@@ -80,12 +85,15 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             "measurements, for noise only, calibration errors only, and both"
             + "; ± its error, where that exceeds 1 %"
             * ("±" in shown)
-            + f". Relative: u both divided by the distance. {content} interval: central {content} of single "
+            + ". r: error radius, within which 68.27 % of all measurements lie about the true distance, failed ones "
+            "counted as infinitely wrong. Relative: the larger of u both and r, by which cameras are judged, divided "
+            f"by the distance. {content} interval: central {content} of single "
             "measurements."
             + " Where u both equals u noise, the chosen models leave calibration errors out."
             * _leaves_out_calibration(tree)
             + " ∞: the interval has no far end." * ("∞" in shown)
             + " *: not converged; the sampling error exceeds the tolerance." * ("*" in shown)
+            + "".join(f" {one[:1].upper()}{one[1:]}." for one in offset_words(tree))
             + _numerical_error(tree)
             + _noise_is_coarse(tree)
             + "".join(f" {sentence}" for sentence in (best_of_any_matcher(at_the_bound(tree)),) if sentence),

@@ -111,6 +111,12 @@ def _uncertainty() -> Iterator[Block]:
                 "matching noise only, calibration errors only, and both."
             ),
             say(
+                "**Error radius**: the distance from the true depth within which 68.27 % of all measurements lie; "
+                "failed measurements and false matches count as infinitely wrong. Cameras are judged by the larger of "
+                "depth uncertainty and error radius, because the interval is that of the measurements, whose median "
+                "may be off."
+            ),
+            say(
                 "**Quantiles, not standard deviations.** Depth is the inverse of a quantity that can reach zero, so "
                 "its variance may not exist. Errors are propagated to inverse depth; quantiles are taken there and "
                 "mapped back. An inverse depth of zero or below counts as a depth of ∞."
@@ -180,13 +186,18 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "**Last disparity step**: the disparity still differs by more than one step from that of a point at "
             "infinity."
         ),
+        "disparity_range": say(
+            "**Search range**: the disparity, less that of a point at infinity, is at most the largest one that the "
+            "matcher searches, as declared."
+        ),
         "failed_fraction": say(
             "**Failed measurements**: at most the declared fraction of measurements fail. A measurement fails if noise "
             "and calibration errors put it beyond infinity"
             + (", or if it is a false match, where the study declares some." if "matching" in applied else ".")
         ),
         "relative_uncertainty": say(
-            "**Relative uncertainty**: the depth uncertainty is at most the declared fraction of the distance."
+            "**Relative uncertainty**: the larger of depth uncertainty and error radius is at most the declared "
+            "fraction of the distance."
         ),
         "saturation": say(
             "**Saturation**: the brightest texture, three standard deviations above the mean, does not saturate the "

@@ -22,6 +22,7 @@ from tradestudy.results.views.groups import camera_titles, consequences, group, 
 from tradestudy.results.views.matching import at_the_bound
 from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.results.views.off_axis import off_axis_words
+from tradestudy.results.views.offset import offset_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.results.views.wave_conclusions import wave_words
@@ -300,6 +301,8 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     said = {one.camera for one in requirements if one.at_lower_bound and one.met}
     if bounds := [title for title in lower_bounds(tree) if title not in said]:
         last.append(f"Lower bound, as no matcher is declared: the disparity error of {listed(bounds)}")
+    if biased := offset_words(tree):
+        last.append(f"Biased: {listed(biased)}")
     if perfect := perfectly_calibrated(tree):
         last.append(f"Assumed perfect: the calibration of {listed(perfect)}")
     last += [f"Contradictory inputs of {one}" for one in consequences(tree)]

@@ -242,12 +242,13 @@ class LimitDistanceClaim(_ClaimPart):
     quantity: Literal["limit_distance"]
     camera: CameraName = Field(description="Camera that the claim is about.")
     limit: Literal[
-        "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
-        "relative_uncertainty", "saturation", "matching",
+        "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "disparity_range",
+        "failed_fraction", "relative_uncertainty", "saturation", "matching",
     ] = Field(
         description="Limit that the claim is about. Some names differ from those in usable_range: "
         "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on "
-        "disparity_step. The limits `saturation` and `matching` apply only to a derived disparity error. `saturation` "
+        "disparity_step. `disparity_range` is the limit on the disparities that the matcher of a rig searches. "
+        "The limits `saturation` and `matching` apply only to a derived disparity error. `saturation` "
         "is met where no pixel saturates. `matching` is met where a real matcher can come close to the Cramér–Rao "
         "bound on the disparity error: where this bound is at most 0.25 px, and the matching window is large enough "
         "for the blur and the texture."
