@@ -15,7 +15,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from tradestudy import api, cli
-from tradestudy.errors import OutOfRangeError, Problem, escaped
+from tradestudy.errors import OutOfRangeError, Problem, StudyError, escaped
 from tradestudy.report import csv_tables
 from tradestudy.wording import json_text
 
@@ -153,3 +153,42 @@ def test_names_that_are_not_utf_8(tmp_path: Path) -> None:
     missing = _process("check", study.with_name(os.fsdecode(b"none\xff.yaml")))
     assert missing.returncode == 2
     assert rb"none\xff.yaml" in missing.stderr
+
+
+def test_python_errors_name_paths_and_commands_name_options() -> None:
+    study = api.load(RIGHT)
+    for change in (
+        lambda: study.with_values({"rig.baseline": "20"}),
+        lambda: api.load(RIGHT, ["rig.baseline=20"]),
+        lambda: api.load(RIGHT, tolerance="20 furlongs"),
+    ):
+        with pytest.raises(StudyError) as caught:
+            change()
+        assert "--" not in str(caught.value)
+        assert re.match(r"(cameras\.rig\.baseline|accuracy\.tolerance): ", str(caught.value))
+    assert CliRunner().invoke(cli.app, ["check", str(RIGHT), "--set", "rig.baseline=20"]).stderr.startswith("--set:1:")
+
+
+@pytest.mark.usefixtures("empty_figures")
+def test_results_are_compared_as_folders_files_and_objects(tmp_path: Path) -> None:
+    result = api.load(RIGHT).run()
+    out = result.write(tmp_path / "out", pdf=False)
+    assert "identical" in str(api.compare([out, out / "results.nc"]))
+    assert "baseline" in str(api.compare([result, api.load(RIGHT, ["rig.baseline=90 mm"]).run()]))
+    kept = {path: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    for target in ("run.json", "results.nc", "report.html"):
+        refused = CliRunner().invoke(cli.app, ["compare", str(out), str(out), "--html", str(out / target)])
+        assert refused.exit_code == 2
+        assert "name another file" in refused.stderr
+    assert {path: path.read_bytes() for path in out.iterdir() if path.is_file()} == kept
+    page = ["compare", str(out), str(out), "--html", str(tmp_path / "c.html")]
+    assert [CliRunner().invoke(cli.app, page).exit_code for _ in range(2)] == [0, 0]
+    record = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    for key in record:
+        (out / "run.json").write_text(json.dumps({**record, key: [{}]}), encoding="utf-8")
+        refused = CliRunner().invoke(cli.app, ["report", str(out), "--no-pdf"])
+        assert refused.exit_code == 1, key
+        assert f"'{key}'" in refused.stderr
+    (out / "run.json").write_text("[" * 100_000, encoding="utf-8")
+    refused = CliRunner().invoke(cli.app, ["report", str(out)])
+    assert (refused.exit_code, refused.stderr.count("\n")) == (1, 1)

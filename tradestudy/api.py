@@ -270,13 +270,13 @@ def cost(
     return [*(plain_text(answer) for answer in answers(found)), str(directory / list(written)[-1])]
 
 
-def compare(directories: Sequence[str | Path]) -> Comparison:
+def compare(directories: Sequence[str | Path | Result]) -> Comparison:
     """Find conclusions and inputs that differ between finished runs, and results that differ by more than their errors.
 
     Parameters
     ----------
     directories
-        Folders of the runs, at least two.
+        Folders of the runs, their ``results.nc``, or results, at least two.
 
     Returns
     -------
@@ -293,8 +293,11 @@ def compare(directories: Sequence[str | Path]) -> Comparison:
     """
     from tradestudy.comparison import compare_runs
 
-    results = [open_result(directory) for directory in directories]
-    names = [str(directory) for directory in directories]
+    results = [one if isinstance(one, Result) else open_result(one) for one in directories]
+    names = [
+        f"{one.data.attrs['study']} ({number})" if isinstance(one, Result) else str(one)
+        for number, one in enumerate(directories, start=1)
+    ]
     with shown(dict(zip(names, results, strict=True))):
         return compare_runs(names, [result.run_record for result in results], [result.data for result in results])
 

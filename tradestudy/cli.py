@@ -411,7 +411,8 @@ def report(
 @app.command()
 def compare(
     directories: Annotated[
-        list[Path], typer.Argument(metavar="DIR DIR…", help="Folders of finished runs.", show_default=False)
+        list[Path],
+        typer.Argument(metavar="DIR DIR…", help="Folders of finished runs, or their results.nc.", show_default=False),
     ],
     html: Annotated[
         Path | None,
@@ -428,6 +429,8 @@ def compare(
         from tradestudy import api
         from tradestudy.results.storage import replace_file
 
+        if html is not None:
+            _refuse_other(html)
         found = api.compare(directories)
         if html is not None:
             replace_file(html, found.html())
@@ -441,6 +444,19 @@ def schema(debug: DebugOption = False) -> None:
         from tradestudy import api
 
         typer.echo(json_text(api.schema(), indent=1))
+
+
+def _refuse_other(page: Path) -> None:
+    """Refuse to replace anything but a page, and to replace the report of a run."""
+    if page.is_file():
+        with page.open("rb") as file:
+            begin = file.read(200).lstrip().lower()
+        if begin and not begin.startswith((b"<!doctype html", b"<html")):
+            raise _InputError(
+                "--html would replace a file that is no page", value=str(page), remedy="name another file"
+            )
+        if page.name == "report.html" and page.with_name("run.json").exists():
+            raise _InputError("--html would replace the report of a run", value=str(page), remedy="name another file")
 
 
 def _line(said: str) -> str:
@@ -541,7 +557,7 @@ def _reporting_errors(*, debug: bool) -> Iterator[None]:
     except TradestudyError as error:
         if debug:
             traceback.print_exc()
-        _say(*str(error).split("\n"), err=True)
+        _say(*(map(str, error.problems) if isinstance(error, StudyError) else str(error).split("\n")), err=True)
         raise typer.Exit(error.exit_status) from None
     except OSError as error:
         if debug:

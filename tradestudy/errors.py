@@ -115,6 +115,11 @@ class Problem:
         place = f"{self.file}:{self.line}:{self.column}"
         return escaped(f"{place}: {self.path}: {self.what}" if self.path else f"{place}: {self.what}")
 
+    @property
+    def message(self) -> str:
+        """The mistake, with its place only if it is in a file: Python has no command line with a ``--set``."""
+        return escaped(f"{self.path}: {self.what}") if self.file.startswith("--") and self.path else str(self)
+
 
 class StudyError(TradestudyError):
     """A study file is invalid; all its mistakes are listed at once."""
@@ -123,7 +128,7 @@ class StudyError(TradestudyError):
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = tuple(sorted(problems, key=lambda p: (p.file, p.line, p.column, p.path)))
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        super().__init__("\n".join(problem.message for problem in self.problems))
 
 
 class PlaceError(TradestudyError):

@@ -292,7 +292,7 @@ def open_result(directory: str | Path) -> Result:
     Parameters
     ----------
     directory
-        Folder of the run.
+        Folder of the run, or its ``results.nc``.
 
     Returns
     -------
@@ -306,7 +306,8 @@ def open_result(directory: str | Path) -> Result:
     """
     from tradestudy.results import storage
 
-    data, record = storage.read_finished(Path(directory))
+    path = Path(directory)
+    data, record = storage.read_finished(path.parent if path.name == storage.RESULTS and path.is_file() else path)
     return Result(data=data, run_record=record)
 
 

@@ -15,7 +15,6 @@ from dataclasses import is_dataclass
 from enum import Enum
 from io import FileIO
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any, Final
 
 FOLDER: Final = ".unfinished"
@@ -59,7 +58,7 @@ class Checkpoints:
             if key in self._index:
                 file, start, length = self._index[key]
                 file.seek(start)
-                with contextlib.suppress(UnpicklingError):  # not a record that a run wrote
+                with contextlib.suppress(Exception):  # whatever is not a record that a run wrote is computed again
                     values[place] = _Unpickler(io.BytesIO(file.read(length))).load()
         return values
 

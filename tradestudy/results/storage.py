@@ -12,7 +12,7 @@ import re
 import secrets
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import xarray as xr
 
@@ -23,6 +23,21 @@ from tradestudy.wording import json_text
 RESULTS = "results.nc"
 RUN = "run.json"
 CHECKSUM = "results_sha256"
+
+# Types of the values in run.json, and of the members of those that have some.
+_KINDS: Final = {
+    **dict.fromkeys(("study", "study_hash", "code_hash", "file", "started", CHECKSUM), str),
+    "seed": int,
+    "predicted_seconds": int | float,
+}
+_MEMBERS: Final = {
+    "inputs": (dict, str),
+    "options": (list, str),
+    "versions": (dict, str),
+    "machine": (dict, str | int),
+    "seconds": (dict, int | float),
+    "points": (dict, dict),
+}
 
 _PART = re.compile(r"\..+\.[0-9a-f]{8}\.(?P<process>\d+)@(?P<machine>.+)\.part")
 
@@ -224,10 +239,23 @@ def _read_run(directory: Path) -> dict[str, Any]:
     path = directory / RUN
     try:
         run = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ResultsError(
             "the run's record cannot be read", value=f"{path}: {error}", remedy="run the study again"
         ) from error
     if not isinstance(run, dict):
         raise ResultsError("the run's record is not a mapping", value=str(path), remedy="run the study again")
+    for key, value in run.items():
+        if not _is_valid(key, value):
+            what = f"the run's record has an impossible value of '{key}'"
+            raise ResultsError(what, value=str(path), remedy="run the study again")
     return run
+
+
+def _is_valid(key: str, value: object) -> bool:
+    """Whether a value of ``run.json`` has the type that a run writes."""
+    if key in _MEMBERS:
+        outer, inner = _MEMBERS[key]
+        members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+        return isinstance(value, outer) and all(isinstance(one, inner) and one == one for one in members)
+    return isinstance(value, _KINDS.get(key, object))
