@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import importlib.metadata
 import json
 import os
 import platform
+import stat
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -20,9 +22,24 @@ def study_hash(tree: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()
 
 
+def require_regular_file(path: Path) -> None:
+    """Refuse folders, and also pipes and devices, which might never end.
+
+    Raises
+    ------
+    OSError
+        There is no such file, or it is not a regular one.
+    """
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+
+
 def file_hash(path: Path) -> str:
     """SHA-256 of a file's bytes; empty if it cannot be read, which the code that needs the file reports."""
     try:
+        require_regular_file(path)
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
         return ""

@@ -21,6 +21,7 @@ import numpy as np
 from tradestudy.calibration.projection import RADIAL_LENS, FreeLens, lens_of_text
 from tradestudy.errors import OutOfRangeError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.provenance import require_regular_file
 
 MINIMUM_DRAWS = 100  # fewer cannot determine a 95 % interval
 _SYMMETRY_LIMIT = 1e-9  # relative
@@ -104,6 +105,7 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
             remedy="rename or convert it",
         )
     try:
+        require_regular_file(path)
         path.open("rb").close()  # raises with the message of the operating system
         found = _READERS[path.suffix](path)
     except (OSError, UnicodeDecodeError, KeyError) as error:

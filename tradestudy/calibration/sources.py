@@ -26,6 +26,7 @@ from tradestudy.declarations.distributions import AnyDistribution, LengthOrPixel
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.provenance import require_regular_file
 from tradestudy.uncertainty.error_class import ErrorClass
 
 if TYPE_CHECKING:  # these load scipy, which `check` does not need
@@ -240,6 +241,7 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
     """One column of numbers from a CSV file."""
     path, column = folder / (part.file or ""), part.column or ""
     try:
+        require_regular_file(path)
         with path.open(newline="", encoding="utf-8") as stream:
             reader = csv.DictReader(stream)
             header, rows = list(reader.fieldnames or ()), list(reader)

@@ -17,6 +17,7 @@ from tradestudy.calibration.corners.corner_noise import CornerNoise
 from tradestudy.calibration.projection import RADIAL_LENS, FreeLens
 from tradestudy.errors import TradestudyError, UnaffordableError
 from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.provenance import require_regular_file
 
 MINIMUM_CORNERS = 6  # four determine the pose of a plane; two more reveal a wrong corner
 MOST_ROWS = 50_000
@@ -106,8 +107,9 @@ def read_corners(path: str | Path) -> StereoCorners:
         The file has more than `MOST_ROWS` rows.
     """
     path = Path(path)
-    _refuse_utf16(path)
     try:
+        require_regular_file(path)
+        _refuse_utf16(path)
         _require_affordable(path)
         return _corners_in(path.name, path.read_bytes().decode("utf-8-sig"))
     except (OSError, UnicodeDecodeError, csv.Error) as error:

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.provenance import require_regular_file
+
+MOST_PIXELS: Final = 100_000_000
+"""Largest number of pixels of a picture or depth map, and of numbers in an array: 0.8 GB in double precision."""
+LARGEST_VALUE: Final = 1e12
+"""Largest brightness or depth of a file: squares of depths are computed in single precision."""
 
 
 def read_picture(file: Path) -> FloatArray:
@@ -60,16 +67,48 @@ def read_depths(file: Path, unit: float) -> FloatArray:
 
 def _values(file: Path) -> FloatArray:
     try:
-        if file.suffix.lower() == ".npy":
-            return np.asarray(np.load(file, allow_pickle=False), np.float64)
-        from PIL import Image
-
-        # The library warns only of invalid tags, which do not matter here; invalid pixels raise an error.
-        with warnings.catch_warnings(action="ignore", category=UserWarning), Image.open(file) as picture:
-            return np.asarray(picture.convert("RGB") if picture.mode == "P" else picture, np.float64)
-    except (OSError, ValueError) as error:
+        require_regular_file(file)
+        values = _array(file) if file.suffix.lower() == ".npy" else _image(file)
+    except OutOfRangeError:
+        raise
+    except Exception as error:  # damaged files make the libraries raise errors of any kind
         raise OutOfRangeError(
             "a file that cannot be read",
             value=f"{file}: {getattr(error, 'strerror', None) or error}",
             limit="PNG, TIFF or NPY",
         ) from error
+    largest = float(np.max(values[np.isfinite(values)], initial=0.0))
+    if largest > LARGEST_VALUE:
+        raise OutOfRangeError(
+            "a value of a picture or depth map", value=f"{largest:g} in {file}", limit=f"{LARGEST_VALUE:g}"
+        )
+    return values
+
+
+def _array(file: Path) -> FloatArray:
+    """The numbers of an NPY file, of which only the header is read before its size and type are known."""
+    found = np.load(file, mmap_mode="r", allow_pickle=False)
+    if not isinstance(found, np.ndarray) or found.dtype.kind not in "biuf":
+        kind = found.dtype if isinstance(found, np.ndarray) else "an archive"
+        raise OutOfRangeError("the type of an array", value=f"{kind} in {file}", limit="real numbers")
+    _require_size(file, found.size)
+    return np.array(found, np.float64)
+
+
+def _image(file: Path) -> FloatArray:
+    from PIL import Image
+
+    # The library warns of invalid tags, which do not matter (invalid pixels raise an error), and of large pictures.
+    with warnings.catch_warnings(action="ignore"), Image.open(file) as picture:
+        _require_size(file, picture.width * picture.height)
+        return np.asarray(picture.convert("RGB") if picture.mode == "P" else picture, np.float64)
+
+
+def _require_size(file: Path, pixels: int) -> None:
+    if not 0 < pixels <= MOST_PIXELS:
+        raise OutOfRangeError(
+            "the size of a picture or depth map",
+            value=f"{pixels:,} values in {file}",
+            limit=f"1 to {MOST_PIXELS:,}",
+            remedy="reduce its resolution, or crop it",
+        )

@@ -1,0 +1,85 @@
+"""Pictures and depth maps from files that nobody should be able to make the program stumble over."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tradestudy.calibration.calibration_file import CalibrationFileError, read_calibration
+from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.scenes.files import read_depths, read_picture
+from tradestudy.provenance import file_hash
+
+
+def png(width: int, height: int) -> bytes:
+    """A PNG file that claims a size and has no pixels."""
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(b"")), (b"IEND", b""))
+    parts = (
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+def npy(header: str) -> bytes:
+    text = header.encode() + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text
+
+
+ENORMOUS = npy("{'descr': '<f8', 'fortran_order': False, 'shape': (10000000, 10000000), }")
+FILES = {
+    "huge.png": (png(20_000, 20_000), "cannot be read|size of a picture"),
+    "large.png": (png(12_000, 10_000), "120,000,000 values .*allowed: 1 to 100,000,000"),
+    "damaged.png": (png(4, 4), "cannot be read"),
+    "empty.png": (b"", "cannot be read"),
+    "empty.npy": (b"", "cannot be read"),
+    "claim.npy": (ENORMOUS, "cannot be read"),
+    "header.npy": (npy("{" + " " * 60_000 + "}"), "cannot be read"),
+}
+ARRAYS = {
+    "none": (np.zeros((0, 5)), "0 values"),
+    "structured": (np.zeros((4, 4), [("a", "f4"), ("b", "f4")]), "type of an array"),
+    "complex": (np.ones((4, 4), complex), "type of an array"),
+    "text": (np.full((4, 4), "1"), "type of an array"),
+    "large": (np.full((4, 4), 1e300), "1e\\+300 .*allowed: 1e\\+12"),
+    "line": (np.ones(5), "shape of a"),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_that_are_no_pictures_are_refused_with_the_reason(tmp_path: Path, name: str) -> None:
+    content, reason = FILES[name]
+    (tmp_path / name).write_bytes(content)
+    for read in (read_picture, lambda file: read_depths(file, 1.0)):
+        with pytest.raises(OutOfRangeError, match=reason):
+            read(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_arrays_that_are_no_pictures_are_refused_with_the_reason(tmp_path: Path, name: str) -> None:
+    values, reason = ARRAYS[name]
+    np.save(tmp_path / "one.npy", values)
+    for read in (read_picture, lambda file: read_depths(file, 1.0)):
+        with pytest.raises(OutOfRangeError, match=reason):
+            read(tmp_path / "one.npy")
+
+
+def test_pipes_are_refused_instead_of_waited_for(tmp_path: Path) -> None:
+    for name in ("map.npy", "map.png", "rig.csv", "rig.nc"):
+        os.mkfifo(tmp_path / name)
+    with pytest.raises(OutOfRangeError, match="not a regular file"):
+        read_depths(tmp_path / "map.npy", 1.0)
+    with pytest.raises(OutOfRangeError, match="not a regular file"):
+        read_picture(tmp_path / "map.png")
+    with pytest.raises(CornerFileError, match="not a regular file"):
+        read_corners(tmp_path / "rig.csv")
+    for name in ("rig.csv", "rig.nc"):
+        with pytest.raises(CalibrationFileError, match="not a regular file"):
+            read_calibration(tmp_path / name)
+    assert file_hash(tmp_path / "map.npy") == ""
