@@ -436,7 +436,7 @@ class Reference:
         if inner:
             for one in inner:
                 yield from self.alternatives(one)
-        elif schema.get("type") != "null" and set(schema.get("properties", ())) != _BASIS:
+        elif schema.get("type") != "null" and "allOf" not in schema:  # which values with their basis have
             yield name, schema
 
     def parts_below(self, schema: Schema, path: str) -> Iterator[tuple[str, str]]:

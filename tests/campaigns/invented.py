@@ -47,6 +47,9 @@ def _of(schema: dict[str, Any], defs: dict[str, Any], depth: int) -> st.SearchSt
     if "$ref" in schema:
         target = defs[schema["$ref"].rsplit("/", 1)[1]]
         return st.deferred(lambda: _of(target, defs, depth + 1)) if depth < 8 else _SCALARS
+    if "allOf" in schema:  # a value with its basis
+        written = defs[schema["allOf"][0]["$ref"].rsplit("/", 1)[1]]
+        return _mapping({**written, "properties": {**written["properties"], **schema["properties"]}}, defs, depth)
     for union in ("anyOf", "oneOf"):
         if union in schema:
             return st.one_of(*(_of(part, defs, depth + 1) for part in schema[union]), _SCALARS)

@@ -53,6 +53,22 @@ def test_a_camera_comes_from_one_file_or_several(files: Any, fits: bool) -> None
 
 
 @pytest.mark.parametrize(
+    ("written", "fits"),
+    [
+        ({"value": "300 mm", "basis": "measured", "note": "by tape"}, True),
+        ({"basis": "measured"}, False),
+        ({"value": "300 mm", "basis": "heard"}, False),
+        ({"value": "300", "basis": "measured"}, False),
+        ({"value": "300 mm", "source": "by tape"}, False),
+    ],
+)
+def test_a_value_with_its_basis_keeps_the_limits_of_both(written: Any, fits: bool) -> None:
+    content: Any = YAML(typ="safe", pure=True).load((STUDIES / "robot.yaml").read_text(encoding="utf-8"))
+    content["scene"]["distances"]["from"] = written
+    assert jsonschema.Draft202012Validator(schema()).is_valid(content) is fits
+
+
+@pytest.mark.parametrize(
     ("name", "place"),
     [
         ("unknown_key_at_the_top", "$"),

@@ -11,6 +11,7 @@ from tradestudy.study.document import BASES
 from tradestudy.study.schema.shared import shared
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_WITH_BASIS = "WithBasis"
 _SHARING: dict[str, dict[str, Any]] = {
     "from": {
         "type": ["string", "array"],
@@ -42,6 +43,7 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
     parts: dict[str, Any] = schema.get("$defs", {})
     opened = _opened(_described(schema, parts), parts)
     opened["$defs"] = {name: _opened(_described(part, parts), parts) for name, part in parts.items()}
+    opened["$defs"][_WITH_BASIS] = _any_with_basis()
     cameras = opened["properties"]["cameras"]
     cameras["patternProperties"] = {
         pattern: _shareable(camera) for pattern, camera in cameras["patternProperties"].items()
@@ -102,17 +104,23 @@ def _with_basis(schema: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, A
     # Description and default belong to the key; many keys share the rest.
     shown: dict[str, Any] = {key: schema[key] for key in ("description", "default") if key in schema}
     bare = {key: of for key, of in schema.items() if key not in shown}
-    written = {
+    # Some editors drop the properties of a part if others stand beside its reference, so that goes into allOf.
+    written = {"allOf": [{"$ref": f"#/$defs/{_WITH_BASIS}"}], "properties": {"value": bare}}
+    return {**shown, "anyOf": [bare, written]}
+
+
+def _any_with_basis() -> dict[str, Any]:
+    """A value of any kind with its basis; the keys that refer to it limit the value."""
+    return {
         "type": "object",
         "properties": {
-            "value": bare,
+            "value": {},
             "basis": {"enum": list(BASES), "description": "Basis of the value."},
             "note": {"type": "string", "description": "Where the value comes from, in words."},
         },
         "required": ["value"],
         "additionalProperties": False,
     }
-    return {**shown, "anyOf": [bare, written]}
 
 
 def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
