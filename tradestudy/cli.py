@@ -477,7 +477,9 @@ def _warned(study: Study, *, quiet: bool = False) -> Study:
         return study
     for line in study.imported:
         _say(f"read: {line}", err=True)
-    for warning in study.warnings:
+    from tradestudy.study.plausibility import implausible
+
+    for warning in implausible(study.definition):  # with the place on the command line
         _say(f"warning: {warning}", err=True)
     return study
 

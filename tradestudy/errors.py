@@ -141,7 +141,7 @@ class DiskError(TradestudyError):
     """The disk cannot be written or read."""
 
 
-_ANOTHER: Final = "give another --out"
+_ANOTHER: Final = "give another output folder"
 _PLACES: Final = {
     errno.ENOTDIR: f"a file exists where a folder is expected; {_ANOTHER}",
     errno.EEXIST: f"a file exists where a folder is expected; {_ANOTHER}",

@@ -76,11 +76,12 @@ class Study:
     def warnings(self) -> tuple[str, ...]:
         """Warnings about implausible values, each as ``FILE:LINE:COLUMN: path: message``.
 
-        A value for which the study states a basis causes no warning.
+        Those about values given outside the file have no place. A value for which the study states a basis causes no
+        warning.
         """
         from tradestudy.study.plausibility import implausible
 
-        return tuple(map(str, implausible(self.definition)))
+        return tuple(one.message for one in implausible(self.definition))
 
     @property
     def imported(self) -> tuple[str, ...]:

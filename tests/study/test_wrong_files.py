@@ -92,7 +92,7 @@ def test_paths_that_are_not_files_are_refused(tmp_path: Path) -> None:
     assert messages(dangling) == [f"{dangling}:1:1: there is no such file"]
     assert messages(tmp_path) == [f"{tmp_path}:1:1: it is a folder; a file is expected"]
     assert messages(Path("/dev/zero")) == ["/dev/zero:1:1: it is not a regular file; a file is expected"]
-    assert messages(Path("a\0b")) == ["a\0b:1:1: it cannot be read (embedded null byte)"]
+    assert messages(Path("a\0b")) == [r"a\x00b:1:1: it cannot be read (embedded null byte)"]
     long = Path("n" * 5000)
     assert messages(long) == [f"{long}:1:1: it cannot be read (File name too long)"]
 

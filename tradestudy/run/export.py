@@ -109,12 +109,12 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
             left_out.append("posterior: no parameter of the camera is declared uncertain")
     found = Export(texts=texts, posterior=posterior if POSTERIOR in asked else None, left_out=(*left_out, *refused))
     if not texts and found.posterior is None:
-        remedy = "choose another format with --format; nothing was written" if words else "nothing was written"
+        remedy = "choose another format; nothing was written" if words else "nothing was written"
         raise ExportError("\n".join(found.left_out), remedy=remedy)
     if refused and not lossy:
         raise ExportError(
             "\n".join(refused),
-            remedy="pass --lossy to leave this out, or choose other formats with --format; nothing was written",
+            remedy="allow a lossy export, or choose other formats; nothing was written",
         )
     return found
 

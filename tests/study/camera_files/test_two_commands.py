@@ -152,7 +152,7 @@ def test_a_place_that_cannot_be_written_to_is_reported_in_one_line(
         ended = CliRunner().invoke(app, asked)
         assert ended.exit_code == 2, ended.output
         assert re.search(rf"{tmp_path}/plain\S* cannot be read or written", ended.output)
-        assert "give another --out" in ended.output
+        assert "give another output folder" in ended.output
         assert "unexpected" not in ended.output
 
     def full(*_: object) -> None:
