@@ -31,7 +31,7 @@ from tradestudy.study.schema.requirements import (
     SharpPart,
     UsablePart,
 )
-from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
+from tradestudy.units import FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty
 from tradestudy.wording import fewest_digits, limit_words, listed, plain_span
 
 ANY: Final = "any"
@@ -41,6 +41,17 @@ _COARSE: Final = 9
 _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
 _ABSENT: Final = "the camera has no overlap"
 _RESOLUTION: Final = "lateral_resolution"
+_BLUR_COUNTED: Final = ("depth_uncertainty", "failed_fraction")  # quantities that follow from the disparity error
+_DECLARED: Final[Mapping[str, tuple[str, Dimension]]] = {
+    "overlap": ("overlap", FRACTION),
+    "total_covering_plane": ("virtual_depth", NUMBER),
+    "availability": ("availability", FRACTION),
+    "focus": ("blur", PIXELS),
+    "last_disparity_step": ("disparity_step", PIXELS),
+    "failed_fraction": ("failed_fraction", FRACTION),
+    "relative_uncertainty": ("relative_uncertainty", FRACTION),
+}
+"""Keys of usable_range behind the limits."""
 _Key = tuple[RequirementPart, DepthCamera, UsableCriteria, float, tuple[float, ...]]
 """The last are the wavelength [m] and the field positions at which depth is computed."""
 
@@ -97,13 +108,17 @@ def _check_measured(
     reason, limit = f"{worst} at {pretty(place, LENGTH)}{where}", ""
     if requirement.quantity == _RESOLUTION and math.isfinite(value):
         reason += f", by {_coarsest_part(case, name, place)}"
+    kept = bool(kept and abs(bound - value) >= guard)
     if unusable > 0.0:
         broken = [_limit_of(intervals, gap, case, name) for gap in gaps]
-        reason = f"{_not_usable(gaps, broken)}; {reason}"
+        derived = requirement.quantity in _BLUR_COUNTED and _derives_its_error(case, name)
+        reason = f"{_not_usable(gaps, broken, derived=derived)}; {reason}"
         limit = broken[0] if -unusable <= margin else ""
+        if kept and (only := _declared_limits_alone(case, name, gaps)):
+            reason += f"; meets {pretty(bound, dimension)} throughout, and only {only} it out"
     return RequirementAnswer(
         camera=name,
-        met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
+        met=kept and unusable == 0.0,
         value=value,
         bound=bound,
         place=place,
@@ -260,7 +275,7 @@ def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, 
     else:
         broken = [_limit_of(intervals, gap, case, name) for gap in gaps]
         place, limit = gaps[0][0], broken[0]
-        margin, words = -unusable, _not_usable(gaps, broken)
+        margin, words = -unusable, _not_usable(gaps, broken, derived=_derives_its_error(case, name))
     return RequirementAnswer(
         camera=name,
         met=unusable == 0.0,
@@ -333,13 +348,39 @@ def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Cas
     return max(broken, key=lambda limit: broken[limit], default="")
 
 
-def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str]) -> str:
-    """Every gap with the limit that the camera violates there; consecutive gaps with the same limit share its words."""
+def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str], *, derived: bool) -> str:
+    """Every gap with the limit that the camera violates there; consecutive gaps with the same limit share its words.
+
+    A ``derived`` disparity error grows with blur, so a limit on blur counts it a second time.
+    """
     parts = []
     for limit, group in groupby(zip(limits, gaps, strict=True), key=lambda pair: pair[0]):
         why = f": {limit_words(limit)}" if limit else ""
+        if limit == "focus" and derived:
+            why += ", although its derived disparity error already contains blur"
         parts.append(listed([f"from {plain_span(*gap)}" for _, gap in group]) + why)
     return f"not usable {'; '.join(parts)}"
+
+
+def _derives_its_error(case: Case, name: str) -> bool:
+    return not isinstance(case.cameras[name].disparity_error_px, float | int)
+
+
+def _declared_limits_alone(case: Case, name: str, gaps: Sequence[tuple[float, float]]) -> str:
+    """The limits of the study that alone rule out a camera in gaps, with their verb.
+
+    Empty where something else prevents the measurement, such as a search range or saturated pixels.
+    """
+    inside = np.concatenate([np.geomspace(near, far, _POINTS + 2)[1:-1] for near, far in gaps])
+    camera = case.cameras[name]
+    if not all(limit.met.all() for limit in evaluate_limits(camera, UsableCriteria(), inside).values()):
+        return ""
+    found = evaluate_limits(camera, case.criteria, inside, _DECLARED)
+    broken = {_DECLARED[limit]: one.bound for limit, one in found.items() if not one.met.all()}
+    words = [f"{key}: {pretty(bound, dimension)}" for (key, dimension), bound in broken.items()]
+    if not words:
+        return ""
+    return f"{listed(words)} {'rules' if len(words) == 1 else 'rule'}"
 
 
 def _fields(requirement: RequirementPart, case: Case) -> tuple[FieldPosition, ...]:
