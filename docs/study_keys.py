@@ -161,6 +161,7 @@ _EXAMPLES: Final = {
     # Lens models
     "GeometryPart.rotation": "[0.1 deg, -0.3 deg, 0.05 deg]",
     "translation": "[-62.4 mm, 0.3 mm, -0.1 mm]",
+    "ConventionalDeclaration.geometry": "{focal_length: [882.5 px, 881.9 px], principal_point: [639.2 px, 402.7 px]}",
     "CalibratedCameraPart.focal_length": "[882.5 px, 881.9 px]",
     "CalibratedCameraPart.principal_point": "[639.2 px, 402.7 px]",
     "KannalaBrandtPart.k3": "-0.001",

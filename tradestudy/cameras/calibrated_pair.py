@@ -1,4 +1,4 @@
-"""A calibrated pair of cameras, which measures depth instead of the design."""
+"""Calibrated cameras, and a calibrated pair of them, which measures depth instead of the design."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.cameras.parts import Sensor
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import IDEAL
@@ -20,7 +21,7 @@ RADIAL: Final = ("k1", "k2")
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedCamera:
-    """One camera of a calibrated pair.
+    """A calibrated camera.
 
     Parameters
     ----------
@@ -35,6 +36,12 @@ class CalibratedCamera:
     focal_lengths: tuple[float, float]
     principal_point: tuple[float, float]
     lens: LensModel
+
+    def on_sensor(self, sensor: Sensor) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Principal distances along x and y, and the principal point from the middle of a sensor [m]."""
+        pitch, ends = sensor.pixel_pitch, (sensor.columns - 1, sensor.rows - 1)
+        (fx, fy), (x, y) = self.focal_lengths, self.principal_point
+        return (fx * pitch, fy * pitch), ((x - ends[0] / 2.0) * pitch, (y - ends[1] / 2.0) * pitch)
 
 
 @dataclass(frozen=True, kw_only=True)

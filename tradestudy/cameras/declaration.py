@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from tradestudy import units
+from tradestudy.cameras.calibrated_pair import CalibratedCamera
 from tradestudy.cameras.calibration_declaration import CalibrationPart
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityError, DisparityErrorLaw
@@ -17,6 +18,7 @@ from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.imported import PICTURE_SIZE, Imported, Stated
 from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
 from tradestudy.cameras.stated_declaration import StatedPart
+from tradestudy.declarations.lens_models import AnyLensModel
 from tradestudy.declarations.matcher import MatcherPart
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
@@ -27,6 +29,7 @@ from tradestudy.declarations.quantities import (
     InPixels,
     NonNegativeElectrons,
     PixelPitch,
+    Pixels,
     PositiveAngle,
     PositiveCount,
     PositiveElectrons,
@@ -39,6 +42,8 @@ from tradestudy.declarations.quantities import (
 )
 from tradestudy.declarations.words import Text
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_models.rational import IDEAL
 
 AttributeName = Annotated[str, Field(pattern=r"^[a-z][\w -]*$", max_length=60)]
 QuantumEfficiency = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most=1.0)]
@@ -134,6 +139,34 @@ class SensorPart(Part):
             saturation_capacity=self.saturation_capacity,
             system_gain=self.system_gain,
             relative_exposure=self.relative_exposure,
+        )
+
+
+class CalibratedCameraPart(Part):
+    """A calibrated camera. In its picture, (0, 0) is the centre of the top left pixel; y points down."""
+
+    focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Horizontal and vertical focal length.")
+    principal_point: tuple[Pixels, Pixels] = Field(
+        description="Point (x, y) of the picture that the optical axis meets."
+    )
+    distortion: AnyLensModel | None = Field(
+        default=None, description="Lens model of this camera; default: no distortion."
+    )
+
+    def lens_model(self) -> LensModel:
+        """The lens model in SI."""
+        return IDEAL if self.distortion is None else self.distortion.lens_model()
+
+    def values(self, free: tuple[str, ...]) -> tuple[float, ...]:
+        """Focal lengths and principal point [px], then the free coefficients of the lens model."""
+        known = self.lens_model().coefficients()
+        return (*self.focal_length, *self.principal_point, *(known[name] for name in free))
+
+    @property
+    def calibrated(self) -> CalibratedCamera:
+        """The camera in pixels."""
+        return CalibratedCamera(
+            focal_lengths=self.focal_length, principal_point=self.principal_point, lens=self.lens_model()
         )
 
 

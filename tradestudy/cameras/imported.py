@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from tradestudy.optics.lens_models.families import ANGLES
+
 LensModelName = Literal[
     "rational",
     "kannala-brandt",
@@ -191,6 +193,19 @@ class ImportedPlenoptic:
 
 
 Imported = ImportedCamera | ImportedRig | ImportedCorners | ImportedPlenoptic
+
+
+def camera_stated(where: tuple[str, ...], camera: ImportedCamera) -> Iterator[Stated]:
+    """The geometry of one camera, below the keys ``where``."""
+    keys = camera.keys
+    yield Stated(
+        path=(*where, "focal_length"), value=[f"{f!r} px" for f in camera.focal_lengths], key=keys["focal_lengths"]
+    )
+    yield Stated(path=(*where, "principal_point"), value=[f"{c!r} px" for c in camera.centre], key=keys["centre"])
+    where, key = (*where, "distortion"), keys["coefficients"]
+    yield Stated(path=(*where, "model"), value=camera.lens_model, key=key, basis="derived")
+    for name, value in camera.coefficients.items():
+        yield Stated(path=(*where, name), value=f"{value!r} rad" if name in ANGLES else value, key=key)
 
 
 def conventions_stated(conventions: tuple[Convention, ...], prefix: str = "") -> Iterator[Stated]:

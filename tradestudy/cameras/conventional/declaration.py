@@ -9,10 +9,11 @@ from pydantic import Field, model_validator
 
 from tradestudy.cameras.conventional.depth_reading import FocusStackReader
 from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStackPlan
-from tradestudy.cameras.declaration import CameraDeclaration, LensPart, SensorPart
+from tradestudy.cameras.declaration import CalibratedCameraPart, CameraDeclaration, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
-from tradestudy.cameras.imported import Imported, ImportedCamera, Stated, conventions_stated
+from tradestudy.cameras.imported import Imported, ImportedCamera, Stated, camera_stated, conventions_stated
+from tradestudy.cameras.parts import Lens
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
@@ -108,7 +109,9 @@ class ConventionalFocusPart(Part):
 
 
 class ConventionalLensPart(LensPart):
-    """The lens of a conventional camera."""
+    """The lens of a conventional camera; ``geometry``, if given, determines its focal length."""
+
+    counts_given: ClassVar[tuple[int, ...]] = (0, 1)
 
     f_number: FNumber = Field(
         default="2.8", validate_default=True, description="F-number: focal length divided by pupil diameter."
@@ -127,18 +130,40 @@ class ConventionalDeclaration(CameraDeclaration):
     kind: Literal["conventional"]
     imports: ClassVar[tuple[type, ...]] = (ImportedCamera,)
 
-    lens: ConventionalLensPart
+    lens: ConventionalLensPart = Field(default_factory=ConventionalLensPart)
     sensor: SensorPart
+    geometry: CalibratedCameraPart | None = Field(
+        default=None,
+        description="Calibrated geometry of the camera, instead of a focal length: its pictures have this principal "
+        "point and lens model.",
+    )
     focus: ConventionalFocusPart
+
+    @model_validator(mode="after")
+    def _one_focal_length(self) -> Self:
+        given = [name for name in ("focal_length", "field_of_view") if getattr(self.lens, name) is not None]
+        if self.geometry is None and not given:
+            raise MistakeAt(("lens",), "give exactly one of focal_length and field_of_view")
+        if self.geometry is not None and given:
+            raise MistakeAt(
+                ("lens", given[0]),
+                "the calibrated geometry determines it; remove it, or remove the geometry (geometry: null)",
+            )
+        if self.geometry is not None and self.focus.stack is not None:
+            raise MistakeAt(
+                ("focus", "stack"),
+                "a calibrated geometry holds for one focus setting; remove the stack, or remove the geometry "
+                "(geometry: null) and give a focal_length of the lens",
+            )
+        return self
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """Focal length and pixels of a single calibrated camera; distortion does not affect focus."""
+        """Geometry and pixels of a single calibrated camera."""
         assert isinstance(imported, ImportedCamera)
         keys = imported.keys
         yield Stated(path=("kind",), value="conventional", key=keys["focal_lengths"], basis="derived")
-        focal_length = sum(imported.focal_lengths) / 2.0
-        yield Stated(path=("lens", "focal_length"), value=f"{focal_length!r} px", key=keys["focal_lengths"])
+        yield from camera_stated(("geometry",), imported)
         if imported.pixels is not None:
             yield Stated(path=("sensor", "pixels"), value=list(imported.pixels), key=keys["pixels"])
         yield from conventions_stated(imported.conventions)
@@ -146,11 +171,19 @@ class ConventionalDeclaration(CameraDeclaration):
     def design(self, picture_law: DisparityErrorLaw | None) -> ConventionalCamera:  # noqa: ARG002 - it measures no disparity
         """The camera in SI, focused by distance, by image scale, or by a data sheet's working distance.
 
+        A calibrated geometry gives the mean of its focal lengths, times the scale of its lens model on the axis.
+
         The image scale s for a pixel pitch p gives the magnification p/s, and thus the distance of the principal plane.
         At the reference, this gives the position of that plane behind the front of the lens, which is assumed constant.
         """
         sensor = self.sensor.sensor()
-        lens = self.lens.lens(sensor)
+        geometry = self.geometry
+        if geometry is None:
+            lens = self.lens.lens(sensor)
+        else:
+            in_pixels = sum(geometry.focal_length) / 2.0 * geometry.lens_model().scale_on_axis
+            focal_length = in_pixels * sensor.pixel_pitch
+            lens = Lens(focal_length=focal_length, f_number=self.lens.f_number)
         focus = self.focus
 
         def by_scale(image_scale: float) -> float:
@@ -170,4 +203,5 @@ class ConventionalDeclaration(CameraDeclaration):
                 near=stack.start, far=stack.stop, most_images=stack.images, time_per_image=stack.time_per_image
             ),
             front_to_principal_plane=behind_front,
+            calibrated=None if geometry is None else geometry.calibrated,
         )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from tradestudy.cameras.calibrated_pair import CalibratedCamera
 from tradestudy.cameras.camera import Camera, Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
 from tradestudy.cameras.conventional.focus_stack import ImageStackFocus
@@ -14,7 +15,9 @@ from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.cameras.picture_field import edge_angle, properties_of
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.thin_lens import image_distance
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
@@ -69,11 +72,14 @@ class ConventionalCamera(Camera):
     front_to_principal_plane
         Distance of the principal plane behind the front of the lens [m], from which data sheets measure working
         distances; None if unknown.
+    calibrated
+        Calibrated geometry of its picture, if known; focus, blur and light are those of the lens.
 
     Raises
     ------
     OutOfRangeError
-        The focus is within the focal length, or the stack is impossible.
+        The focus is within the focal length, or the stack is impossible; or a stack has a calibrated geometry, which
+        holds for one focus setting.
     """
 
     family: ClassVar[str] = "conventional"
@@ -82,8 +88,14 @@ class ConventionalCamera(Camera):
     focus_distance: float
     stack: FocusStackPlan | None = None
     front_to_principal_plane: float | None = None
+    calibrated: CalibratedCamera | None = None
 
     def __post_init__(self) -> None:
+        if self.calibrated is not None and self.stack is not None:
+            raise OutOfRangeError(
+                "a focus stack of a camera with a calibrated geometry, which holds for one focus setting",
+                remedy="remove the stack, or remove the geometry (geometry: null) and give lens.focal_length",
+            )
         # Both check their arguments.
         _ = self.single_image, self.focus
 
@@ -137,7 +149,21 @@ class ConventionalCamera(Camera):
         environment: Environment | None,  # noqa: ARG002 - as above
         stop_separation: float,
     ) -> Sequence[SingleLensExposure]:
-        """One picture, or the pictures of a stack planned for a blur of one pixel."""
+        """One picture, as calibrated or designed, or the pictures of a stack planned for a blur of one pixel."""
+        if (camera := self.calibrated) is not None:
+            distances, point = camera.on_sensor(self.sensor)
+            return [
+                SingleLensExposure(
+                    name="image",
+                    sensor=self.sensor,
+                    lens=self.lens,
+                    focus_distance=self.focus_distance,
+                    principal_distances=distances,
+                    principal_point=point,
+                    distortion=camera.lens,
+                    stop_separation=stop_separation,
+                )
+            ]
         focus = {"image": self.focus_distance}
         if isinstance(self.focus, ImageStackFocus):
             focus = {f"image-{k}": distance for k, distance in enumerate(self.focus.sharpest_distances, start=1)}
@@ -152,19 +178,29 @@ class ConventionalCamera(Camera):
             for name, distance in focus.items()
         ]
 
+    @property
+    def fields_of_view(self) -> tuple[float, float]:
+        """Angles between opposite edges and corners of the picture [rad], as calibrated, or focused at infinity."""
+        sensor = self.sensor
+        if self.calibrated is None:
+            return self.lens.field_of_view(sensor.width), self.lens.field_of_view(sensor.diagonal)
+        ((cx, cy), (x, y)), lens = self.calibrated.on_sensor(sensor), self.calibrated.lens
+        ends = [((side * sensor.width / 2.0 - x) / cx, (side * sensor.height / 2.0 - y) / cy) for side in (-1.0, 1.0)]
+        return sum(edge_angle(lens, one, 0.0) for one, _ in ends), sum(edge_angle(lens, *one) for one in ends)
+
     def properties(self) -> Properties:
         """Lens, focus and field of view."""
         lens, single = self.lens, self.single_image
+        across, diagonal = self.fields_of_view
+        views = "focused at infinity" if self.calibrated is None else "as calibrated"
         rows = [
             ("focal length", pretty(lens.focal_length, LENGTH, 4)),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
             ("focus distance, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
             ("working f-number", pretty(single.working_f_number, NUMBER, 4)),
-            ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(self.sensor.width), ANGLE, 4)),
-            (
-                "diagonal field of view, focused at infinity",
-                pretty(lens.field_of_view(self.sensor.diagonal), ANGLE, 4),
-            ),
+            (f"horizontal field of view, {views}", pretty(across, ANGLE, 4)),
+            (f"diagonal field of view, {views}", pretty(diagonal, ANGLE, 4)),
+            *(() if self.calibrated is None else properties_of(self.calibrated.lens, "lens model")),
         ]
         if math.isfinite(self.focus_distance):
             in_focus = image_distance(self.focus_distance, self.lens.focal_length)
@@ -183,7 +219,7 @@ class ConventionalCamera(Camera):
 
         Data sheets seldom state their blur criterion, so the message gives the implied one.
         """
-        found = lens_contradictions(self.lens, self.sensor, stated)
+        found = lens_contradictions(self.lens, self.sensor, stated, self.fields_of_view)
         if stated is None or stated.depth_of_field is None:
             return found
         one_pixel = BlurCriterion(blur_px=1.0, measure="none", wavelength=1e-6)  # λ does not enter

@@ -15,11 +15,11 @@ from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.imported import FITTED_LENS, Imported, ImportedCorners, ImportedRig, Stated
 from tradestudy.cameras.parts import Lens
+from tradestudy.cameras.picture_field import full_angle
 from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.geometry import GeometryPart
 from tradestudy.cameras.stereo.imported import stated_by
-from tradestudy.cameras.stereo.picture_field import full_angle
 from tradestudy.declarations.lens_models import AnyLensModel, fitted_words
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistanceOrInfinity, PositivePixels

@@ -30,6 +30,12 @@ from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.cameras.picture_field import (
+    edge_angle,
+    place_across,
+    properties_of_lens_models,
+    scale_across,
+)
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
@@ -42,12 +48,6 @@ from tradestudy.cameras.stereo.pair import (
     Pair,
     pair_inverse_depth,
     pair_observation,
-)
-from tradestudy.cameras.stereo.picture_field import (
-    edge_angle,
-    place_across,
-    properties_of_lens_models,
-    scale_across,
 )
 from tradestudy.cameras.stereo.views import views_of_calibration, views_of_design
 from tradestudy.cameras.through_lens import picture_through_lens

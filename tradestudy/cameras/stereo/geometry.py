@@ -8,33 +8,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from tradestudy.cameras.calibrated_pair import RADIAL, CalibratedPair
-from tradestudy.declarations.lens_models import AnyLensModel
+from tradestudy.cameras.declaration import CalibratedCameraPart
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import Angle, Length, Pixels, PositivePixels
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import IDEAL
-
-
-class CalibratedCameraPart(Part):
-    """One camera of a calibrated pair. In its picture, (0, 0) is the centre of the top left pixel; y points down."""
-
-    focal_length: tuple[PositivePixels, PositivePixels] = Field(description="Horizontal and vertical focal length.")
-    principal_point: tuple[Pixels, Pixels] = Field(
-        description="Point (x, y) of the picture that the optical axis meets."
-    )
-    distortion: AnyLensModel | None = Field(
-        default=None, description="Lens model of this camera; default: no distortion."
-    )
-
-    def lens_model(self) -> LensModel:
-        """The lens model in SI."""
-        return IDEAL if self.distortion is None else self.distortion.lens_model()
-
-    def values(self, free: tuple[str, ...]) -> tuple[float, ...]:
-        """Focal lengths and principal point [px], then the free coefficients of the lens model."""
-        known = self.lens_model().coefficients()
-        return (*self.focal_length, *self.principal_point, *(known[name] for name in free))
+from tradestudy.declarations.quantities import Angle, Length
 
 
 class GeometryPart(Part):

@@ -9,13 +9,12 @@ import numpy as np
 
 from tradestudy.cameras.imported import (
     NOMINAL_PITCH,
-    ImportedCamera,
     ImportedCorners,
     ImportedRig,
     Stated,
+    camera_stated,
     conventions_stated,
 )
-from tradestudy.optics.lens_models.families import ANGLES
 
 _ASSUMED_PITCH: Final = "3 um"
 
@@ -37,7 +36,7 @@ def _of_rig(rig: ImportedRig) -> Iterator[Stated]:
     from scipy.spatial.transform import Rotation
 
     for side, camera in (("left", rig.left), ("right", rig.right)):
-        yield from _of_camera(side, camera)
+        yield from camera_stated(("geometry", side), camera)
     turn = Rotation.from_matrix(np.array(rig.rotation)).as_rotvec()
     rotation = [f"{float(angle)!r} rad" for angle in turn]
     yield Stated(path=("geometry", "rotation"), value=rotation, key=rig.keys["rotation"])
@@ -54,19 +53,6 @@ def _of_rig(rig: ImportedRig) -> Iterator[Stated]:
     for side, camera in (("left", rig.left), ("right", rig.right)):
         own = tuple(one for one in camera.conventions if (one.name, one.says) not in shared)
         yield from conventions_stated(own, f"{side} ")
-
-
-def _of_camera(side: str, camera: ImportedCamera) -> Iterator[Stated]:
-    where: tuple[str, ...] = ("geometry", side)
-    keys = camera.keys
-    yield Stated(
-        path=(*where, "focal_length"), value=[f"{f!r} px" for f in camera.focal_lengths], key=keys["focal_lengths"]
-    )
-    yield Stated(path=(*where, "principal_point"), value=[f"{c!r} px" for c in camera.centre], key=keys["centre"])
-    where, key = (*where, "distortion"), keys["coefficients"]
-    yield Stated(path=(*where, "model"), value=camera.lens_model, key=key, basis="derived")
-    for name, value in camera.coefficients.items():
-        yield Stated(path=(*where, name), value=f"{value!r} rad" if name in ANGLES else value, key=key)
 
 
 def _pitch(key: str) -> Stated:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.stereo.picture_field import edge_angle, place_across
+from tradestudy.cameras.picture_field import edge_angle, place_across
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
 

@@ -12,7 +12,6 @@ from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.light_cones import Pose, pose_of
 from tradestudy.cameras.parts import Sensor
 from tradestudy.cameras.stereo.pair import SIDES, Pair, pair_interior, pair_poses
-from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
 
 
@@ -72,27 +71,23 @@ def views_of_calibration(pair: CalibratedPair, sensor: Sensor) -> tuple[View, ..
     sine = float(np.linalg.norm(across))
     turn = Rotation.from_rotvec(across / sine * math.atan2(sine, to_right[0]) if sine > 0.0 else np.zeros(3))
     focal_lengths = [_focal_length(camera) for camera in pair.cameras]
-    return tuple(
-        View(
-            pose=pose_of(np.array([side * baseline / 2.0, 0.0, 0.0]), (turn * own).as_matrix()),
-            principal_distances=_both(np.array(camera.focal_lengths) * sensor.pixel_pitch),
-            principal_point=_both(
-                (np.array(camera.principal_point) - np.array([sensor.columns - 1, sensor.rows - 1]) / 2.0)
-                * sensor.pixel_pitch
-            ),
-            distortion=camera.lens,
-            relative_focal_length=focal_length / float(np.mean(focal_lengths)),
+    views = []
+    for side, own, camera, focal_length in zip(
+        (-1.0, 1.0), (half, half.inv()), pair.cameras, focal_lengths, strict=True
+    ):
+        distances, point = camera.on_sensor(sensor)
+        views.append(
+            View(
+                pose=pose_of(np.array([side * baseline / 2.0, 0.0, 0.0]), (turn * own).as_matrix()),
+                principal_distances=distances,
+                principal_point=point,
+                distortion=camera.lens,
+                relative_focal_length=focal_length / float(np.mean(focal_lengths)),
+            )
         )
-        for side, own, camera, focal_length in zip(
-            (-1.0, 1.0), (half, half.inv()), pair.cameras, focal_lengths, strict=True
-        )
-    )
+    return tuple(views)
 
 
 def _focal_length(camera: CalibratedCamera) -> float:
     """Scale of the picture on the axis [px]."""
     return math.sqrt(math.prod(camera.focal_lengths)) * camera.lens.scale_on_axis
-
-
-def _both(values: FloatArray) -> tuple[float, float]:
-    return float(values[0]), float(values[1])

@@ -29,11 +29,11 @@ def full_angle(lens: LensModel, across: float, down: float) -> float:
 def properties_of_lens_models(lens: LensModel, pair: CalibratedPair | None) -> Properties:
     """Properties of the common lens model, or of both lens models of a calibrated pair."""
     if pair is None:
-        return _properties_of(lens, "lens model")
-    return (*_properties_of(pair.lenses[0], "left lens model"), *_properties_of(pair.lenses[1], "right lens model"))
+        return properties_of(lens, "lens model")
+    return (*properties_of(pair.lenses[0], "left lens model"), *properties_of(pair.lenses[1], "right lens model"))
 
 
-def _properties_of(lens: LensModel, what: str) -> Properties:
+def properties_of(lens: LensModel, what: str) -> Properties:
     """Name, nonzero coefficients and valid field of a lens model; nothing for a pinhole."""
     if lens == IDEAL:
         return ()
