@@ -88,6 +88,7 @@ _USUAL: Mapping[str, ResolvedUnit] = {
     )
     for base, units in {
         "[length]": {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3},
+        "1/[length]": {"1/m": 1.0, "1/mm": 1e3},
         "[angle]": {"deg": DEGREE, "rad": 1.0},
         "[time]": {"s": 1.0, "h": 3600.0},
         "[temperature]": {"K": 1.0},

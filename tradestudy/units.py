@@ -161,6 +161,9 @@ EXPANSION = Dimension(
     example="23 ppm/K",
     display=(DisplayUnit(label=" ppm/K", size=1e-6),),
 )
+INVERSE_LENGTH = Dimension(
+    name="an inverse length", unit="1/m", example="0.11 1/m", display=(DisplayUnit(label=" 1/m", size=1.0),)
+)
 MASS = Dimension(
     name="a mass",
     unit="kg",
@@ -380,7 +383,7 @@ def _name_of(dimensions: frozenset[tuple[str, object]]) -> str:
 
 _KNOWN = (
     LENGTH, ANGLE, PIXELS, ELECTRONS, PHOTONS, SYSTEM_GAIN, WAVES, FRACTION, DURATION, TEMPERATURE, PRESSURE, EXPANSION,
-    MASS, POWER, DATA, SOLID_ANGLE,
+    INVERSE_LENGTH, MASS, POWER, DATA, SOLID_ANGLE,
 )  # fmt: skip
 
 

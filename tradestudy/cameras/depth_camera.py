@@ -270,9 +270,13 @@ class DepthCamera(Camera):
         """Standard deviation of the disparity of one measurement [m on the sensor] at a field position."""
         return disparity_error_at(self, distance, field) * self.sample_pitch
 
+    def modelled_distance(self, distance: ArrayLike) -> FloatArray:
+        """Distance [m] at which the design images an object at a true distance [m]; the same unless calibrated."""
+        return np.asarray(distance, dtype=np.float64)
+
     def images(self, distance: ArrayLike) -> BoolArray:
         """Whether an object lies beyond the focal length, so that a real image of it is formed."""
-        return np.asarray(np.asarray(distance, dtype=np.float64) > self.gathering_lens.focal_length)
+        return np.asarray(self.modelled_distance(distance) > self.gathering_lens.focal_length)
 
     def disparity_px(self, distance: ArrayLike) -> FloatArray:
         """The signed disparity that the estimator uses [samples]."""
@@ -295,7 +299,8 @@ class DepthCamera(Camera):
     def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
         """The geometric conditions of the usable range that the criteria bound, at distances [m]."""
         a = np.asarray(distance, dtype=np.float64)
-        found = {"real_image": Limit(value=a, bound=self.gathering_lens.focal_length, met=self.images(a))}
+        imaged = self.modelled_distance(a)
+        found = {"real_image": Limit(value=imaged, bound=self.gathering_lens.focal_length, met=self.images(a))}
         found |= self.limits_of_kind(a, criteria)
         if criteria.blur_px is not None:
             value = self.estimator_blur_px(a)

@@ -173,6 +173,8 @@ class ImportedPlenoptic:
         The microlens array [m].
     gap, mla_distance
         Distances d from array to sensor and D from main lens to array [m].
+    scaling
+        Coefficients of metric depth ``a Z² + b Z + c`` [1/m, 1, m]; None if the file has none.
     conventions
         How the file was read.
     keys
@@ -188,6 +190,7 @@ class ImportedPlenoptic:
     focal_lengths: tuple[float, ...]
     gap: float
     mla_distance: float
+    scaling: tuple[float, float, float] | None
     conventions: tuple[Convention, ...]
     keys: Mapping[str, str]
 

@@ -139,7 +139,7 @@ class PlenopticCamera(DepthCamera):
         return MeasuredInverseDepth(
             inverse_depth=inverse,
             no_overlap=np.zeros((1, 1), dtype=bool),
-            out_of_range=~(valid & (a > self.main_lens.focal_length)),
+            out_of_range=~(valid & self.images(a)),
         )
 
     def light_chain(self) -> MicrolensCamera:

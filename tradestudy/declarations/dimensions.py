@@ -9,6 +9,7 @@ from tradestudy.units import (
     ELECTRONS,
     EXPANSION,
     FRACTION,
+    INVERSE_LENGTH,
     LENGTH,
     MASS,
     NUMBER,
@@ -25,7 +26,7 @@ from tradestudy.units import (
 # A number without a unit is a plain number; only a percent sign makes it a fraction.
 _DIMENSIONS: tuple[Dimension, ...] = (
     LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
-    MASS, POWER, DATA, SOLID_ANGLE,
+    INVERSE_LENGTH, MASS, POWER, DATA, SOLID_ANGLE,
 )  # fmt: skip
 
 

@@ -200,6 +200,7 @@ Temperature = Annotated[float, *quantity(units.TEMPERATURE, above=0.0)]
 TemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE)]
 Pressure = Annotated[float, *quantity(units.PRESSURE, at_least=0.0)]
 PressureDifference = Annotated[float, *quantity(units.PRESSURE_DIFFERENCE)]
+InverseLength = Annotated[float, *quantity(units.INVERSE_LENGTH)]
 ThermalExpansion = Annotated[float, *quantity(units.EXPANSION)]
 
 # A quantity whose dimension depends on the question; a plain number needs no quotes.

@@ -35,7 +35,10 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
     """
     if not isinstance(part, DepthCameraDeclaration):
         return part.design(None)
-    return part.design(_picture_law(scene, part))
+    camera = part.design(_picture_law(scene, part))
+    if scene is not None:
+        camera.modelled_distance(scene.distance_values())  # refuses those that it cannot measure
+    return camera
 
 
 def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder: Path) -> str:

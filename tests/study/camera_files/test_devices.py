@@ -11,6 +11,7 @@ import tradestudy
 from tests.study.camera_files import devices, written
 from tests.study.camera_files.test_import import expected, refusal, shared
 from tests.study.camera_files.written import study
+from tradestudy.cameras.focused_plenoptic.declaration import FocusedPlenopticDeclaration
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 
 PLENOPTIC = "depth: {estimator: adjacent-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}"
@@ -89,6 +90,40 @@ def test_the_relay_follows_from_the_microlenses_and_not_from_the_main_lens(tmp_p
     relay = loaded.file.cameras["r12"].read_as["relay"]
     assert relay.startswith("galilean: ")
     assert all(word in relay for word in ("578 µm", "320 µm", "keplerian"))
+
+
+def test_depth_is_corrected_as_by_libpleno_whose_lengths_are_millimetres(tmp_path: Path) -> None:
+    a, b, c = 1.1e-4, 0.9, 12.0
+    devices.plenoptic(tmp_path / "r12.js", scaling={"a": f"{a}", "b": f"{b}", "c": f"{c}"})
+    path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
+    loaded = tradestudy.load(path)
+    part = loaded.file.cameras["r12"]
+    assert isinstance(part, FocusedPlenopticDeclaration)
+    scaling = part.depth.scaling
+    assert (scaling.quadratic, scaling.linear, scaling.offset) == pytest.approx((0.11, 0.9, 0.012), rel=1e-15)
+    note = loaded.definition.document.annotations["cameras", "r12", "depth", "scaling", "quadratic"]
+    assert note.basis == "measured"
+    assert "r12.js: scaling" in note.note
+    camera = loaded.definition.designs["r12"]
+    assert isinstance(camera, FocusedPlenoptic)
+    # From virtual depth to metric depth in millimetres, as PlenopticCamera::mla2obj computes it: f, D, d of the file.
+    image = 56.86 - camera.virtual_depth(np.array([0.5, 0.9])) * 0.32
+    modelled = 49.89 * image / (image - 49.89)
+    np.testing.assert_allclose(a * modelled**2 + b * modelled + c, [500.0, 900.0], rtol=1e-9)
+    devices.plenoptic(tmp_path / "r12.js")
+    declared = PLENOPTIC.replace("{", "{scaling: {quadratic: 1.1e-4 1/mm, linear: 0.9, offset: 12 mm}, ")
+    same = tradestudy.load(study(tmp_path, r12=f"from: r12.js, {declared}")).definition.designs["r12"]
+    assert same == camera
+
+
+def test_a_correction_that_does_not_grow_with_depth_is_refused(tmp_path: Path) -> None:
+    path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
+    devices.plenoptic(tmp_path / "r12.js", scaling={"a": "0", "b": "-1", "c": "0"})
+    assert "a number above 0 is expected" in refusal(path)
+    devices.plenoptic(tmp_path / "r12.js", scaling={"a": "-4e-4", "b": "1", "c": "0"})
+    message = refusal(path)
+    assert "below 0.625 m, where 2 a Z + b is zero" in message
+    assert "reduce the distances" in message
 
 
 def test_microlenses_shorter_than_the_gap_are_keplerian(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.focused_plenoptic.depth_reading import RawPictureReader
+from tradestudy.cameras.focused_plenoptic.depth_scaling import DepthScaling
 from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, PlenopticEstimator, UsedLenses
 from tradestudy.cameras.imported import Imported, ImportedPlenoptic, Stated, Value, conventions_stated
@@ -21,10 +22,12 @@ from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     FocalLength,
+    InverseLength,
     Length,
     LensToSensor,
     MicrolensPitch,
     ObjectDistanceOrInfinity,
+    PositiveNumber,
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.depth_of_field import microlens_focal_length, touching_inverse_virtual_depths
@@ -101,6 +104,17 @@ class FocusPart(Part):
         return self
 
 
+class DepthScalingPart(Part):
+    """Correction of measured depth: metric depth = quadratic × Z² + linear × Z + offset, with Z by the camera's design.
+
+    It multiplies depth uncertainty by its derivative, 2 × quadratic × Z + linear.
+    """
+
+    quadratic: InverseLength = Field(default=0.0, description="Coefficient of Z².")
+    linear: PositiveNumber = Field(default=1.0, description="Coefficient of Z.")
+    offset: Length = Field(default=0.0, description="Metric depth that is read where Z is zero.")
+
+
 class PlenopticDepthPart(DisparityPart):
     """How the camera measures depth from its micro-images."""
 
@@ -113,6 +127,11 @@ class PlenopticDepthPart(DisparityPart):
         default=None,
         description="Microlenses that the estimators `widest-pair` and `least-squares` use: `all`, or only those of "
         "the type that is sharpest at the distance of the point. Default: `sharpest-type`.",
+    )
+    scaling: DepthScalingPart = Field(
+        default_factory=DepthScalingPart,
+        description="Calibrated correction of measured depth; default: none. All distances of the study are metric. "
+        "Pictures of scenes cannot be rendered for a camera with a scaling.",
     )
 
     @model_validator(mode="after")
@@ -168,6 +187,13 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             ("microlenses", "focal_lengths"): ([f"{f!r} m" for f in one.focal_lengths], "focal_lengths"),
             ("focus", "mla_distance"): (f"{one.mla_distance!r} m", "mla_distance"),
         }
+        if one.scaling is not None:
+            quadratic, linear, offset = one.scaling
+            values |= {
+                ("depth", "scaling", "quadratic"): (f"{quadratic!r} 1/m", "scaling"),
+                ("depth", "scaling", "linear"): (linear, "scaling"),
+                ("depth", "scaling", "offset"): (f"{offset!r} m", "scaling"),
+            }
         yield Stated(path=("kind",), value="focused-plenoptic", key=keys["mla_distance"], basis="derived")
         for path, (value, name) in values.items():
             yield Stated(path=path, value=value, key=keys[name])
@@ -181,7 +207,8 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
         """
         sensor = self.sensor.sensor()
         lens = self.main_lens.lens(sensor)
-        array = self.microlenses
+        array, scaling = self.microlenses, self.depth.scaling
+        depth_scaling = DepthScaling(quadratic=scaling.quadratic, linear=scaling.linear, offset=scaling.offset)
         gap_over_z = array.pitch / lens.pupil_diameter
         sign = -1.0 if self.focus.relay == "galilean" else 1.0
         if self.focus.mla_distance is not None:
@@ -190,6 +217,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             sign = math.copysign(1.0, z - lens.focal_length)
         else:
             plane = self.focus.total_covering_plane
+            plane = None if plane is None else float(depth_scaling.modelled(plane))
             if plane is None or not plane > lens.focal_length:
                 raise OutOfRangeError(
                     "the total covering plane",
@@ -226,6 +254,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             disparity_error_px=depth.error(picture_law),
             discrimination_step_px=depth.discrimination_step,
             field_curvature=self.field_curvature,
+            depth_scaling=depth_scaling,
         )
 
     def _designed_focal_lengths(self, gap: float, sign: float) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.focused_plenoptic.depth_scaling import DepthScaling
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.plenoptic import fill_factor
 from tradestudy.optics.microlens_coverage import covering_microlens_object_distance, covering_radius_over_pitch
@@ -20,11 +21,14 @@ def properties_of(
     mla_distance: float,
     total_covering_plane: float,
     virtual_depth_at_infinity: float,
+    depth_scaling: DepthScaling,
 ) -> Properties:
     """Distances, microlenses, coverage and field of view."""
     at_infinity = math.isnan(total_covering_plane) and math.isclose(abs(virtual_depth_at_infinity), 2.0)
     plane = math.inf if at_infinity else total_covering_plane
+    scaled = () if depth_scaling.is_identity else (("metric depth of the depth Z by eq. 8", depth_scaling.words),)
     return (
+        *scaled,
         ("distance from main lens to array, z", pretty(mla_distance, LENGTH, 5)),
         ("microlens gap, b_L", pretty(array.gap, LENGTH, 4)),
         ("microlens focal lengths, f_L", ", ".join(pretty(f, LENGTH, 4) for f in array.focal_lengths)),
@@ -39,14 +43,14 @@ def properties_of(
         ),
         (
             "distances, exact for this lattice, at which two or more microlenses of any type see every point",
-            _covered(lens, array, mla_distance),
+            _covered(lens, array, mla_distance, depth_scaling),
         ),
         ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
         ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
     )
 
 
-def _covered(lens: Lens, array: MicrolensArray, mla_distance: float) -> str:
+def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scaling: DepthScaling) -> str:
     """Exact distances at which two microlenses of any type see every point, on both sides of the array.
 
     Light behind the array (Galilean) covers it up to a distance, and light in front (Keplerian) from a distance on,
@@ -68,7 +72,8 @@ def _covered(lens: Lens, array: MicrolensArray, mla_distance: float) -> str:
         )
         shift = mla_distance - a_L - lens.focal_length
         if shift > 0.0:
-            distance = pretty(float(object_distance(shift, lens.focal_length)), LENGTH, 4)
+            covering = depth_scaling.metric(object_distance(shift, lens.focal_length))
+            distance = pretty(float(covering), LENGTH, 4)
             found.append(f"from {distance}" if keplerian else f"up to {distance}")
         elif not keplerian:
             return "everywhere"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 import numpy as np
@@ -17,6 +17,8 @@ from tradestudy.cameras.depth_camera import (
     declared_disparity_error,
 )
 from tradestudy.cameras.depth_measurement import Errors
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.focused_plenoptic.depth_scaling import NO_SCALING, DepthScaling
 from tradestudy.cameras.focused_plenoptic.description import properties_of
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
@@ -32,6 +34,7 @@ from tradestudy.cameras.focused_plenoptic.method import METHOD
 from tradestudy.cameras.focused_plenoptic.picture import relayed_picture
 from tradestudy.cameras.focused_plenoptic.relay import relay_inverse_depth, relay_observation
 from tradestudy.cameras.method import Method
+from tradestudy.cameras.microlens_exposure import MicrolensExposure
 from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera
@@ -73,6 +76,10 @@ class FocusedPlenoptic(PlenopticCamera):
         gives it.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
+    depth_scaling
+        Metric depth M of the depth Z by eq. 8. An object at M is imaged, blurred and seen by as many microlenses as the
+        design images an object at Z = s⁻¹(M); its size on the sensor is that of an object at M. Pictures of scenes are
+        not rendered with a scaling, and `light_chain` has none.
 
     Raises
     ------
@@ -86,6 +93,7 @@ class FocusedPlenoptic(PlenopticCamera):
     mla_distance: float
     estimator: PlenopticEstimator
     lenses: UsedLenses
+    depth_scaling: DepthScaling = NO_SCALING
 
     def __post_init__(self) -> None:
         require_positive("distance from main lens to microlens array", self.mla_distance)
@@ -106,15 +114,24 @@ class FocusedPlenoptic(PlenopticCamera):
             microlenses=self.microlenses,
             mla_distance=self.mla_distance,
             sample_pitch=self.sensor.pixel_pitch,
+            depth_scaling=self.depth_scaling,
         )
+
+    def modelled_distance(self, distance: ArrayLike) -> FloatArray:
+        """Z [m] for metric distances M [m]; see `DepthScaling`."""
+        return self.depth_scaling.modelled(distance)
 
     def microlens_object_distance(self, distance: ArrayLike) -> FloatArray:
         """a_L = z − b_M [m], signed: positive Keplerian, negative Galilean."""
-        return microlens_object_distance(distance, self.mla_distance, self.main_lens.focal_length)
+        a = self.modelled_distance(distance)
+        return microlens_object_distance(a, self.mla_distance, self.main_lens.focal_length)
 
     def virtual_depth(self, distance: ArrayLike) -> FloatArray:
         """v = a_L / b_L."""
-        return virtual_depth(distance, self.mla_distance, self.microlenses.gap, self.main_lens.focal_length)
+        return self._virtual_depth_of(self.modelled_distance(distance))
+
+    def _virtual_depth_of(self, modelled: ArrayLike) -> FloatArray:
+        return virtual_depth(modelled, self.mla_distance, self.microlenses.gap, self.main_lens.focal_length)
 
     def radius_over_pitch(self, distance: ArrayLike) -> FloatArray:
         """Radius, in pitches, of the disc in which microlenses see a point; objects may be at infinity.
@@ -144,12 +161,12 @@ class FocusedPlenoptic(PlenopticCamera):
             return np.asarray(self.estimator_baseline(distance) / v)
 
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        """Disparity [m] of infinity over the baseline that the estimator uses at a distance.
+        """Disparity [m] of infinity, or of `DepthScaling.farthest`, over the estimator's baseline at a distance.
 
         Minus infinity for an object so near that its image lies on the other side of the array: no disparity error can
         move it to infinity without passing a_L = 0.
         """
-        reached = self.estimator_baseline(distance) / self.virtual_depth(np.inf)
+        reached = self.estimator_baseline(distance) / self._virtual_depth_of(self.depth_scaling.farthest)
         return np.asarray(np.where(self.disparity(distance) * reached > 0.0, reached, -np.inf))
 
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
@@ -168,19 +185,21 @@ class FocusedPlenoptic(PlenopticCamera):
         )
         crossed = np.sign(disparity) * np.sign(true) <= 0.0
         depth = np.where(crossed, np.where(true > 0.0, np.inf, f), depth)
-        return np.asarray(np.where(np.isnan(disparity), np.nan, depth))
+        return self.depth_scaling.metric(np.where(np.isnan(disparity), np.nan, depth))
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the equally precise stereo rig with this focal length and disparity error.
 
-        ``B = (a/(a − f))² f Δx / (b_L v²)``.
+        ``B = (a/(a − f))² f Δx / (b_L v²)``, times ``(M/Z)²/(dM/dZ)`` for a depth scaling.
         """
-        a, f = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length
-        v2 = self.virtual_depth(a) ** 2
+        a, f = self.modelled_distance(distance), self.main_lens.focal_length
+        v2 = self._virtual_depth_of(a) ** 2
         with np.errstate(divide="ignore", invalid="ignore"):  # v = 0: an image on the array
-            return np.asarray(
-                (1.0 + focus_shift(a, f) / f) ** 2 * f * self.estimator_baseline(a) / (self.microlenses.gap * v2)
-            )
+            baseline = self.estimator_baseline(distance)
+            found = (1.0 + focus_shift(a, f) / f) ** 2 * f * baseline / (self.microlenses.gap * v2)
+            if not self.depth_scaling.is_identity:
+                found *= np.square(np.asarray(distance) / a) / self.depth_scaling.slope(a)
+            return np.asarray(found)
 
     def blur_px(self, distance: ArrayLike) -> FloatArray:
         """Geometric blur of each type's micro-image, ``D |1/v − 1/v₀|`` [px]; shape (types, …), D the lens diameter."""
@@ -220,9 +239,9 @@ class FocusedPlenoptic(PlenopticCamera):
         """The micro-images on the sensor; the least sharp type that the estimator needs represents all."""
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
-        used = self.least_sharp_type(a)
-        return relayed_picture(
-            a,
+        used, modelled = self.least_sharp_type(a), self.modelled_distance(a)
+        found = relayed_picture(
+            modelled,
             self.main_lens,
             self.microlenses,
             self.sensor,
@@ -233,6 +252,28 @@ class FocusedPlenoptic(PlenopticCamera):
             blur=np.take_along_axis(self.blur_px(a), used[np.newaxis], axis=0)[0] * self.sensor.pixel_pitch,
             used_type=used,
         )
+        if self.depth_scaling.is_identity:
+            return found
+        return replace(found, distance=a, magnification=found.magnification * modelled / a)
+
+    def exposures(
+        self, reference_distance: float, errors: Errors, environment: Environment | None, stop_separation: float
+    ) -> Sequence[MicrolensExposure]:
+        """See `PlenopticCamera.exposures`; refuses a depth scaling, by which eq. 8 misreads exact pictures.
+
+        Raises
+        ------
+        OutOfRangeError
+            The camera has a depth scaling or a second stop.
+        """
+        if not self.depth_scaling.is_identity:
+            raise OutOfRangeError(
+                "pictures cannot be rendered for a camera whose depth is corrected: depth.scaling",
+                value=self.depth_scaling.words,
+                limit="quadratic 0, linear 1, offset 0",
+                remedy="leave the camera out of the pictures, or depth.scaling out of the camera",
+            )
+        return super().exposures(reference_distance, errors, environment, stop_separation)
 
     @property
     def geometry(self) -> ArrayGeometry:
@@ -241,7 +282,11 @@ class FocusedPlenoptic(PlenopticCamera):
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
         """Distance between the two micro-images of a point, and their position; see `relay_observation`."""
-        return relay_observation(self.geometry, self.estimator_baseline(z), errors, x, y, z)
+        baseline = self.estimator_baseline(z)
+        if not self.depth_scaling.is_identity:
+            modelled = self.modelled_distance(z)
+            x, y, z = (np.asarray(one) * (modelled / np.asarray(z)) for one in (x, y, z))  # along the ray
+        return relay_observation(self.geometry, baseline, errors, x, y, z)
 
     def rescaled(self, seen: Observation, changed: Errors, scale: FloatArray) -> Observation:  # noqa: ARG002 - all is on the sensor
         """All three are lengths on the sensor, and the distance of the centres is that of the calibration."""
@@ -249,8 +294,9 @@ class FocusedPlenoptic(PlenopticCamera):
         return apart / scale, x / scale, y / scale
 
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Inverse depth by eq. 8; see `relay_inverse_depth`."""
-        return relay_inverse_depth(self.geometry, self.estimator_baseline(distance), errors, seen)
+        """Inverse depth by eq. 8 and the depth scaling; see `relay_inverse_depth`."""
+        inverse, valid = relay_inverse_depth(self.geometry, self.estimator_baseline(distance), errors, seen)
+        return self.depth_scaling.metric_inverse(inverse), valid
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Disparity of the two micro-images of a corner, and their position on the array."""
@@ -271,14 +317,13 @@ class FocusedPlenoptic(PlenopticCamera):
     def total_covering_plane(self) -> float:
         """Object distance with |v| = 2 on the side of the array on which the first type is used [m]; NaN if none."""
         side = 1.0 if self.focus.keplerian[0] else -1.0
-        return float(
-            object_distance_of_virtual_depth(
-                side * COVERING_VIRTUAL_DEPTH,
-                mla_distance=self.mla_distance,
-                microlens_gap=self.microlenses.gap,
-                focal_length=self.main_lens.focal_length,
-            )
+        plane = object_distance_of_virtual_depth(
+            side * COVERING_VIRTUAL_DEPTH,
+            mla_distance=self.mla_distance,
+            microlens_gap=self.microlenses.gap,
+            focal_length=self.main_lens.focal_length,
         )
+        return float(self.depth_scaling.metric(plane))
 
     def properties(self) -> Properties:
         """Distances, microlenses, coverage and field of view; see `properties_of`."""
@@ -289,4 +334,5 @@ class FocusedPlenoptic(PlenopticCamera):
             mla_distance=self.mla_distance,
             total_covering_plane=self.total_covering_plane,
             virtual_depth_at_infinity=float(self.virtual_depth(math.inf)),
+            depth_scaling=self.depth_scaling,
         )

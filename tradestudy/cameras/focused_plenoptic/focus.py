@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.focus.focus import BlurCriterion, SharpRange, sharp_range
+from tradestudy.cameras.focused_plenoptic.depth_scaling import NO_SCALING, DepthScaling
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import (
     DiffractionMeasure,
@@ -38,12 +40,15 @@ class MicrolensTypesFocus:
         Distance z from main lens to array [m].
     sample_pitch
         The pixel pitch [m].
+    depth_scaling
+        Metric distance of each distance at which the design images.
     """
 
     main_lens: Lens
     microlenses: MicrolensArray
     mla_distance: float
     sample_pitch: float
+    depth_scaling: DepthScaling = NO_SCALING
 
     mechanisms = 0
 
@@ -86,10 +91,25 @@ class MicrolensTypesFocus:
             )
             for inverse, keplerian in zip(self._inverse_focus, self.keplerian, strict=True)
         ]
-        return sharp_range(self.names, parts, allowance.reason)
+        found = sharp_range(self.names, parts, allowance.reason)
+        near, far = (self.depth_scaling.metric(end) for end in (found.slices.near, found.slices.far))
+        return replace(found, slices=replace(found.slices, near=near, far=far))
 
     def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
-        """See `focused_plenoptic_depth_of_field_at_resolution`."""
+        """See `focused_plenoptic_depth_of_field_at_resolution`.
+
+        Raises
+        ------
+        OutOfRangeError
+            Depth is scaled.
+        """
+        if not self.depth_scaling.is_identity:
+            raise OutOfRangeError(
+                "the depth of field at a lateral resolution is not computed for a camera with depth.scaling",
+                value=self.depth_scaling.words,
+                limit="quadratic 0, linear 1, offset 0",
+                remedy="remove lateral_resolution from depth_of_field, or depth.scaling from the camera",
+            )
         array = self.microlenses
         parts = [
             focused_plenoptic_depth_of_field_at_resolution(
@@ -115,10 +135,12 @@ class MicrolensTypesFocus:
     def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
         """``p |v| (a − f)/f``, ``D |1 − v/v₀| (a − f)/f`` of the sharpest type, and the Airy radius [m].
 
-        See `focused_plenoptic_lateral_resolution`.
+        See `focused_plenoptic_lateral_resolution`; on an object that is not where it is modelled, sizes grow with its
+        distance.
         """
-        a, f, array = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length, self.microlenses
+        a, f, array = self.depth_scaling.modelled(distance), self.main_lens.focal_length, self.microlenses
         real = a > f
+        wider = self._wider(distance, a)
         types = [
             focused_plenoptic_lateral_resolution(
                 np.where(real, a, 2.0 * f),
@@ -136,9 +158,9 @@ class MicrolensTypesFocus:
         blur = np.min([one.blur for one in types], axis=0)  # the only part in which types differ
         sampling, diffraction = types[0].sampling, types[0].diffraction
         return LateralResolution(
-            sampling=np.where(real, sampling, np.nan),
-            blur=np.where(real, blur, np.nan),
-            diffraction=np.where(real, diffraction, np.nan),
+            sampling=np.where(real, sampling * wider, np.nan),
+            blur=np.where(real, blur * wider, np.nan),
+            diffraction=np.where(real, diffraction * wider, np.nan),
         )
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
@@ -146,9 +168,16 @@ class MicrolensTypesFocus:
 
         Where a microlens could see more than the whole pupil of the main lens, the pupil diffracts: ``∝ λ a/A``.
         """
-        a, f, array = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length, self.microlenses
+        a, f, array = self.depth_scaling.modelled(distance), self.main_lens.focal_length, self.microlenses
         real = a > f
         v = virtual_depth(np.where(real, a, 2.0 * f), self.mla_distance, array.gap, f)
         spot = diffraction_diameter(wavelength, array.gap / array.aperture_diameter, measure)
         of_pupil = diffraction_diameter(wavelength, 1.0 / self.main_lens.pupil_diameter, measure) * a
-        return np.asarray(np.where(real, np.maximum(spot * np.abs(v) * ((a - f) / f), of_pupil), np.nan))
+        width = np.maximum(spot * np.abs(v) * ((a - f) / f), of_pupil) * self._wider(distance, a)
+        return np.asarray(np.where(real, width, np.nan))
+
+    def _wider(self, distance: ArrayLike, modelled: FloatArray) -> FloatArray:
+        """Ratio of the size of an object to that of the object, where it is modelled, with the same image [1]."""
+        if self.depth_scaling.is_identity:
+            return np.ones_like(modelled)
+        return np.asarray(np.asarray(distance) / np.where(modelled > 0.0, modelled, np.nan))

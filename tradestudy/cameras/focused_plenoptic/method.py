@@ -23,6 +23,8 @@ METHOD: Final = Method(
             "two microlens centres over the difference of the two micro-image coordinates.",
             reference="paper, eq. 8",
         ),
+        "A calibration may correct this depth by a quadratic function of it (`depth.scaling`). Its derivative then "
+        "multiplies the depth uncertainty.",
         "The standard deviation σ~v~ of the virtual depth, and errors of *z* and *f*~M~, affect depth as follows:",
         Formula(
             typst="sigma_(a_M) = ((a_M - f_M) / f_M)^2 b_L sigma_v, quad"

@@ -54,7 +54,8 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         raise geometry.fail(f"the geometry {geometry.text()[:20]} is unknown; one of {', '.join(_LAYOUTS)} is expected")
     scale, width, height = sensor.need("scale"), sensor.need("width"), sensor.need("height")
     focal_length, aperture = lens.need("f"), lens.need("aperture")
-    _refuse_corrections_of_depth(top)
+    _refuse_distortion_along_axis(top)
+    scaling = top.find("scaling")
     disagrees = mode is not None and mode_text != relay
     conventions = (
         Convention(name="format", says="libpleno camera", key=top.key),
@@ -80,6 +81,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         focal_lengths=lengths,
         gap=gap,
         mla_distance=mla_distance,
+        scaling=None if scaling is None else _scaling(scaling, metre),
         conventions=conventions,
         keys={
             "focal_length": focal_length.key,
@@ -91,19 +93,21 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             "focal_lengths": focal_lengths.key,
             "gap": plane.key,
             "mla_distance": behind.key,
+            "scaling": top.key if scaling is None else scaling.key,
         },
     )
 
 
-def _refuse_corrections_of_depth(top: Located) -> None:
-    """Refuse a scaling of depth and a distortion along the axis; note that lateral distortion has been seen."""
-    if (scaling := top.find("scaling")) is not None:
-        a, b, c = (scaling.need(name).number() for name in ("a", "b", "c"))
-        if (a, b, c) != (0.0, 1.0, 0.0):
-            raise scaling.fail(
-                f"the file corrects depth by {a:g} Z² + {b:g} Z + {c:g}, which is not supported: it would multiply the "
-                "depth uncertainty by |2 a Z + b|. For the camera without it, write a = 0, b = 1, c = 0"
-            )
+def _scaling(value: Located, metre: float) -> tuple[float, float, float]:
+    """Coefficients a, b, c of metric depth ``a Z² + b Z + c`` [1/m, 1, m]; the file's Z is in its unit of length."""
+    a, b, c = (value.need(name) for name in ("a", "b", "c"))
+    if not b.number() > 0.0:
+        raise b.fail("metric depth must grow with the depth by the camera's design; a number above 0 is expected")
+    return a.number() / metre, b.number(), c.number() * metre
+
+
+def _refuse_distortion_along_axis(top: Located) -> None:
+    """Refuse a distortion along the axis; note that lateral distortion has been seen."""
     for name in ("distortions", "distortions_inverse", "invdistortions"):
         if (distortion := top.find(name)) is None:
             continue
