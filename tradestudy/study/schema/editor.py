@@ -11,7 +11,7 @@ from tradestudy.study.document import BASES
 from tradestudy.study.schema.shared import shared
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_WITH_BASIS = "WithBasis"
+_WITH_BASIS = "withBasis"  # names in capitals are those of mappings in the file
 _SHARING: dict[str, dict[str, Any]] = {
     "from": {
         "type": ["string", "array"],
