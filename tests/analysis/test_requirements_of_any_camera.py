@@ -196,7 +196,10 @@ def test_a_study_without_depth_answers_its_requirements_in_every_place(tmp_path:
     result = study.run()
     sharp, light = result.lines()
     assert sharp.startswith("Met: the rock is sharp, by Near (sharp from ")
-    assert light == "Not met: not heavy (should), not by Near (mass 400 g; missed by a factor of 2)"
+    assert light == (
+        "Not met: not heavy (should), not by Near (mass 400 g; missed by a factor of 2); "
+        "but by Far (a factor of 2.2 to spare)"
+    )
     assert result.unmet_requirements == []
     blocks = compose_report(result.data, {}, {}).blocks
     first_page = str(list(itertools.takewhile(lambda block: not isinstance(block, PageBreak), blocks)))
