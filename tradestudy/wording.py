@@ -89,6 +89,13 @@ def plain_span(start: float, end: float) -> str:
     return span(start, end).replace("\N{NO-BREAK SPACE}", " ")
 
 
+def range_words(start: float, end: float) -> str:
+    """A range of distances [m], or a single one, with its preposition and plain spaces: "from 0.4 to 3 m", "at 1 m"."""
+    if start < end:
+        return f"from {plain_span(start, end)}"
+    return f"at {distance(start)}".replace("\N{NO-BREAK SPACE}", " ")
+
+
 DECLARED_VALUE: Final = "; declared: "  # in answers to inverse questions, before the declared value of the input
 
 _LIMITS: Final[Mapping[str, str]] = {

@@ -30,7 +30,7 @@ def test_an_aperture_of_375_um_does_not_resolve_60_um_at_300_mm() -> None:
     assert one.met is False
     assert one.value == pytest.approx(538.4e-6, rel=1e-3)
     assert one.place == pytest.approx(0.301)
-    assert one.reason == "worst 538 µm at 301 mm, by diffraction"
+    assert one.reason == "worst 538 µm at 0.301 m, by diffraction"
     # Wide open, the pixel decides: 2.2 µm (300 − 12)/12 at 300 mm, and 301/300 of it at the far end.
     wide, _ = answers(study.with_values({"s.lenses.f_number": 2}))
     assert wide.met
@@ -62,7 +62,7 @@ def test_a_focus_stack_counts_for_any_camera() -> None:
 def test_the_answer_names_the_conventional_camera_everywhere(tmp_path: Path) -> None:
     result = tradestudy.load(ANY_CAMERA).run()
     line = next(line for line in result.lines() if line.startswith("Met"))
-    assert "by Conventional stack (worst 35.9 µm at 100 mm, by diffraction" in line
+    assert "by Conventional stack (worst 35.9 µm at 0.1 m, by diffraction" in line
     reported = result.conclusions()["requirements"][0]
     assert (reported["met"], reported["camera"]) == (True, "Conventional stack")
     result.write(tmp_path)

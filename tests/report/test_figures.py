@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.text import Annotation
 
 from tradestudy import figures
 from tradestudy.errors import OutOfRangeError
@@ -137,8 +138,13 @@ def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree
     """2 % of the distance from 0.1 to 0.4 m, and 40 mm at 1 m, in millimetres."""
     drawing = figures.build(tree)["whole_range"]
     assert "that a requirement allows" in drawing.caption
-    lines = [line.get_xydata() for line in drawing.draw().axes[0].lines if line.get_marker() == "|"]
-    np.testing.assert_allclose(lines, [[[0.1, 2.0], [0.4, 8.0]], [[1.0, 40.0], [1.0, 40.0]]])
+    axes = drawing.draw().axes[0]
+    range_, point = ([one.get_xydata() for one in axes.lines if one.get_marker() == marker] for marker in "|D")
+    np.testing.assert_allclose(range_, [[[0.1, 2.0], [0.4, 8.0]]])
+    np.testing.assert_allclose(point, [[[1.0, 40.0]]])
+    assert [text.xy for text in axes.texts if isinstance(text, Annotation) and text.get_text() == "required"] == [
+        (1.0, 40.0)
+    ]
     without = tree.copy()
     del without["requirements"]
     assert "requirement" not in figures.build(without)["whole_range"].caption

@@ -32,7 +32,7 @@ from tradestudy.study.schema.requirements import (
     UsablePart,
 )
 from tradestudy.units import FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty
-from tradestudy.wording import fewest_digits, limit_words, listed, plain_span
+from tradestudy.wording import fewest_digits, limit_words, listed, range_words
 
 ANY: Final = "any"
 ALL: Final = "all"
@@ -70,9 +70,9 @@ def check_requirement(
         case SharpPart() as sharp:
             return check_sharp(sharp, case, name)
         case UsablePart() as usable:
-            return _check_use(usable, _intervals(case, name, usable.over, known), case, name)
+            return _check_use(usable, _intervals(case, name, usable.distances, known), case, name)
         case measured:
-            intervals = _intervals(case, name, measured.over, known)
+            intervals = _intervals(case, name, measured.distances, known)
             return _check_measured(requirement, measured, case, name, intervals)
 
 
@@ -90,22 +90,23 @@ def _check_measured(
         values = measured(points, field)
         return np.where(np.isnan(values), np.inf, -values if above else values)
 
-    if requirement.quantity == "overlap" and np.isnan(measured(np.array(required.over))).all():
+    if requirement.quantity == "overlap" and np.isnan(measured(np.array(required.distances))).all():
         return RequirementAnswer.unknown(name, bound, _ABSENT)
-    place, field = _worst_place(broken_by, required.over, _fields(requirement, case))
+    place, field = _worst_place(broken_by, required.distances, _fields(requirement, case))
     at = np.array([place])
     value = float(measured(at, field)[0])
     error = float((_errors(requirement, case, name, at, field) / _scale(required, at))[0])
-    unusable, gaps = _unusable(intervals, required.over)
+    unusable, gaps = _unusable(intervals, required.distances)
     small, large = (bound, value) if above else (value, bound)
     margin = (large / small if small > 0.0 else math.inf) - 1.0
     margin = -1.0 if math.isnan(margin) else margin
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
-    worst = "no value" if math.isnan(value) else f"worst {_distinguished(bound, value, dimension)}"
+    among = "" if required.at is not None and len(_fields(requirement, case)) == 1 else "worst "
+    worst = "no value" if math.isnan(value) else among + _distinguished(bound, value, dimension)
     named = requirement.varies_over_picture and (field != 0.0 or requirement.field is not None)
     where = f", {place_words(field)}" if named else ""
-    reason, limit = f"{worst} at {pretty(place, LENGTH)}{where}", ""
+    reason, limit = f"{worst} {range_words(place, place)}{where}", ""
     if requirement.quantity == _RESOLUTION and math.isfinite(value):
         reason += f", by {_coarsest_part(case, name, place)}"
     kept = bool(kept and abs(bound - value) >= guard)
@@ -114,8 +115,9 @@ def _check_measured(
         derived = requirement.quantity in _BLUR_COUNTED and _derives_its_error(case, name)
         reason = f"{_not_usable(gaps, broken, derived=derived)}; {reason}"
         limit = broken[0] if -unusable <= margin else ""
+        reach = "throughout" if required.at is None else "there"
         if kept and (only := _declared_limits_alone(case, name, gaps)):
-            reason += f"; meets {pretty(bound, dimension)} throughout, and only {only} it out"
+            reason += f"; meets {pretty(bound, dimension)} {reach}, and only {only} it out"
     return RequirementAnswer(
         camera=name,
         met=kept and unusable == 0.0,
@@ -128,7 +130,7 @@ def _check_measured(
         reason=reason,
         limit=limit,
         value_margin=margin,
-        end_shift=_shift_to_decide(intervals, required.over),
+        end_shift=_shift_to_decide(intervals, required.distances),
         field=field,
     )
 
@@ -215,7 +217,7 @@ def is_kept(requirement: RequirementPart, case: Case) -> bool:
     names, together = _names(requirement, case), all if requirement.camera == ALL else any
     if not requirement.needs_usable_range:
         return together(check_requirement(requirement, case, name).met is True for name in names)
-    points = np.geomspace(requirement.over[0], requirement.over[1], _COARSE)
+    points = _spaced(requirement.over, _COARSE)
     return together(_is_kept_by(requirement, case, name, points) for name in names)
 
 
@@ -262,8 +264,8 @@ def _closeness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, bool, f
 
 def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, name: str) -> RequirementAnswer:
     """How far the usable range extends beyond the required range, at the end where it extends least."""
-    near, far = required.over
-    unusable, gaps = _unusable(intervals, required.over)
+    near, far = required.distances
+    unusable, gaps = _unusable(intervals, required.distances)
     if unusable == 0.0:
         one = next(one for one in intervals if one.far >= far * _LESS)
         margins = {one.near: near / one.near - 1.0, one.far: one.far / far - 1.0}
@@ -288,7 +290,7 @@ def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, 
         reason=words,
         limit=limit,
         value_margin=math.inf,
-        end_shift=_shift_to_decide(intervals, required.over),
+        end_shift=_shift_to_decide(intervals, required.distances),
     )
 
 
@@ -299,19 +301,36 @@ def _intervals(case: Case, name: str, over: tuple[float, ...], known: Sequence[I
     inside = case.distance[0] * _LESS <= over[0] and over[1] <= case.distance[-1] * _MORE
     if known is not None and inside:
         return known
-    grid = case.distance if inside else np.union1d(case.distance, np.geomspace(over[0], over[1], _POINTS))
+    grid = case.distance if inside else np.union1d(case.distance, _spaced(over, _POINTS))
     return usable_intervals(case.cameras[name], case.criteria, grid)
 
 
 def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[float, list[tuple[float, float]]]:
-    """Share of a range, on a logarithmic scale, that no interval covers, and the ends of the gaps [m]."""
-    reached, gaps = over[0], []
-    for near, far in (*((one.near, one.far) for one in intervals), (over[1], math.inf)):
-        end = min(near, over[1])
-        if end > reached * _MORE:
-            gaps.append((reached, end))
+    """Share of a range, on a logarithmic scale, that no interval covers, and the ends of the gaps [m].
+
+    A single distance is covered or not.
+    """
+    reached, gaps = 0.0, []
+    for near, far in (*((one.near, one.far) for one in intervals), (math.inf, math.inf)):
+        if _is_gap(reached, near, over):
+            gaps.append((max(reached, over[0]), min(near, over[1])))
         reached = max(reached, far)
+    if over[0] == over[1]:
+        return float(len(gaps)), gaps
     return sum(math.log(end / start) for start, end in gaps) / math.log(over[1] / over[0]), gaps
+
+
+def _is_gap(last: float, first: float, over: tuple[float, ...]) -> bool:
+    """Whether a part of a range lies between the end of one interval and the beginning of the next."""
+    near, far = over
+    if near == far:
+        return last * _MORE < near and far * _MORE < first
+    return min(first, far) > max(last, near) * _MORE
+
+
+def _spaced(over: tuple[float, ...], count: int) -> FloatArray:
+    """Distances [m] evenly spaced over a range on a logarithmic scale, or its only one."""
+    return np.geomspace(over[0], over[1], count if over[0] < over[1] else 1)
 
 
 def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> float:
@@ -324,10 +343,11 @@ def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> 
     closing = []
     for before, after in pairwise((None, *sorted(intervals, key=lambda one: one.near), None)):
         last, first = -math.inf if before is None else before.far, math.inf if after is None else after.near
-        if min(first, far) <= max(last, near) * _MORE:
+        if not _is_gap(last, first, over):
             continue
         alone = [far / last - 1.0] * (before is not None) + [1.0 - near / first] * (after is not None)
-        closing.append(min([*alone, (first - last) / (first + last)] if len(alone) > 1 else alone, default=math.inf))
+        meeting = [(first - last) / (first + last)] if len(alone) > 1 and near < far else []
+        closing.append(min([*alone, *meeting], default=math.inf))
     if closing:
         return max(closing)
     whole = next(one for one in intervals if one.far >= far * _LESS)
@@ -358,7 +378,7 @@ def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str], *, d
         why = f": {limit_words(limit)}" if limit else ""
         if limit == "focus" and derived:
             why += ", although its derived disparity error already contains blur"
-        parts.append(listed([f"from {plain_span(*gap)}" for _, gap in group]) + why)
+        parts.append(listed([range_words(*gap) for _, gap in group]) + why)
     return f"not usable {'; '.join(parts)}"
 
 
@@ -403,12 +423,14 @@ def _worst_place(
     between the neighbours of its largest value.
     """
     if len(fields) > 1:
-        few = np.geomspace(over[0], over[1], _COARSE)
+        few = _spaced(over, _COARSE)
         worst_at = np.argmax([broken_by(few, field) for field in fields], axis=0)
         fields = [fields[k] for k in dict.fromkeys(worst_at.tolist())]
-    points = np.geomspace(over[0], over[1], _POINTS)
+    points = _spaced(over, _POINTS)
     severity = np.array([broken_by(points, field) for field in fields])
     place, worst = (int(k) for k in np.unravel_index(np.argmax(severity), severity.shape))
+    if points.size == 1:
+        return over[0], fields[place]
     around = np.geomspace(points[max(worst - 1, 0)], points[min(worst + 1, _POINTS - 1)], _POINTS)
     # Rounding must not move a place out of the range.
     around = np.clip(around, over[0], over[1])

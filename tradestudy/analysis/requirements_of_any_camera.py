@@ -16,7 +16,7 @@ from tradestudy.study.definition import Case
 from tradestudy.study.schema.criteria import criterion_dimension
 from tradestudy.study.schema.requirements import CriterionPart, SharpPart
 from tradestudy.units import LENGTH, parse, pretty
-from tradestudy.wording import listed, plain_span
+from tradestudy.wording import listed, range_words
 
 _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
 _LEAST_MISS: Final = 1e-9  # share of a range: a miss within rounding is still a miss
@@ -53,28 +53,28 @@ def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer
         reason = f"depth of field {pretty(depth, LENGTH)}" if depth > 0.0 else f"nothing is sharp: {found.reason}"
         kept, margin = depth >= required.above, depth / required.above - 1.0
         return _exact(name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
-    assert required.over is not None  # exactly one of the two is given
-    return _check_range(found, (required.over[0], required.over[1]), name)
+    return _check_range(found, required.distances, name)
 
 
-def _check_range(found: SharpRange, over: tuple[float, float], name: str) -> RequirementAnswer:
+def _check_range(found: SharpRange, over: tuple[float, ...], name: str) -> RequirementAnswer:
     """How far the sharp range extends beyond the required one, at its tighter end, or by how much it falls short."""
     near, far = over
     around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
     if around:
         first, last = (float(end) for end in around[0])
-        beyond = {near: near / first - 1.0 if first > 0.0 else math.inf, far: last / far - 1.0}
-        place = min(beyond, key=lambda end: beyond[end])
+        beyond = (near / first - 1.0 if first > 0.0 else math.inf, near), (last / far - 1.0, far)
+        margin, place = min(beyond)
         reason = f"sharp from {pretty(first, LENGTH)} to {pretty(last, LENGTH)}"
         # Ends that coincide within rounding count as met.
-        margin = max(beyond[place], 0.0)
+        margin = max(margin, 0.0)
         return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
     clipped = np.clip(found.union.covered, near, far)
-    unsharp = 1.0 - float(np.sum(np.log(clipped[:, 1] / clipped[:, 0]))) / math.log(far / near)
+    sharp = float(np.sum(np.log(clipped[:, 1] / clipped[:, 0])))
+    unsharp = 1.0 - (sharp / math.log(far / near) if near < far else 0.0)
     gaps = _gaps(found.union.covered, near, far)
     place = gaps[0][0]
     why = f": {found.reason}" if found.extent == 0.0 and found.reason else ""
-    reason = f"not sharp from {listed([plain_span(*gap) for gap in gaps])}{why}"
+    reason = f"not sharp {listed([range_words(*gap) for gap in gaps])}{why}"
     margin = -max(unsharp, _LEAST_MISS)
     miss = _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
     return replace(miss, limit="focus")

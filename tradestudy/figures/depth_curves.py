@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
@@ -183,6 +184,9 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     required = [np.interp(distance, over, bound, left=np.nan, right=np.nan) for over, bound in bounds]
     draw_relative_guides(curves, distance, [*drawn, *required], edges)
     for k, (over, bound) in enumerate(bounds):
+        if over[0] == over[1]:
+            _required_at(curves, float(over[0]), float(bound[0]))
+            continue
         dashes = {"linestyle": (0, (4, 1.5)), "linewidth": 1.1, "marker": "|", "markersize": 4.0}
         curves.plot(over, bound * MM, color=INK, zorder=2.1, **dashes)
         _name_along(curves, distance, required[k], "required", [*drawn, *required[:k], *required[k + 1 :]], edges)
@@ -193,6 +197,16 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
         _crossovers((curves, bars), edges)
     bars.set_xlabel(distance_label(float(distance[-1])))
     return figure
+
+
+def _required_at(axes: Axes, distance: float, bound: float) -> None:
+    """Mark a required uncertainty [m] at a single distance [m], named towards the middle of the panel."""
+    axes.plot([distance], [bound * MM], color=INK, zorder=2.1, linestyle="", marker="D", markersize=3.5)
+    is_left = math.log(distance) < np.mean(np.log(axes.get_xlim()))
+    axes.annotate(
+        "required", (distance, bound * MM), xytext=(4.0 if is_left else -4.0, 0.0), textcoords="offset points",
+        ha="left" if is_left else "right", va="center", color=SOFT, fontsize=SMALL,
+    )  # fmt: skip
 
 
 def required_uncertainties(tree: xr.DataTree) -> Iterator[tuple[FloatArray, FloatArray]]:

@@ -97,8 +97,9 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         "Depth uncertainty (half the width of the central 68.27 % interval), bold where the camera is usable. "
         "Bars: usable distances."
     )
-    if any(depth_curves.required_uncertainties(tree)):
-        caption += " Dashed black: largest uncertainty that a requirement allows."
+    kinds = {"dashed" if over[0] < over[1] else "diamonds" for over, _ in depth_curves.required_uncertainties(tree)}
+    if kinds:
+        caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows."
     caption += _design_words(tree)
     if has_winners(tree) and len(shown) > 1:
         among = [camera.title for camera in shown if camera.key in candidates(tree)]

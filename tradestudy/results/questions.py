@@ -267,7 +267,8 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
     "over_near": Variable(
         dims=_OF_REQUIREMENT,
         units="m",
-        long_name="nearest of the required distances; NaN where the requirement has none",
+        long_name="nearest of the required distances, equal to over_far for a single one; NaN where the "
+        "requirement has none",
         error=EXACT,
     ),
     "over_far": Variable(

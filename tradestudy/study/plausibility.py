@@ -306,10 +306,11 @@ def _requirements(definition: StudyDefinition) -> Iterator[Problem]:
     """Requirements that reach beyond the distances of the scene."""
     for name, one in definition.file.requirements.items():
         if one.over and (ends := _beyond_the_scene(definition, *one.over)):
-            path = ("requirements", name, one.quantity, "over")
+            is_range = one.over[0] < one.over[1]
+            path = ("requirements", name, one.quantity, "over" if is_range else "at")
             what = (
-                f"reaches beyond the distances of the scene, {ends}: the requirement is evaluated there too, but "
-                "figures and tables end with the scene"
+                f"{'reaches' if is_range else 'lies'} beyond the distances of the scene, {ends}: the requirement is "
+                "evaluated there too, but figures and tables end with the scene"
             )
             yield definition.document.locate(path).problem(path, what)
 

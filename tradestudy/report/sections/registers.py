@@ -30,7 +30,7 @@ from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.results.views.requirement_conclusions import ALL, ANY, VERDICTS, requirement_conclusions
 from tradestudy.units import significant
-from tradestudy.wording import in_words, listed, span
+from tradestudy.wording import distance, in_words, listed, span
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES: Final[Mapping[str, str]] = {
@@ -350,7 +350,9 @@ def _bound_over(row: Mapping[str, Any], titles: Mapping[str, str]) -> str:
     """The cameras that must meet a requirement, its bound, and the distances over which it must hold."""
     who = {ANY: "any one camera", ALL: "every camera"}.get(str(row["of"]), titles.get(str(row["of"]), ""))
     text, near, far = str(row["bound_text"]), float(row["over_near"]), float(row["over_far"])
-    return f"{who}: {text}" + ("" if math.isnan(near) else f", at all distances from {span(near, far)}")
+    if math.isnan(near):
+        return f"{who}: {text}"
+    return f"{who}: {text}, at " + (f"all distances from {span(near, far)}" if near < far else distance(near))
 
 
 def _times_the_error(margin: float) -> str:

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
+    ObjectDistance,
     PositiveFraction,
     PositiveLength,
     PositiveNumber,
@@ -21,14 +22,40 @@ from tradestudy.declarations.words import CameraName, Span, Text
 Risk = Annotated[PositiveFraction, Field(lt=0.5)]
 
 
-class BoundOverPart(Part):
-    """An upper bound on the depth uncertainty, absolute or relative to the distance, over a range of distances."""
+_AT = "Instead of `over`: the only distance at which the requirement must hold."
+
+
+class _OverOrAtPart(Part):
+    """The distances that count: a range, or a single one."""
+
+    over: Span | None = Field(
+        default=None, description="Nearest and farthest of the distances at which the requirement must hold."
+    )
+    at: ObjectDistance | None = Field(default=None, description=_AT)
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if (self.over is None) == (self.at is None):
+            raise MistakeAt((), "give exactly one of over (a range of distances) and at (a single distance)")
+        return self
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """Nearest and farthest distance that count [m]; a single one is both."""
+        return _ends(self.over, self.at)
+
+
+def _ends(over: tuple[float, ...] | None, at: float | None) -> tuple[float, ...]:
+    return over or (() if at is None else (at, at))
+
+
+class BoundOverPart(_OverOrAtPart):
+    """An upper bound on the depth uncertainty, absolute or relative to the distance."""
 
     below: PositiveLength | None = Field(default=None, description="Value below which the depth uncertainty must stay.")
     below_relative: PositiveFraction | None = Field(
         default=None, description="Instead of `below`: the bound as a fraction of the distance."
     )
-    over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -47,39 +74,35 @@ class BoundOverPart(Part):
         return self.below if self.below is not None else self.below_relative or 0.0
 
 
-class UsablePart(Part):
-    """A range of distances in which the camera must be usable."""
-
-    over: Span = Field(description="Nearest and farthest of the distances at which the camera must be usable.")
+class UsablePart(_OverOrAtPart):
+    """The distances at which the camera must be usable."""
 
 
-class ShareAbovePart(Part):
-    """A lower bound on a fraction, over a range of distances."""
+class ShareAbovePart(_OverOrAtPart):
+    """A lower bound on a fraction."""
 
     above: Share = Field(description="Smallest fraction that meets the requirement.")
-    over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
-class ShareBelowPart(Part):
-    """An upper bound on a fraction, over a range of distances."""
+class ShareBelowPart(_OverOrAtPart):
+    """An upper bound on a fraction."""
 
     below: PositiveShare = Field(description="Value below which the fraction must stay.")
-    over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
-class LengthBelowPart(Part):
-    """An upper bound on a length, over a range of distances."""
+class LengthBelowPart(_OverOrAtPart):
+    """An upper bound on a length."""
 
     below: PositiveLength = Field(description="Value below which the length must stay.")
-    over: Span = Field(description="Nearest and farthest of the distances at which the bound must hold.")
 
 
 class SharpPart(Part):
-    """The range that must be sharp, or the smallest total depth of field that meets the requirement."""
+    """The distances that must be sharp, or the smallest total depth of field that meets the requirement."""
 
     over: Span | None = Field(
         default=None, description="Nearest and farthest distance of the range that must be sharp throughout."
     )
+    at: ObjectDistance | None = Field(default=None, description=_AT)
     above: PositiveLength | None = Field(
         default=None, description="Instead of `over`: smallest total depth of field that meets the requirement."
     )
@@ -91,11 +114,18 @@ class SharpPart(Part):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        if (self.over is None) == (self.above is None):
+        if sum(one is not None for one in (self.over, self.at, self.above)) != 1:
             raise MistakeAt(
-                (), "give exactly one of over (a range that must be sharp) and above (a smallest depth of field)"
+                (),
+                "give exactly one of over (a range that must be sharp), at (a distance that must be sharp) and above "
+                "(a smallest depth of field)",
             )
         return self
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """Nearest and farthest distance that must be sharp [m]; empty for a smallest depth of field."""
+        return _ends(self.over, self.at)
 
 
 class CriterionPart(Part):
@@ -188,9 +218,7 @@ class RequirementPart(Part):
         "met, or only desirable (`should`).",
     )
     depth_uncertainty: BoundOverPart | None = None
-    usable: UsablePart | None = Field(
-        default=None, description="Range of distances in which the camera must be usable."
-    )
+    usable: UsablePart | None = Field(default=None, description="Distances at which the camera must be usable.")
     overlap: ShareAbovePart | None = Field(
         default=None, description="Bound on the overlap of the two pictures of a stereo rig."
     )
@@ -254,8 +282,8 @@ class RequirementPart(Part):
 
     @property
     def over(self) -> tuple[float, ...]:
-        """Nearest and farthest distance that count [m]; empty if the requirement has no distances."""
-        return getattr(self.required, "over", None) or ()
+        """Nearest and farthest distance that count [m], equal if only one does; empty if there are none."""
+        return () if isinstance(self.required, CriterionPart) else self.required.distances
 
     @property
     def quantity(self) -> str:
