@@ -50,6 +50,7 @@ _EXAMPLES: Final = {
     "temporal_dark_noise": "7 electrons",
     "saturation_capacity": "10500 electrons",
     "system_gain": "0.39 DN/electron",
+    "disparity_range": "95 px",
     "factor": "1.5",
     "floor": "0.05 px",
     "pixel_locking": "0.05 px",

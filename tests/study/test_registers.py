@@ -60,6 +60,7 @@ def test_values_without_a_basis_and_unlimited_defaults_are_listed(tmp_path: Path
     assert rows["", "scene.wavelength"] == ("550 nm", "")
     assert rows["", "scene.picture.matcher"] == ("none: errors at the Cramér–Rao bound", "assumed")
     assert rows["stereo", "depth.disparity_error"] == ("0.1 px", "assumed")
+    assert rows["stereo", "depth.disparity_range"] == ("unlimited", "assumed")
     unsupported = {path for (_, path), (_, basis) in rows.items() if not basis}
     assert not [one for one in unsupported if one.endswith(("title", "kind")) or "distances" in one]
 

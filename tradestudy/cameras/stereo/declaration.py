@@ -42,6 +42,8 @@ class StereoLensPart(LensPart):
 class StereoDepthPart(DisparityPart):
     """How the rig measures depth."""
 
+    absent: ClassVar[Mapping[str, str]] = {"disparity_range": "unlimited"}
+
     estimator: Literal["disparity", "midpoint"] = Field(
         default="disparity",
         validate_default=True,
