@@ -172,8 +172,9 @@ def test_answer_and_requirements_follow_from_the_posterior(before: Result, after
     assert [bool(one) for one in met] == [False, True]
     named = after.data["requirements"].to_dataset()["camera_deciding"].sel(requirement="mid-range")
     assert str(named.item()) == RIG
-    # The same numbers everywhere: the ratio of the decision is that of /depth_at_places.
-    widths = depth_of(after, "depth_at_places")["depth_uncertainty"].sel(distance=1.0)
+    # The same numbers everywhere: the ratio of the decision is that of /depth_at_places, of half width or radius.
+    both = depth_of(after, "depth_at_places").sel(distance=1.0)
+    widths = np.fmax(both["depth_uncertainty"], both["depth_error_radius"])
     ratio = after.data["decision"].to_dataset()["uncertainty_ratio"].sel(place=1.0, error_source="both").item()
     assert ratio == pytest.approx(float(widths.sel(camera="raytrix-r5") / widths.sel(camera=RIG)), rel=1e-12)
 
