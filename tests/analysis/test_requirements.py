@@ -18,6 +18,7 @@ from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable,
 from tradestudy.analysis.usable import END_OF_STUDY, Interval
 from tradestudy.errors import StudyError
 from tradestudy.execution import Processes, Steps
+from tradestudy.results.views.designs import common_ranges
 from tradestudy.run.groups.ranks import ranks_group
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.schema.requirements import GuardBandPart, RequirementPart
@@ -298,6 +299,24 @@ def test_the_end_of_an_interval_is_a_root_and_not_a_design() -> None:
     assert error <= 0.001 * high  # a tenth of the study's 2 %, halved
     assert ends == 0.09
     assert found["design_met"].values[:, 0].tolist() == [0, 1, 1, 1]  # the declared 75 mm among them
+
+
+def test_where_any_camera_may_meet_it_each_has_its_own_range() -> None:
+    """The 50 mm head meets 2 % everywhere, which says nothing about the 75 mm head, whose baseline is swept."""
+    two = {"depth_uncertainty": {"below_relative": "2 %", "over": ["0.4 m", "3 m"]}}
+    study = robot(any={"camera": "any", **two}, named={"camera": "stereo-75mm", **two})
+    definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["20 mm", "60 mm", "90 mm"]}}).plan().definition
+    found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), Steps())
+    columns = [found[name].values for name in ("met_camera", "met_from", "met_to")]
+    of_any, of_named = (
+        {camera: (low, high) for camera, low, high in zip(*(one[k] for one in columns), strict=True) if camera}
+        for k in (0, 1)
+    )
+    assert set(of_any) == {"stereo-75mm", "stereo-50mm"}
+    assert of_any["stereo-50mm"] == (0.02, 0.09)
+    assert of_any["stereo-75mm"] == of_named["stereo-75mm"]
+    assert 0.02 < of_any["stereo-75mm"][0] < 0.06
+    assert common_ranges(found, np.array([True, False])) == [(0.02, 0.09)]
 
 
 def test_processes_give_the_same_bits_and_evaluate_each_camera_once() -> None:

@@ -96,7 +96,8 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
         r"Met on the lower bound of matching: 1 % from 0\.4 to 3 m, by 75 mm stereo head \(worst ([\d.]+) % at 3 m; "
         r"(\d+) % to spare\); not by 50 mm stereo head \([\d.]+ % at 3 m\) and Raytrix R5 \(not usable from 1\.8\d* to "
         r"3 m: too uncertain; worst [\d.]+ % at 3 m\); met with the "
-        r"baseline of 75 mm stereo head from ([\d.]+) mm on \(the sweep ends at 150 mm\)",
+        r"baseline of 75 mm stereo head from ([\d.]+) mm on \(the sweep ends at 150 mm\) by 75 mm stereo head; nowhere "
+        r"by 50 mm stereo head and Raytrix R5",
         met,
     )
     assert found
@@ -156,9 +157,10 @@ def test_every_outcome_of_a_requirement_is_reported(swept: Result) -> None:
     assert "missed by a factor of 1.14" in reported(met=0, margin_percent=-12.0)
     assert "factor" not in reported(met=0, margin_percent=-12.0, limited_by="overlap")
     assert reported(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
-    assert reported(met_from=0.06, met_to=0.09).endswith("from 60 mm to 90 mm")
-    assert reported(met_from=0.03, met_to=0.09).endswith("up to 90 mm (the sweep begins at 30 mm)")
-    assert reported(met_from=0.03, met_to=0.15).endswith("anywhere from 30 mm to 150 mm")
+    by = " by 75 mm stereo head; nowhere by 50 mm stereo head and Raytrix R5"
+    assert reported(met_from=0.06, met_to=0.09).endswith(f"from 60 mm to 90 mm{by}")
+    assert reported(met_from=0.03, met_to=0.09).endswith(f"up to 90 mm (the sweep begins at 30 mm){by}")
+    assert reported(met_from=0.03, met_to=0.15).endswith(f"anywhere from 30 mm to 150 mm{by}")
     assert reported(met_from=np.nan, met_to=np.nan).endswith("met by no design that was tried")
 
 

@@ -433,7 +433,7 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         dims=("requirement", "stretch"),
         units="mixed",
         long_name="start of a range of the swept parameter in which the same camera meets the requirement throughout, "
-        "in SI units; NaN for indices after the last range",
+        "in SI units; ranges of several cameras may overlap; NaN for indices after the last range",
         error="see met_to_within",
     ),
     "met_to": Variable(

@@ -209,14 +209,14 @@ def common_ranges(data: xr.Dataset, must: npt.NDArray[np.bool_]) -> list[tuple[f
 
 
 def _joined(ranges: list[tuple[float, float, float]]) -> list[tuple[float, float]]:
-    """Join the ranges (from, to, error) that meet where one camera takes over from another.
+    """Join the ranges (from, to, error) of several cameras that overlap, or meet where one takes over from another.
 
     Two ranges meet there within their brackets, whose width is twice the error.
     """
     joined: list[tuple[float, float, float]] = []
-    for low, high, error in ranges:
+    for low, high, error in sorted(ranges):
         if joined and low <= joined[-1][1] + 2.0 * (error + joined[-1][2]):
-            joined[-1] = (joined[-1][0], high, error)
+            joined[-1] = (joined[-1][0], *max(joined[-1][1:], (high, error)))
         else:
             joined.append((low, high, error))
     return [(low, high) for low, high, _ in joined]

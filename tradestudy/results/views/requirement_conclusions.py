@@ -258,7 +258,7 @@ def requirement_details(one: RequirementConclusion) -> str:
         share = pretty(one.probability, FRACTION, digits=2)
         words = f"{words}; met in {share} of the draws of the uncertain assumptions"
     if one.met_ranges is not None:
-        return f"{words}; {_range_words(one.met_ranges)}"
+        return f"{words}; {_range_words(one)}"
     return words if one.designs is None else f"{words}; met in {one.designs[0]} of {one.designs[1]} designs"
 
 
@@ -374,12 +374,17 @@ def _margin_words(one: RequirementConclusion) -> str:
     return words if one.met or one.margin < 0.0 else f"{words}, less than its guard band"
 
 
-def _range_words(ranges: tuple[MetRange, ...]) -> str:
+def _range_words(one: RequirementConclusion) -> str:
+    """The ranges of the swept parameter in which it is met; where any camera may, each camera's own."""
+    ranges = one.met_ranges
     if not ranges:
         return "met by no design that was tried"
-    several = len({one.camera for one in ranges}) > 1
-    parts = [one.words + (f" by {one.camera}" if several else "") for one in ranges]
-    return f"met with the {ranges[0].parameter} " + " and ".join(parts)
+    candidates = [one.camera, *(other.title for other in one.others)] if one.of == ANY else []
+    several = len(candidates) > 1
+    parts = [along.words + (f" by {along.camera}" if several else "") for along in ranges]
+    words = f"met with the {ranges[0].parameter} " + " and ".join(parts)
+    never = [title for title in candidates if title not in {along.camera for along in ranges}]
+    return f"{words}; nowhere by {listed(never)}" if never and several else words
 
 
 def _met_ranges(tree: xr.DataTree, number: int) -> tuple[MetRange, ...] | None:

@@ -41,6 +41,8 @@ from tradestudy.wording import limit_words
 _BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # quantities that depend on the matcher
 # Quantities and limits that depend on errors.
 _OF_ERRORS: Final = ("depth_uncertainty", "relative_uncertainty", "failed_fraction")
+_Answers = tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]
+"""The deciding answer to a requirement, and those of all cameras that it concerns."""
 _ROOT_TO: Final = 0.1  # of the tolerance: relative accuracy of the ends of an interval
 
 
@@ -107,7 +109,7 @@ def requirements_group(
             "design_limited_by": shaped([[one.limit for one in row] for row in table]),
         }
         if len(axes) == 1 and _is_numeric(axes[0]):
-            columns = list(zip(*table, strict=True))
+            columns = list(zip(*answers, strict=True))
             found_stretches = [
                 _stretches(definition, name, axes[0], column, judge)
                 for name, column in zip(requirements, columns, strict=True)
@@ -263,16 +265,22 @@ class _Stretch:
 
 
 def _stretches(
-    definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[RequirementAnswer], judge: Judge
+    definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[_Answers], judge: Judge
 ) -> list[_Stretch]:
-    """Intervals of one parameter in which one camera meets a requirement, with ends located between designs."""
+    """Intervals of one parameter in which a requirement is met, with ends located between designs.
+
+    Where any camera may meet it, those of each camera by itself.
+    """
     places = [float(label) for label in axis.labels]
-    met_by = [_met_by(definition.file.requirements[name], one) for one in column]
+    of = definition.file.requirements[name].camera
+    runs = [
+        (camera, numbers)
+        for camera in (column[0][1] if of == ANY else (of,))
+        for is_met, numbers in _runs([_is_met_by(camera, one) for one in column])
+        if is_met
+    ]
     found = []
-    for camera, group in itertools.groupby(range(len(column)), key=lambda k: met_by[k]):
-        if camera is None:
-            continue
-        numbers = list(group)
+    for camera, numbers in runs:
         first, last = numbers[0], numbers[-1]
         (low, low_error), (high, high_error) = (
             _root(definition, name, axis, (places[end], places[neighbour]), camera, judge)
@@ -284,11 +292,15 @@ def _stretches(
     return found
 
 
-def _met_by(requirement: RequirementPart, answer: RequirementAnswer) -> str | None:
-    """The camera that meets a requirement, or "all"; None if it is not met."""
-    if not answer.met:
-        return None
-    return ALL if requirement.camera == ALL else answer.camera
+def _runs(values: Sequence[bool]) -> list[tuple[bool, list[int]]]:
+    """Equal neighbours together, with their indices."""
+    return [(value, list(group)) for value, group in itertools.groupby(range(len(values)), key=lambda k: values[k])]
+
+
+def _is_met_by(camera: str, answers: _Answers) -> bool:
+    """Whether one camera, or all together if it is "all", meets a requirement."""
+    deciding, every = answers
+    return every.get(camera, deciding).met is True
 
 
 def _root(
@@ -299,7 +311,7 @@ def _root(
     camera: str,
     judge: Judge,
 ) -> tuple[float, float]:
-    """Where the camera that meets a requirement at the first of two values ceases to meet it, with the error.
+    """Where a camera that meets a requirement at the first of two values ceases to meet it, with the error.
 
     Found by bisection, because the margin may jump where a camera ceases to be usable. Parameters that count
     something, such as images, take whole numbers.
@@ -313,7 +325,7 @@ def _root(
         except StudyError:  # no valid study lies between
             return None
         requirement = changed.file.requirements[name]
-        return _met_by(requirement, judge.answer(requirement, changed.case)[0]) == camera
+        return _is_met_by(camera, judge.answer(requirement, changed.case))
 
     close = _ROOT_TO * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
     inside, outside = bracketed(*ends, holds, possible=varying.possible, close=close)
