@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tradestudy
 from tests.cameras.builders import F_MAIN, depth_read, r5
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cameras.depth_camera import UsableCriteria
@@ -15,7 +16,7 @@ from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.focused_plenoptic.depth_scaling import DepthScaling
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.parts import Lens
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, StudyError
 
 A, B, C = 0.11, 0.9, 0.012
 SCALING = DepthScaling(quadratic=A, linear=B, offset=C)
@@ -144,3 +145,10 @@ def test_a_galilean_camera_beyond_the_front_focal_point_reads_the_metric_depth_o
     camera = scaled(main_lens=Lens(focal_length=F_MAIN, f_number=3.8), mla_distance=12.0e-3)
     crossed = camera.depth_of_disparity(np.abs(camera.disparity(M)), M)
     np.testing.assert_allclose(crossed, A * F_MAIN**2 + B * F_MAIN + C, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("study", "camera"), [("rock_scene", "r5"), ("depth_loop", "raytrix-r5")])
+def test_check_refuses_studies_that_picture_the_camera(study: str, camera: str) -> None:
+    loaded = tradestudy.load(f"studies/{study}.yaml", overrides=(f"cameras.{camera}.depth.scaling.offset=1 mm",))
+    with pytest.raises((OutOfRangeError, StudyError), match=r"pictures cannot be rendered .*depth\.scaling"):
+        loaded.check()

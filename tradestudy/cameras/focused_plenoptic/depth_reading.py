@@ -68,6 +68,9 @@ class RawPictureReader(DepthReader):
     camera: FocusedPlenoptic
     search: DepthSearch
 
+    def __post_init__(self) -> None:
+        self.camera.exposures(1.0, {}, None, 0.0)  # refuses a camera whose pictures cannot be rendered
+
     @cached_property
     def _grid(self) -> MicrolensGrid:
         return microlens_grid(self.camera)
