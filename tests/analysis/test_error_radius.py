@@ -14,9 +14,11 @@ from scipy.special import ndtr, ndtri
 import tradestudy
 from tests.analysis.plain_depths import PIXEL, B, F, of_rig
 from tests.cameras.builders import r5, stereo
+from tradestudy import figures
 from tradestudy.analysis.depth import distribution, evaluate_depth, model_error
 from tradestudy.analysis.error_radius import error_radius
 from tradestudy.cameras.calibration import Calibration, Propagation
+from tradestudy.report.curve_values import curve_values
 from tradestudy.results.views.conclusions import terminal_lines
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import depth_from_inverse
@@ -133,6 +135,12 @@ def test_requirement_on_a_biased_estimator_is_not_met() -> None:
     assert float(depth["depth_uncertainty"]) == pytest.approx(0.938, rel=0.01)
     assert float(depth["depth_error_radius"]) == pytest.approx(1.163, rel=0.01)
     assert float(depth["depth_error_radius_error"]) < 0.01
+    # The curve that is drawn beside the required 1 m shows what misses it.
+    assert "Of midpoint, the error radius is drawn" in figures.build(result.data)["whole_range"].caption
+    drawn = figures.figure(result.data, "whole_range").axes[0].get_lines()
+    curve = next(line for line in drawn if line.get_gid() == "judged_uncertainty/m")
+    assert np.asarray(curve.get_ydata())[-1] == pytest.approx(1163.0, rel=0.01)
+    assert curve_values(result.data)["judged_uncertainty/m"].value[-1] == pytest.approx(1.163, rel=0.01)
     (biased,) = (line for line in terminal_lines(result.data) if line.startswith("Biased"))
     assert "midpoint" in biased
     assert "too near" in biased

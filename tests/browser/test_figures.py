@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from tests.browser.conftest import Open, Run
+from tradestudy.results.depth import judged_uncertainty
 from tradestudy.results.views.depth import where_measured
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty
@@ -21,7 +22,7 @@ def reported(page: Any, figure: str) -> tuple[str, dict[str, str]]:
 
 
 def known(depth: xr.Dataset, titles: dict[str, str], place: int) -> dict[str, str]:
-    values = depth["depth_uncertainty"].isel(distance=place)
+    values = judged_uncertainty(depth).isel(distance=place)
     return {titles[str(key)]: pretty(float(values.sel(camera=key)), LENGTH) for key in depth["camera"].values}
 
 

@@ -37,6 +37,7 @@ from tradestudy.figures.style import (
     styled,
     traces,
 )
+from tradestudy.results.depth import judged_uncertainty
 from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_measured, where_usable
 from tradestudy.results.views.groups import FloatArray, group, records
@@ -163,13 +164,14 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
 
 @styled()
 def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
-    """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
+    """Judged uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     depth, shown = where_measured(nominal(tree)), traces(tree)
     figure = new_figure(2.55 + 0.17 * len(shown))
     rows = len(shown) + (len(shown) > 1)
     curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 0.16 * rows + 0.2))
     distance = np.asarray(depth["distance"].values, dtype=float)
-    drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
+    depth = depth.assign(judged_uncertainty=judged_uncertainty(depth))
+    drawn = [of_camera(depth, "judged_uncertainty", camera.key) for camera in shown]
     log_axis(curves, "y", tick=length_tick)
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
     bounds = list(required_uncertainties(tree))
@@ -179,7 +181,7 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     low = max(np.fmin(low, 0.5 * min(required_mm)), low / _WIDEST)
     high = min(np.fmax(high, 2.0 * max(required_mm)), high * _WIDEST)
     curves.set(ylim=(low, high), ylabel="depth uncertainty (68 %)")
-    draw_curves(curves, depth, shown, drawn)
+    draw_curves(curves, depth, shown, drawn, variable="judged_uncertainty")
     edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
     required = [np.interp(distance, over, bound, left=np.nan, right=np.nan) for over, bound in bounds]
     draw_relative_guides(curves, distance, [*drawn, *required], edges)

@@ -33,6 +33,7 @@ from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
+from tradestudy.results.depth import JUDGED
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
 from tradestudy.results.views.depth import (
     field_words,
@@ -40,6 +41,7 @@ from tradestudy.results.views.depth import (
     nominal,
     of_camera,
     swept,
+    where_measured,
     where_usable,
     worst_corner,
 )
@@ -97,6 +99,11 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         "Depth uncertainty (half the width of the central 68.27 % interval), bold where the camera is usable. "
         "Bars: usable distances."
     )
+    if larger := [camera.title for camera in shown if _is_judged_by_radius(depth, camera.key)]:
+        caption += (
+            f" Of {listed(larger)}, the error radius is drawn where it is larger than that: requirements and ranks are "
+            "judged by the larger of both."
+        )
     kinds = {"dashed" if over[0] < over[1] else "diamonds" for over, _ in depth_curves.required_uncertainties(tree)}
     if kinds:
         caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows."
@@ -117,6 +124,13 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         + _winner_words(tree, shown),
         draw=partial(depth_curves.draw_whole_range, tree),
     )
+
+
+def _is_judged_by_radius(depth: xr.Dataset, camera: str) -> bool:
+    """Whether the error radius of a camera visibly exceeds its depth uncertainty anywhere."""
+    measured = where_measured(depth)
+    half_width, radius = (of_camera(measured, name, camera) for name in JUDGED)
+    return bool(np.any(radius > 1.01 * half_width))
 
 
 def _design_words(tree: xr.DataTree) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from tradestudy.results.depth import judged_uncertainty
 from tradestudy.results.views.depth import by_design, nominal, where_measured
 from tradestudy.results.views.groups import FloatArray, has
 from tradestudy.units import FRACTION, pretty
@@ -53,15 +54,19 @@ def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
         for side in ("nearer", "farther")
     )
     shares = by_design(depth, depth["variance_share"], "part", "camera", "distance")
-    uncertainty = by_design(depth, depth["depth_uncertainty"], "camera", "distance")
+    uncertainty, judged = (
+        by_design(depth, values, "camera", "distance")
+        for values in (depth["depth_uncertainty"], judged_uncertainty(depth))
+    )
     parts = list(map(str, depth["part"].values))
 
     def of_camera(design: int, k: int, camera: str) -> dict[str, CurveValues]:
         at = design, k
         return {
-            f"depth_uncertainty/{camera}": CurveValues(
-                x=x, value=uncertainty[at], low=low[at], high=high[at], beside=beside
-            ),
+            **{
+                f"{name}/{camera}": CurveValues(x=x, value=values[at], low=low[at], high=high[at], beside=beside)
+                for name, values in (("depth_uncertainty", uncertainty), ("judged_uncertainty", judged))
+            },
             f"depth_discrimination/{camera}": CurveValues(x=x, value=nearer[at], low=nearer[at], high=farther[at]),
             **{
                 f"variance_share:{part}/{camera}": CurveValues(x=x, value=shares[design, number, k])
