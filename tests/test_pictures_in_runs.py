@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,10 @@ from PIL import Image
 
 from tests.test_render import STEP, study
 from tradestudy import api, figures
+from tradestudy.errors import PlaceError
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Table
+from tradestudy.results import storage
 
 pytestmark = pytest.mark.usefixtures("only_rays")
 
@@ -29,6 +33,50 @@ def test_a_run_writes_the_pictures_that_render_writes(ran: tuple[api.Result, Pat
     assert own == {path.relative_to(out / "pictures") for path in (out / "pictures").glob("*/*.*")}
     for path in own:
         assert (out / "pictures" / path).read_bytes() == (tmp_path / "pictures" / path).read_bytes()
+
+
+def test_pictures_of_an_earlier_run_stay_until_the_next_is_complete(
+    ran: tuple[api.Result, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def content() -> dict[Path, bytes]:
+        return {
+            path: path.read_bytes() for path in out.rglob("*") if path.is_file() and ".unfinished" not in path.parts
+        }
+
+    out = tmp_path / "out"
+    shutil.copytree(ran[1], out)
+    (out / "pictures/pair/notes.txt").write_text("mine")
+    before = content()
+
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("tradestudy.run.runner._answers", interrupt)  # after the pictures
+        with pytest.raises(KeyboardInterrupt):
+            api.run(study(tmp_path, STEP), out, pdf=False, fresh=True)
+    assert content() == before
+    other = study(tmp_path, STEP.replace("170 mm", "160 mm"))
+    with monkeypatch.context() as patched:  # the next run ends when its record is complete
+        patched.setattr("tradestudy.results.storage._replace_folder", interrupt)
+        patched.setattr("tradestudy.api._removed", lambda _: nullcontext())  # a death removes nothing
+        with pytest.raises(KeyboardInterrupt):
+            api.run(other, out, pdf=False)
+    storage.remove_abandoned(out)
+    depth = np.asarray(Image.open(out / "pictures/pair/left_depth.tiff"))
+    assert float(np.nanmax(depth[np.isfinite(depth)])) == pytest.approx(0.16, rel=1e-6)
+    assert (out / "pictures/pair/notes.txt").read_text() == "mine"
+    assert not list(out.glob(".*.part"))
+
+
+def test_pictures_of_others_are_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "pictures/pair").mkdir(parents=True)
+    (tmp_path / "pictures/pair/left.png").write_text("mine")
+    with pytest.raises(PlaceError, match="did not write"):
+        api.render(study(tmp_path, STEP), tmp_path)
+    with pytest.raises(PlaceError, match="did not write"):
+        api.run(study(tmp_path, STEP), tmp_path, pdf=False)
+    assert (tmp_path / "pictures/pair/left.png").read_text() == "mine"
 
 
 def test_results_keep_blocks_details_and_depth_of_them(ran: tuple[api.Result, Path]) -> None:

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, closing, nullcontext
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +76,11 @@ def run(
     from tradestudy.results import storage
 
     _refuse_file(directory)  # before anything is computed
+    storage.refuse_foreign(directory, storage.RUN_FILES)
+    if study.file.scene is not None and study.file.scene.image is not None:
+        from tradestudy.run.scene_pictures import files_of_pictures
+
+        storage.refuse_foreign(directory / storage.PICTURES, files_of_pictures(study.definition))
     result = None if fresh else _finished(study, directory)
     measuring = with_cost and (result is None or "cost" not in result.data.children)
     if measuring:
@@ -84,21 +91,19 @@ def run(
     def reported(share: float) -> None:
         progress("report", share)
 
+    pictures = storage.beside(directory / storage.PICTURES)  # those of an earlier run stay until this one is complete
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None or measuring:
-            with _background_drawer() as drawer:
+            with _background_drawer() as drawer, _removed(pictures):
                 if result is None:
                     result = study.run(
-                        progress,
-                        executor=executor,
-                        checkpoints=checkpoints,
-                        predicted=predicted,
-                        pictures=directory / "pictures",
+                        progress, executor=executor, checkpoints=checkpoints, predicted=predicted, pictures=pictures
                     )
                 if measuring:
                     result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
                 reported(0.0)
-                result.write(directory, pdf=pdf, drawer=drawer, progress=reported)
+                made = pictures if pictures.is_dir() else None
+                result.write(directory, pdf=pdf, drawer=drawer, pictures=made, progress=reported)
         else:
             reported(0.0)
             storage.remove_abandoned(directory)
@@ -106,6 +111,15 @@ def run(
         checkpoints.remove()
     reported(1.0)
     return result
+
+
+@contextmanager
+def _removed(folder: Path) -> Iterator[None]:
+    """Remove a folder in the end, if it is still there."""
+    try:
+        yield
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,14 +170,18 @@ def render(
         If the pictures do not fit into the free memory.
     OutOfRangeError
         If a camera cannot measure depth in its pictures, or a matcher is not installed.
+    PlaceError
+        If a file would be replaced that this program did not write.
     """
     from tradestudy.analysis.scene_pictures import declared_image
     from tradestudy.execution import Checkpoints, Serial, Steps
+    from tradestudy.results.storage import refuse_foreign
     from tradestudy.run.inference import infer_calibrations
-    from tradestudy.run.scene_pictures import take_scene
+    from tradestudy.run.scene_pictures import files_of_pictures, take_scene
 
     declared_image(study.definition)  # before calibrations are inferred
     folder = directory / "pictures"
+    refuse_foreign(folder, files_of_pictures(study.definition))
     with closing(Checkpoints(folder, fresh=fresh)) as checkpoints:
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
         definition, _ = infer_calibrations(study.definition, steps)
@@ -198,10 +216,13 @@ def export(
     Raises
     ------
     TradestudyError
-        If there is no such camera, a format cannot represent it, or its calibration cannot be fitted.
+        If there is no such camera, a format cannot represent it, its calibration cannot be fitted, or a file would be
+        replaced that this program did not write.
     """
-    from tradestudy.run.export import export, write_export
+    from tradestudy.results.storage import refuse_foreign
+    from tradestudy.run.export import SUFFIXES, export, write_export
 
+    refuse_foreign(directory, [f"{escape(camera)}-{one}" for one in SUFFIXES])
     found = export(study.definition, camera, formats, lossy=lossy)
     return write_export(found, directory, camera), found.left_out
 
@@ -259,12 +280,14 @@ def cost(
     from tradestudy.cost.study_cost import cost_json
     from tradestudy.report.document import plain_text
     from tradestudy.report.sections.cost import answers
-    from tradestudy.results.storage import replace_file
+    from tradestudy.results.storage import list_written, refuse_foreign, replace_file
 
+    refuse_foreign(directory, ["cost.json", "cost.svg"])
     found = study.cost(progress, budget=budget)
     drawings = figures.build(DataTree.from_dict({"/cost": found}))
     written = {"cost.json": cost_json(study.name, found).encode()}
     written |= {f"{name}.svg": drawing.draw().svg() for name, drawing in drawings.items()}
+    list_written(directory, written)
     for name, content in written.items():
         replace_file(directory / name, content)
     return [*(plain_text(answer) for answer in answers(found)), str(directory / list(written)[-1])]

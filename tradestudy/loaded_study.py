@@ -279,6 +279,8 @@ class Study:
         ------
         UnaffordableError
             If `plan` raises it.
+        PlaceError
+            If ``pictures`` has files in the place of those to be written that this program did not write.
         """
         from tradestudy.execution import Serial, Steps
         from tradestudy.run.runner import compute
@@ -286,6 +288,11 @@ class Study:
         started = datetime.now(UTC)
         begin = time.perf_counter()
         seconds: dict[str, float] = {}
+        if pictures is not None:
+            from tradestudy.results.storage import refuse_foreign
+            from tradestudy.run.scene_pictures import files_of_pictures
+
+            refuse_foreign(pictures, files_of_pictures(self.definition))
         plan = self.plan()
         known = {step.name: step.seconds for step in plan.steps}
         predicted(dict(known))

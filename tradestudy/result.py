@@ -232,6 +232,7 @@ class Result:
         *,
         pdf: bool = True,
         drawer: Drawer | None = None,
+        pictures: Path | None = None,
         progress: Callable[[float], None] = lambda _share: None,
     ) -> Path:
         """Write the results, tables, figures, report and provenance, each file completely or not at all.
@@ -244,6 +245,8 @@ class Result:
             Whether to write the report as a PDF, too.
         drawer
             Second process, which draws figures while this one composes the report. Default: this process does both.
+        pictures
+            Folder inside the output folder with the pictures of the run, which becomes ``pictures``. Default: none.
         progress
             Called with the fraction that is done, from 0 to 1.
 
@@ -251,11 +254,17 @@ class Result:
         -------
         pathlib.Path
             The output folder.
+
+        Raises
+        ------
+        PlaceError
+            If a file would be replaced that this program did not write.
         """
         from tradestudy import report as renderer
         from tradestudy.results import storage
 
         target = Path(directory)
+        storage.refuse_foreign(target, storage.RUN_FILES)
         drawing = None if drawer is None else drawer.begin(self.data, filed=True)
         try:
             made = renderer.compose_files(
@@ -264,7 +273,7 @@ class Result:
         finally:  # a report that cannot be made costs no results
             content = storage.encoded(self.data) if drawing is None else drawing.file()
             storage.remove_abandoned(target)
-            storage.write_finished(content, self.run_record, target)
+            storage.write_finished(content, self.run_record, target, pictures)
             _write_posteriors(self.data, target)
             _write_matchers(self.data, target)
         renderer.place(made, target)
@@ -340,10 +349,12 @@ def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
     if "calibration" not in tree.children:
         return
     from tradestudy.calibration.posterior_file import write_posterior
-    from tradestudy.results.storage import replacing
+    from tradestudy.results.storage import list_written, replacing
     from tradestudy.run.groups.calibration import saved_posteriors
 
-    for name, posterior in saved_posteriors(tree).items():
+    saved = saved_posteriors(tree)
+    list_written(directory, [f"posteriors/{name}.nc" for name in saved])
+    for name, posterior in saved.items():
         with replacing(directory / "posteriors" / f"{name}.nc") as file:
             write_posterior(file, posterior)
 
@@ -352,8 +363,9 @@ def _write_matchers(tree: xr.DataTree, directory: Path) -> None:
     """Write the matchers fitted by a depth loop as ``matchers.yaml``, for the cameras of a study."""
     if "depth_loop" not in tree.children:
         return
-    from tradestudy.results.storage import replace_file
+    from tradestudy.results.storage import list_written, replace_file
     from tradestudy.run.groups.depth_loop import matcher_file
 
     text = matcher_file(tree["depth_loop"].to_dataset(), str(tree.attrs["study"]))
+    list_written(directory, ["matchers.yaml"])
     replace_file(directory / "matchers.yaml", text.encode())

@@ -217,8 +217,8 @@ def test_numbers_in_the_table_equal_those_of_the_results(page: Page, tree: xr.Da
     both = (noise**2 + yaw**2) ** 0.5
     assert cells[1] == "yes"
     assert cells[3:6] == [f"{1e6 * noise:.0f} µm", f"{1e3 * yaw:.1f} mm", f"{1e3 * both:.1f} mm"]
-    assert float(cells[6].removesuffix(" %")) == pytest.approx(100 * both, rel=0.005)
-    assert cells[7] == f"{distance - 1.96 * both:.2f} – {distance + 1.96 * both:.2f} m"
+    assert float(cells[7].removesuffix(" %")) == pytest.approx(100 * both, rel=0.005)
+    assert cells[8] == f"{distance - 1.96 * both:.2f} – {distance + 1.96 * both:.2f} m"
 
 
 HOSTILE = "<script>alert(1)</script> & \"q\" 'a' </figure> {{ 7*7 }} {% raw %} $x$ #eval @l \\ *b* _u_ \u65e5\u672c"

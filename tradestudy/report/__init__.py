@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -92,18 +93,23 @@ def compose_files(
 def place(made: Mapping[str, bytes], directory: Path) -> None:
     """Write the files of a report into a folder, which is made if it does not exist.
 
-    Each takes its place only when it is complete, so that an interrupted call leaves no half-written file. Figures and
-    tables of an earlier report that this one does not have are removed.
+    Each takes its place only when it is complete, so that an interrupted call leaves no half-written file. Figures,
+    tables and the PDF of an earlier report that this one does not have are removed; other files stay.
 
     Raises
     ------
+    PlaceError
+        If a file would be replaced that this program did not write.
     OSError
         If a file cannot be written.
     """
-    from tradestudy.results.storage import replace_file
+    from tradestudy.results.storage import RESULTS, RUN, list_written, refuse_foreign, replace_file, written
 
+    refuse_foreign(directory, map(escape, made))
+    earlier = written(directory)
+    list_written(directory, [RESULTS, RUN, *made] if (directory / RUN).is_file() else made)
     with ThreadPoolExecutor() as pool:  # threads, because writing waits for the disk
         list(pool.map(replace_file, (directory / name for name in made), made.values()))
-    for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
-        if old.relative_to(directory).as_posix() not in made:
+    for old in (directory / "report.pdf", *directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
+        if old.relative_to(directory).as_posix() in earlier - {*made}:
             old.unlink(missing_ok=True)  # another run may have removed it first

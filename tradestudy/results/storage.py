@@ -10,23 +10,29 @@ import os
 import platform
 import re
 import secrets
-from collections.abc import Iterator, Mapping
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import xarray as xr
 
-from tradestudy.errors import NoResultsError, ResultsError
+from tradestudy.errors import NoResultsError, PlaceError, ResultsError
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.wording import json_text
 
 RESULTS = "results.nc"
 RUN = "run.json"
 CHECKSUM = "results_sha256"
+PICTURES = "pictures"
+LIST = ".tradestudy"  # in a folder: the files that this program wrote there, a relative path on each line
+_UNFINISHED: Final = ".unfinished"  # of `execution.Checkpoints`
+_ALWAYS: Final = (RESULTS, RUN, "report.html", "report.pdf")
+RUN_FILES: Final = (*_ALWAYS, "figures/*.svg", "tables/*.csv", "posteriors/*.nc", "matchers.yaml")
 
 # Types of the values in run.json, and of the members of those that have some.
 _KINDS: Final = {
-    **dict.fromkeys(("study", "study_hash", "code_hash", "file", "started", CHECKSUM), str),
+    **dict.fromkeys(("study", "study_hash", "code_hash", "file", "started", CHECKSUM, PICTURES), str),
     "seed": int,
     "predicted_seconds": int | float,
 }
@@ -40,6 +46,54 @@ _MEMBERS: Final = {
 }
 
 _PART = re.compile(r"\..+\.[0-9a-f]{8}\.(?P<process>\d+)@(?P<machine>.+)\.part")
+
+
+def refuse_foreign(directory: Path, patterns: Iterable[str]) -> None:
+    """Refuse to write files over those that this program did not write; call it before anything is computed.
+
+    In the folder of a run, patterns with ``*`` are skipped: other files may lie beside its figures and tables.
+
+    Raises
+    ------
+    PlaceError
+        If a file that matches is not the program's.
+    """
+    own = written(directory)
+    if any((directory / _UNFINISHED).glob("*.points")) or (RUN not in _listed(directory) and RUN in own):
+        return  # an interrupted call or an earlier version, which kept no list
+    for pattern in patterns:
+        if RUN in own and "*" in pattern:
+            continue
+        for path in sorted(directory.glob(pattern)):
+            if path.relative_to(directory).as_posix() not in own:
+                remedy = "move it away, or give another output folder"
+                raise PlaceError(
+                    "this file, which tradestudy did not write, is in the way", value=str(path), remedy=remedy
+                )
+
+
+def written(directory: Path) -> frozenset[str]:
+    """The files in a folder that this program wrote there, as relative paths."""
+    listed = _listed(directory)
+    with contextlib.suppress(ResultsError):
+        if RUN not in listed and "study_hash" in _read_run(directory):
+            return listed | {*_ALWAYS}
+    return listed
+
+
+def _listed(directory: Path) -> frozenset[str]:
+    with contextlib.suppress(OSError, ValueError):
+        return frozenset((directory / LIST).read_text(encoding="utf-8").splitlines())
+    return frozenset()
+
+
+def list_written(directory: Path, names: Iterable[str]) -> None:
+    """Note files, as relative paths, that this program writes into a folder."""
+    listed = _listed(directory)
+    if new := [name for name in names if name not in listed]:
+        directory.mkdir(parents=True, exist_ok=True)
+        with (directory / LIST).open("a", encoding="utf-8") as file:
+            file.write("".join(f"{name}\n" for name in new))
 
 
 @contextlib.contextmanager
@@ -57,6 +111,11 @@ def replacing(path: Path) -> Iterator[Path]:
 def _temporary(path: Path) -> Path:
     """An unused path beside ``path``, in a folder that exists; its name says which process writes it."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    return beside(path)
+
+
+def beside(path: Path) -> Path:
+    """An unused path beside ``path``; its name says which process writes it."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.{os.getpid()}@{platform.node()}.part")
 
 
@@ -85,7 +144,10 @@ def remove_abandoned(directory: Path) -> None:
     for part in (*directory.glob(".*.part"), *directory.glob("*/.*.part")):
         owner = _PART.fullmatch(part.name)
         if owner and owner["machine"] == platform.node() and not _is_running(int(owner["process"])):
-            part.unlink(missing_ok=True)
+            if part.is_dir():
+                shutil.rmtree(part, ignore_errors=True)
+            else:
+                part.unlink(missing_ok=True)
 
 
 def _is_running(process: int) -> bool:
@@ -106,8 +168,10 @@ def encoded(tree: xr.DataTree) -> bytes:
     return bytes(tree.to_netcdf(engine="h5netcdf"))  # in memory: HDF5 crashes the process when the disk is full
 
 
-def write_finished(content: bytes, run: Mapping[str, Any], directory: Path) -> None:
+def write_finished(content: bytes, run: Mapping[str, Any], directory: Path, pictures: Path | None = None) -> None:
     """Replace ``results.nc`` and ``run.json`` together: at every moment, one whole run can be read.
+
+    A folder of ``pictures`` `beside` that of an earlier run takes its place.
 
     The new results lie complete beside the old ones before ``run.json``, which names them by their checksum, is
     replaced. From then on they are the results, even if this process dies before it gives them their final name.
@@ -118,7 +182,8 @@ def write_finished(content: bytes, run: Mapping[str, Any], directory: Path) -> N
         _flush(temporary)
         with _locked(directory):
             try:
-                replace_file(directory / RUN, _text_of({**run, CHECKSUM: _checksum(content)}).encode())
+                named = {} if pictures is None else {PICTURES: pictures.name}
+                replace_file(directory / RUN, _text_of({**run, **named, CHECKSUM: _checksum(content)}).encode())
             finally:  # an interruption may come after the record was replaced
                 _place_results(directory)
     finally:
@@ -127,10 +192,27 @@ def write_finished(content: bytes, run: Mapping[str, Any], directory: Path) -> N
 
 
 def _place_results(directory: Path) -> None:
-    """Give the results that ``run.json`` names their final name, if they do not have it yet."""
+    """Give the results and pictures that ``run.json`` names their final name, if they do not have it yet."""
     for part in directory.glob(f".{RESULTS}.*.part"):
         if _is_named(part):
             part.replace(directory / RESULTS)
+    for part in directory.glob(f".{PICTURES}.*.part"):
+        with contextlib.suppress(ResultsError):
+            if _read_run(directory).get(PICTURES) == part.name:
+                _replace_folder(directory / PICTURES, part)
+
+
+def _replace_folder(old: Path, new: Path) -> None:
+    """Replace a folder, keeping the files in it that this program did not write; can be repeated after a death."""
+    own = written(old)
+    for path in [path for path in old.rglob("*") if path.is_file()]:
+        name = path.relative_to(old)
+        if name.as_posix() not in own and not (new / name).exists():
+            (new / name).parent.mkdir(parents=True, exist_ok=True)
+            path.replace(new / name)
+    if old.exists():
+        shutil.rmtree(old)
+    new.replace(old)
 
 
 def _is_named(part: Path) -> bool:

@@ -27,6 +27,8 @@ from tradestudy.wording import listed
 POSTERIOR: Final = "posterior"
 WORDS: Final = (*(one.word for one in FORMATS if one.write is not None), POSTERIOR)
 """The formats that can be requested."""
+SUFFIXES: Final = ("*.yaml", "*.yml", "*.cameramodel", f"{POSTERIOR}.nc")
+"""Patterns of what follows the camera's name and a hyphen in the names of the files."""
 _PLACES: Final = 33  # across and down a picture, its corners included
 _DRAWS: Final = 4096  # of declared errors; gives their standard deviations to 1 %
 
@@ -183,8 +185,9 @@ def _declared(definition: StudyDefinition, camera: DepthCamera, name: str) -> Ca
 def write_export(found: Export, folder: Path, name: str) -> list[Path]:
     """Write the files of an export to a folder and return their paths."""
     from tradestudy.calibration.posterior_file import write_posterior
-    from tradestudy.results.storage import replace_file, replacing
+    from tradestudy.results.storage import list_written, replace_file, replacing
 
+    list_written(folder, [*found.texts, *(() if found.posterior is None else (f"{name}-posterior.nc",))])
     written = []
     for file, text in found.texts.items():
         replace_file(folder / file, text.encode())

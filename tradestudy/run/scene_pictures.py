@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 
 from tradestudy.execution import Steps
 from tradestudy.plan.plan import Plan
+from tradestudy.results.storage import list_written
 from tradestudy.run import depth_maps, pictures
 from tradestudy.run.depth_maps import MeasuredDepth, measure_depth, set_up_readers, write_depth
 from tradestudy.run.pictures import Rendering, render_scene, write_pictures
@@ -31,6 +33,12 @@ class TakenScene:
     rendering: Rendering
     depths: Sequence[MeasuredDepth]
     written: Sequence[Path]
+
+
+def files_of_pictures(definition: StudyDefinition) -> list[str]:
+    """Patterns of the files that `take_scene` writes."""
+    names = definition.case.all_cameras
+    return [f"{escape(name)}/*.{ending}" for name in names for ending in ("png", "tiff", "npy", "json")]
 
 
 def take_scene(
@@ -69,4 +77,6 @@ def take_scene(
     if directory is not None:
         for one in depths:
             write_depth(one, directory / one.camera, rendering.image.depth_format)
+        files = [path for pattern in files_of_pictures(definition) for path in sorted(directory.glob(pattern))]
+        list_written(directory, [path.relative_to(directory).as_posix() for path in files])
     return TakenScene(rendering=rendering, depths=depths, written=written)

@@ -1,0 +1,85 @@
+"""Files that other programs or people wrote are neither replaced nor removed."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.test_cli import RIGHT
+from tradestudy.cli import app
+
+MINE = b"mine"
+
+
+def _invoke(*words: object) -> tuple[int, str]:
+    ended = CliRunner().invoke(app, [str(word) for word in words])
+    return ended.exit_code, " ".join(ended.output.split())
+
+
+def _content(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("finished") / "run"
+    assert _invoke("run", RIGHT, "--out", folder)[0] == 0
+    return folder
+
+
+@pytest.mark.parametrize(
+    "name", ["run.json", "results.nc", "report.html", "report.pdf", "figures/logo.svg", "tables/depths.csv"]
+)
+def test_a_run_over_files_of_others_is_refused_before_it_computes(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_bytes(MINE)
+    monkeypatch.setattr("tradestudy.run.runner.compute", lambda *_: pytest.fail("computed"))
+    code, output = _invoke("run", RIGHT, "--out", tmp_path)
+    assert code == 2
+    assert f"{tmp_path / name}; move it away, or give another output folder" in output
+    assert _content(tmp_path) == {name: MINE}
+
+
+def test_a_run_keeps_files_of_others_beside_its_own(finished: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(finished, folder)
+    added = ("figures/logo.svg", "tables/depths.csv", "notes.txt")
+    for name in added:
+        (folder / name).write_bytes(MINE)
+    assert _invoke("run", RIGHT, "--out", folder, "--fresh", "--no-pdf")[0] == 0
+    assert _invoke("report", folder, "--no-pdf")[0] == 0
+    after = _content(folder)
+    assert after.keys() == _content(finished).keys() - {"report.pdf"} | {*added}  # no PDF of the earlier run
+    assert {after[name] for name in added} == {MINE}
+
+
+def test_a_run_of_an_earlier_version_without_a_list_is_replaced(finished: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(finished, folder)
+    (folder / ".tradestudy").unlink()
+    (folder / "figures/logo.svg").write_bytes(MINE)
+    assert _invoke("run", RIGHT, "--out", folder, "--fresh", "--no-pdf")[0] == 0
+    assert _content(folder).keys() == _content(finished).keys() - {"report.pdf"} | {"figures/logo.svg"}
+
+
+def test_exports_and_costs_replace_only_their_own(tmp_path: Path) -> None:
+    commands = {"rig-opencv.yml": ("export", RIGHT, "rig", "--lossy"), "cost.json": ("cost", RIGHT, "--budget", "1")}
+    for name, command in commands.items():
+        folder = tmp_path / command[0]
+        for _ in range(2):
+            code, output = _invoke(*command, "--out", folder)
+            assert code == 0, output
+        assert (folder / name).is_file()
+        (folder / ".tradestudy").unlink()
+        (folder / name).write_bytes(MINE)
+        before = _content(folder)
+        code, output = _invoke(*command, "--out", folder)
+        assert code == 2
+        assert f"{folder}/" in output
+        assert "did not write" in output
+        assert _content(folder) == before
