@@ -66,11 +66,13 @@ def flat_picture(values: NDArray[Any], white: WhitePicture, recording: Recording
     if recording.is_digital:
         electrons = values * recording.electrons_per_number - recording.black_level
         full = values >= 2**noise.bits - 1
-        if noise.gain is not None:  # the largest number may lie above the full well, and full pixels have read noise
-            full |= electrons >= noise.full_well_electrons - _FULL_WITHIN * noise.read_noise_electrons
+        rounding = recording.electrons_per_number / 2.0
     else:
         electrons = np.asarray(values, np.float64)
-        full = electrons >= noise.full_well_electrons
+        full, rounding = np.zeros(electrons.shape, bool), 0.0
+    # The read noise of a full pixel may be negative.
+    noise_of_full = _FULL_WITHIN * noise.read_noise_electrons if "read" in recording.model else 0.0
+    full |= electrons >= noise.full_well_electrons - noise_of_full - rounding
     bright = white.electrons > _LEAST_LIGHT * float(np.percentile(white.electrons, 99.0))
     variance = np.zeros_like(electrons)
     if recording.model != "off":
