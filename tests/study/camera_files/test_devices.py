@@ -138,3 +138,20 @@ def test_a_single_camera_is_a_conventional_one(tmp_path: Path) -> None:
     path = study(tmp_path, eye="from: left.cameramodel, sensor: {pixel_pitch: 3 um}, focus: {distance: 1 m}")
     camera = tradestudy.load(path).definition.designs["eye"]
     assert camera.gathering_lens.focal_length == pytest.approx((882.5 + 881.75) / 2 * 3e-6)
+
+
+def test_values_of_a_plenoptic_file_that_pictures_ignore_are_warned_of(tmp_path: Path) -> None:
+    path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
+    devices.plenoptic(tmp_path / "r12.js")
+    assert not [one for one in tradestudy.load(path).warnings if "not modelled" in one]
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.01), -np.sin(0.01)], [0.0, np.sin(0.01), np.cos(0.01)]])
+    pose = {**devices._pose("-56.86"), "rotation": [[str(one) for one in row] for row in turn]}
+    array = {
+        "focal_lengths": ["0.578", "0.504", "0.551"],
+        "mesh": {"geometry": "1", "pitch": [["0.12745", "0.12745"]], "pose": pose},
+    }
+    bent = {"radial": ["-0.0002", "0", "0"], "tangential": ["0", "0"], "depth": ["0", "0"]}
+    devices.plenoptic(tmp_path / "r12.js", mla=array, distortions=bent)
+    (warned,) = [one for one in tradestudy.load(path).warnings if "not modelled" in one]
+    assert "distortion of the main lens (radial (-0.0002, 0.0, 0.0))" in warned
+    assert "rotation of the microlens array by 0.573" in warned

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from typing import Final, Literal
 
 import numpy as np
@@ -10,10 +11,12 @@ import numpy as np
 from tradestudy.cameras.imported import Convention, Imported, ImportedPlenoptic
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.request import Format, Request
-from tradestudy.units import LENGTH, pretty
+from tradestudy.units import ANGLE, LENGTH, pretty
 
 _LAYOUTS: Final[dict[str, Literal["square", "hexagonal"]]] = {"0": "square", "1": "hexagonal", "2": "hexagonal"}
 _MODES: Final = {"0": "unfocused", "1": "keplerian", "2": "galilean"}
+IGNORED: Final = "values that pictures ignore"
+"""Name of the convention that lists values that change pictures and are not used."""
 _SAME: Final = 1e-3  # of a microlens pitch, across and down
 
 
@@ -68,7 +71,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         Convention(
             name="pose of the array", says="its tilt and shift relative to the main lens are not used", key=mesh.key
         ),
-        Convention(name="distortion", says="that of the main lens is not used", key=top.key),
+        *_ignored(top, mesh),
         unit,
     )
     return ImportedPlenoptic(
@@ -117,7 +120,23 @@ def _refuse_distortion_along_axis(top: Located) -> None:
                 "distortion along the axis of the main lens changes depth, and is not supported. For the camera "
                 "without it, write zeros"
             )
-        distortion.use()  # the convention "distortion" says that the rest is not used
+        distortion.use()  # `_ignored` names the rest
+
+
+def _ignored(top: Located, mesh: Located) -> Iterator[Convention]:
+    """The values of this camera that would change its pictures and are not used: distortion, and a rotated array."""
+    found = []
+    if (distortion := top.find("distortions")) is not None:
+        parts = [(name, distortion.find(name)) for name in ("radial", "tangential")]
+        given = [f"{name} {part.numbers()}" for name, part in parts if part is not None and any(part.numbers())]
+        if given:
+            found.append(f"the distortion of the main lens ({', '.join(given)})")
+    if (rotation := mesh.need("pose").find("rotation")) is not None:
+        cosine = (np.trace(np.reshape(rotation.numbers(9), (3, 3))) - 1.0) / 2.0
+        if cosine < 1.0:
+            found.append(f"the rotation of the microlens array by {pretty(math.acos(max(cosine, -1.0)), ANGLE)}")
+    if found:
+        yield Convention(name=IGNORED, says=" and ".join(found), key=top.key)
 
 
 def _depth(value: Located) -> Located:
