@@ -67,6 +67,18 @@ def facts(folder: Path, camera: str) -> dict[str, Any]:
     return found
 
 
+def test_a_picture_has_the_light_of_the_exposure_of_its_camera(tmp_path: Path) -> None:
+    usual = study(tmp_path, PLANE, "noise: 'off'")
+    longer = usual.with_values({"cameras.pair.sensor.relative_exposure": 2.5})
+    before, after = (rendered(tmp_path / name, one) for name, one in (("usual", usual), ("longer", longer)))
+    np.testing.assert_allclose(after["pair/left"], 2.5 * before["pair/left"], rtol=1e-6)
+    np.testing.assert_array_equal(after["plenoptic/raw"], before["plenoptic/raw"])
+    # Pixels of 10 um at the working f-number 8 (1 + m) collect 8000 electrons, less where cos⁴ falls off.
+    middle = before["pair/left"][40:60, 70:90]
+    magnification = 8.0 / (150.0 - 8.0)
+    assert np.mean(middle) == pytest.approx(8000.0 / (1.0 + magnification) ** 2, rel=0.1)
+
+
 def test_writes_pictures_depths_and_cameras(tmp_path: Path) -> None:
     found = rendered(tmp_path, study(tmp_path))
     assert sorted(found) == [

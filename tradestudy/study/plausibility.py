@@ -8,10 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from tradestudy.cameras.contradictions import Contradiction, digitiser_contradictions
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.imported import NOMINAL_PITCH
 from tradestudy.errors import Problem
+from tradestudy.imaging.light import mean_electrons
+from tradestudy.study.camera_files.libpleno import IGNORED
 from tradestudy.study.camera_files.pairs import (
     FOLDING_LENS,
     UNUSUAL_BASELINE,
@@ -36,6 +40,7 @@ from tradestudy.units import (
     parse,
     pretty,
 )
+from tradestudy.wording import listed
 
 _SILENCED: Final = "; stating a basis silences this warning"
 
@@ -103,6 +108,7 @@ _OF_IMPORTS: Final = {
     "calibration.corners.lens_model",
     FOLDING_LENS: "depth cannot be measured in {}; check the distortion coefficients",
     UNUSUAL_MATRIX: "{}; check the camera matrix",
+    IGNORED: "{} of the file is not modelled: pictures and depth are those of a camera without it",
     UNUSUAL_SIGN: "{}; check the sign, and which camera is the left one",
 }
 _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -202,16 +208,22 @@ def _warning(definition: StudyDefinition, path: Path, what: str) -> Problem:
 
 
 def _light(definition: StudyDefinition) -> Iterator[Problem]:
-    """More electrons than the full well of a pixel holds."""
-    above = ("scene", "picture")
-    light, well = (definition.document.entry((*above, *tail)) for tail in (("light", "electrons"), ("full_well",)))
-    if not (isinstance(light, ScalarEntry) and isinstance(well, ScalarEntry)) or _has_basis(light):
+    """More electrons, by a camera's own exposure and f-number, than the full well of its pixels holds."""
+    picture = None if definition.file.scene is None else definition.file.scene.picture
+    path = ("scene", "picture", "light", "electrons")
+    declared = definition.document.entry(path)
+    if picture is None or not isinstance(declared, ScalarEntry) or _has_basis(declared):
         return
-    electrons, full = (parse(one.text, ELECTRONS) for one in (light, well))
-    if electrons > full:
-        path = (*above, "light", "electrons")
-        what = f"{pretty(electrons, ELECTRONS)} exceed the full well of {pretty(full, ELECTRONS)}"
-        yield _warning(definition, path, what)
+    found = {}
+    for name, camera in definition.case.cameras.items():
+        f_numbers, full = camera.picture_geometry(definition.case.distance).light_f_number, picture.noise(camera.sensor)
+        most = np.nanmax(mean_electrons(picture.light.light(camera.sensor), f_numbers, camera.sensor.pixel_pitch))
+        if most > full.full_well_electrons:
+            found[name] = (float(most), full.full_well_electrons)
+    if found:
+        most, well = max(found.values(), key=lambda one: one[0] / one[1])
+        what = f"the pixels of {listed(list(found))} collect up to {pretty(most, ELECTRONS)} on the axis, more than "
+        yield _warning(definition, path, what + f"the full well of {pretty(well, ELECTRONS)}")
 
 
 def _unequal_pixels(definition: StudyDefinition) -> Iterator[Problem]:
