@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import tradestudy
+from tradestudy import figures
 from tradestudy.analysis.depth import judged_uncertainty
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import check_requirement
 from tradestudy.cameras.depth_camera import UsableCriteria
+from tradestudy.report.contents import compose_report
 from tradestudy.study.starter import starter
 
 STUDY = """
@@ -111,6 +113,7 @@ def test_terminal_page_and_json_say_which_limit_decides(tmp_path: Path) -> None:
     says = "meets 1 mm throughout, and only blur: 0.5 px rules it out"
     assert says in "\n".join(result.lines())
     assert says in str(result.conclusions())
+    assert says in repr(compose_report(result.data, {}, figures.build(result.data)))
 
 
 @pytest.mark.parametrize("kind", ["", "plenoptic", "stereo"])
