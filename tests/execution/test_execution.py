@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
+import pickle
 import random
 import re
 import signal
@@ -405,6 +406,21 @@ class TestCheckpoints:
             kept.remove()
         assert sum(times_computed(log).values()) == 11
         assert not (tmp_path / FOLDER).exists()
+
+    @pytest.mark.parametrize(
+        "content", [pickle.dumps({"a": "dict"}), pickle.dumps(None), b"no pickle", pickle.dumps(eval)]
+    )
+    def test_saved_values_of_a_wrong_type_are_computed_again(
+        self, content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        log = tmp_path / "log"
+        log.mkdir()
+        with monkeypatch.context() as forged, contextlib.closing(Checkpoints(tmp_path)) as kept:
+            forged.setattr("tradestudy.execution.checkpoints.pickle.dumps", lambda *_, **__: content)
+            mapped(Serial(), points(log, 3), kept)
+        with contextlib.closing(Checkpoints(tmp_path)) as kept:
+            assert_same(mapped(Serial(), points(log, 3), kept), 3)
+        assert times_computed(log) == dict.fromkeys(range(3), 2)
 
     def test_what_is_damaged_is_computed_again_and_never_trusted(self, tmp_path: Path) -> None:
         log = tmp_path / "log"

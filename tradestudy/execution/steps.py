@@ -7,8 +7,8 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Final, get_origin, get_type_hints
 
 from tradestudy.errors import TradestudyError
 from tradestudy.execution.checkpoints import Checkpoints
@@ -67,6 +67,17 @@ def shares_before(seconds: Sequence[float], count: int) -> list[float]:
     weights = seconds if math.fsum(seconds) > 0.0 else [1.0] * count
     done = list(itertools.accumulate(weights, initial=0.0))
     return [one / max(done[-1], 1e-300) for one in done]
+
+
+def _could_return(function: Callable[..., Any], value: object) -> bool:
+    """Whether a value has the type that a function declares to return, with all its fields if it is a dataclass."""
+    try:
+        declared = get_type_hints(function).get("return", object)
+        kind = get_origin(declared) or declared
+        fits = isinstance(value, (int, kind) if kind is float else kind)
+    except (NameError, TypeError):  # imported for the type checker only, no plain function, or no class
+        fits = True
+    return fits and (not is_dataclass(value) or all(hasattr(value, one.name) for one in fields(value)))
 
 
 class DeadlyPointError(TradestudyError):
@@ -132,7 +143,8 @@ class Steps:
         if self.checkpoints is not None:
             shared = fingerprint(environment(), function)
             keys = [fingerprint(shared, point) for point in points]
-            values = self.checkpoints.finished(keys)
+            found_before = self.checkpoints.finished(keys)
+            values = {i: value for i, value in found_before.items() if _could_return(function, value)}
         taken = len(values)
         work = efforts or [1.0] * len(points)
         missing = [i for i in long_ones_first(work) if i not in values]
