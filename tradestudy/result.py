@@ -322,12 +322,12 @@ def open_result(directory: str | Path) -> Result:
 
 @contextmanager
 def shown(results: Mapping[str, Result]) -> Iterator[None]:
-    """Refuse results, by folder, in which another version of the program did not write what is to be shown.
+    """Refuse results, by folder, that lack what is to be shown.
 
     Raises
     ------
     ResultsError
-        Something is missing, and a folder was written by other code than this.
+        Something is missing: another version of the program did not write it, or the files are damaged.
     """
     from tradestudy.errors import ResultsError
 
@@ -336,7 +336,11 @@ def shown(results: Mapping[str, Result]) -> Iterator[None]:
     except KeyError as error:
         others = [name for name, one in results.items() if one.data.attrs.get("code_hash") != provenance.code_hash()]
         if not others:
-            raise
+            raise ResultsError(
+                f"these results or their record are damaged: they lack {error}",
+                value=", ".join(results),
+                remedy="run the study again",
+            ) from error
         raise ResultsError(
             "these results are from another version of the program and lack what this one shows",
             value=", ".join(others),
