@@ -347,8 +347,9 @@ class _TwoStretches:
     """A judge for whom a requirement is met from 2 to 3.3 and from 5.71 to 8 of the parameter."""
 
     def answer(self, _requirement: object, case: float) -> tuple[RequirementAnswer, dict[str, RequirementAnswer]]:
-        met = 2.0 <= case <= 3.3 or 5.71 <= case <= 8.0
-        return replace(answer(met=met), camera="near" if case < 4.0 else "far"), {}
+        met = {"near": 2.0 <= case <= 3.3, "far": 5.71 <= case <= 8.0}
+        every = {name: replace(answer(met=one), camera=name) for name, one in met.items()}
+        return every["near" if case < 4.0 else "far"], every
 
 
 def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
@@ -373,7 +374,7 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
         calibrations_to_infer=dict,
     )
     judge = _TwoStretches()
-    column = [judge.answer(None, one)[0] for one in labels]
+    column = [judge.answer(None, one) for one in labels]
     found = _stretches(definition, "r", axis, column, judge)  # type: ignore[arg-type]  # stand-ins
     assert [one.camera for one in found] == ["near", "far"]
     np.testing.assert_allclose([one.low for one in found], [2.0, 5.71], rtol=1e-3)
