@@ -152,8 +152,7 @@ def test_a_floor_makes_the_physics_of_the_picture_matter_less() -> None:
         reported = variant.moved_noise({**problem.complete, **off})
         models = {HEAD: {"main_lens_diffraction": "off"}}, {HEAD: {"main_lens_diffraction": "fresnel"}}
         without, complete = (
-            evaluate_depth(definition.with_models(one).case.cameras[HEAD], variant.places).uncertainty[0]
-            for one in models
+            evaluate_depth(definition.with_models(one).case.cameras[HEAD], variant.places).judged[0] for one in models
         )
         np.testing.assert_allclose(reported, without / complete - 1.0, atol=1e-9)
         moved[name] = float(np.max(np.abs(reported)))
