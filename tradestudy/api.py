@@ -190,6 +190,18 @@ def render(
     return RenderedScene(pictures=taken.written, depths={one.camera: one.score for one in taken.depths})
 
 
+def usable_span(study: Study) -> tuple[float, float] | None:
+    """The longest stretch from 2 cm to 1 km where the only camera of a study is usable [m]; None if there is none."""
+    import numpy as np
+
+    from tradestudy.analysis.depth_points import DepthPoint, depth_table
+
+    ((camera,), criteria) = study.definition.case.cameras.values(), study.definition.case.criteria
+    table = depth_table(DepthPoint(camera=camera, criteria=criteria, distance=np.geomspace(0.02, 1e3, 121)))
+    longest = max(table.intervals, key=lambda one: one.far / one.near, default=None)
+    return longest and (1.05 * longest.near, longest.far)  # within it after rounding to two digits, too
+
+
 def export(
     study: Study, camera: str, directory: Path, *, formats: Sequence[str] = (), lossy: bool = False
 ) -> tuple[list[Path], tuple[str, ...]]:

@@ -14,7 +14,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -335,6 +335,10 @@ def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = Fal
         _say(_warned(api.load(study, set_ or ())).check())
 
 
+_FIRST_LOOK: Final = (0.5, 5.0)
+"""Distances [m] of a study of an imported camera until it is known where the camera is usable."""
+
+
 @app.command(context_settings={"allow_extra_args": True})
 def new(
     context: typer.Context,
@@ -365,7 +369,7 @@ def new(
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.cameras.depth_camera import DepthCamera
-        from tradestudy.study.starter import questions, starter
+        from tradestudy.study.starter import between, questions, starter
 
         _refuse_joined(from_ or (), context.args)
         name = name.removesuffix(".yaml")
@@ -380,13 +384,15 @@ def new(
         path = Path(f"{name}.yaml")
         try:
             with path.open("x", encoding="utf-8") as file:
-                file.write(text)
+                file.write(between(text, *_FIRST_LOOK))
         except FileExistsError:
             raise _InputError("a file of this name already exists", value=str(path), remedy="choose another") from None
         if from_:
             try:
-                if isinstance(api.load(path).definition.designs["rig"], DepthCamera):
-                    path.write_text(text + questions(), encoding="utf-8")
+                study = api.load(path)
+                if isinstance(study.definition.designs["rig"], DepthCamera):
+                    text = between(text + questions(), *(api.usable_span(study) or _FIRST_LOOK))
+                    path.write_text(text, encoding="utf-8")
                 _warned(api.load(path))
             except TradestudyError as error:
                 path.unlink()  # nobody can start from a study that cannot run

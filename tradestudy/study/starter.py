@@ -61,6 +61,14 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     return text.replace("    FROM", "\n".join(f"    {line}" for line in (come_from, *said)))
 
 
+def between(text: str, near: float, far: float) -> str:
+    """The text of an imported camera's study or of its `questions`, for distances from ``near`` to ``far`` [m]."""
+    distances = {"START": near / 2.0, "NEAR": near, "LOW": 1.1 * near, "TWICE": 2.0 * near, "FAR": far}
+    for word, distance in distances.items():
+        text = text.replace(f"{word} m", f"{float(f'{distance:.2g}'):g} m")
+    return text
+
+
 def questions() -> str:
     """The requirement and the inverse question with which the study of an imported camera that measures depth ends."""
     return files("tradestudy.study").joinpath("imported_questions.yaml").read_text(encoding="utf-8")

@@ -19,8 +19,10 @@ def depth_map_group(definition: StudyDefinition) -> xr.Dataset | None:
     if not maps:
         return None
     across, down = map_places()
+    with np.errstate(invalid="ignore"):  # the error of an unbounded uncertainty is unknown
+        errors = np.stack([one.uncertainty * one.error[:, None, None] for one in maps.values()])
     values = {
         "depth_uncertainty": np.stack([one.uncertainty for one in maps.values()]),
-        "depth_uncertainty_error": np.stack([one.uncertainty * one.error[:, None, None] for one in maps.values()]),
+        "depth_uncertainty_error": errors,
     }
     return dataset("depth_map", values, {"camera": list(maps), "distance": distance, "down": down, "across": across})
