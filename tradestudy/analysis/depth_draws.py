@@ -38,7 +38,7 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
 DRAWN: Final = ("calibration", "both")
 """Error sources with draws; noise alone has a closed form."""
 _FIRST_DRAWS: Final = 2**8  # of each scramble
-TRIAL_ROUNDS: Final = 2
+TRIAL_ROUNDS: Final = 4
 """How many times as many draws as the first ones `trial_distribution` takes by default."""
 _DIRECTIONS: Final = 6  # distances at which the effect of a posterior on depth is evaluated
 _MANY_DRAWS: Final = 2**13  # per scramble; from here on scrambles are drawn on several threads
