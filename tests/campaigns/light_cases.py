@@ -13,7 +13,7 @@ _MOST_POINTS = 4  # resolved points across the source
 
 
 def random_part(rng: np.random.Generator) -> LightSpotPart:
-    """Focal lengths, f-numbers, gaps, defocus, pitch, wavelength, spot and lens phases, all drawn wide."""
+    """Focal lengths, f-numbers, gaps, defocus, pitch, wavelength, spot and main lens's phase, all drawn wide."""
     wavelength = rng.uniform(0.4e-6, 0.9e-6)
     focal_length = rng.uniform(2e-3, 8e-3)
     f_number = math.exp(rng.uniform(math.log(2.0), math.log(20.0)))
@@ -33,7 +33,9 @@ def random_part(rng: np.random.Generator) -> LightSpotPart:
         micro_focal = 1 / (1 / depth + 1 / gap - defocus)
     if micro_focal <= 0.0:  # no array of a study spreads light
         return random_part(rng)
-    main_phase, micro_phase = rng.choice(PHASES, size=2)
+    # The second draw once was the microlenses' phase. It keeps the numbers of all cases, but pictures of microlenses
+    # whose phase follows the source are refused.
+    main_phase, _ = rng.choice(PHASES, size=2)
     across = int(rng.choice([1, 2, 3], p=[0.4, 0.4, 0.2]))
     per_lens = int(rng.integers(4, 9))
     # Several pitches of a steep camera hold thousands of resolved points, which no quick computation can add up.
@@ -53,7 +55,7 @@ def random_part(rng: np.random.Generator) -> LightSpotPart:
                 "aperture_width": _m(width),
                 "gap": _m(gap),
                 "interstices": "opaque" if rng.random() < 0.93 else "clear",
-                "lens_phase": str(micro_phase),
+                "lens_phase": "parabolic",
             },
             "detector": {"pixels": across * per_lens, "pixel_pitch": _m(pitch / per_lens)},
             "spot": {"diameter": _m(seen), "distance": _m(distance), "x": _m(aside), "y": _m(aside)},
