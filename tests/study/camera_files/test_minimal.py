@@ -53,6 +53,7 @@ def test_the_register_lists_every_default_and_the_first_page_perfect_calibration
         "depth.estimator": "disparity",
         "depth.disparity_error": "0.1 px",
         "depth.discrimination_step": "0.1 px",
+        "depth.disparity_range": "unlimited",
         "distortion": "none",
         "calibration.errors": "none: a perfect calibration",
         "calibration.stability": "none: no change since the calibration",

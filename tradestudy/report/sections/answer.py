@@ -49,6 +49,7 @@ from tradestudy.units import significant
 from tradestudy.wording import DECLARED_VALUE, distance, limit_words, listed, span, with_article
 
 _MOST_REASONS = 3
+_FEW_OTHERS = 2  # cameras that miss a requirement, each with its reason; more would push the figure off the page
 _FEW_QUESTIONS = 2  # that stand beside the cameras; more would hide the requirements below them
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
 _DECLARED: Final = " (study as declared)"
@@ -139,7 +140,11 @@ def _solved(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _requirement(one: RequirementConclusion) -> Spans:
     """A requirement, its verdict first."""
-    return say("**{verdict}**: {rest}.", verdict=one.verdict.capitalize(), rest=requirement_details(one))
+    return say(
+        "**{verdict}**: {rest}.",
+        verdict=one.verdict.capitalize(),
+        rest=requirement_details(one, brief=len(one.others) > _FEW_OTHERS),
+    )
 
 
 def _designs(tree: xr.DataTree) -> Iterator[Spans]:

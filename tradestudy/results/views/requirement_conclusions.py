@@ -243,13 +243,13 @@ def requirement_sentence(one: RequirementConclusion) -> str:
     return f"{one.verdict.capitalize()}: {requirement_details(one)}"
 
 
-def requirement_details(one: RequirementConclusion) -> str:
-    """The sentence on a requirement without its verdict."""
+def requirement_details(one: RequirementConclusion, *, brief: bool = False) -> str:
+    """The sentence on a requirement without its verdict; a brief one omits the others if all miss it."""
     wish = " (should)" if one.priority == "should" else ""
     by = decided_by(one)
     why = "; ".join(filter(None, (one.reason, _margin_words(one))))
     words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
-    words += "".join(f"; {part}" for part in _others_words(one))
+    words += "".join(f"; {part}" for part in _others_words(one, brief=brief))
     if one.bound_alone is not None and not (one.met and one.bound_alone.met):
         words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
     if one.other_verdicts:
@@ -281,10 +281,12 @@ def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[
     return tuple(sorted(asked, key=lambda one: (one.met is not True, -np.nan_to_num(one.margin, nan=-np.inf))))
 
 
-def _others_words(one: RequirementConclusion) -> Iterator[str]:
+def _others_words(one: RequirementConclusion, *, brief: bool) -> Iterator[str]:
     """What the other cameras do: those that meet the requirement with their margin, the rest with their values."""
     met = [f"{other.title} ({margin_words(other.margin)})" for other in one.others if other.met]
     missed = [f"{other.title} ({other.reason.removeprefix(_WORST)})" for other in one.others if other.met is False]
+    if brief and len(missed) == len(one.others):
+        missed = []  # the closest one tells
     silent = [f"{other.title} ({other.reason})" for other in one.others if other.met is None]
     if met:
         yield f"{'also' if one.met else 'but'} by {listed(met)}"
