@@ -22,7 +22,6 @@ from tradestudy.plan.rendering_pilot import plane_seconds
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text
 from tradestudy.results.views.conclusions import terminal_lines
-from tradestudy.results.views.measured_depth import measured_words
 from tradestudy.run import depth_loop
 from tradestudy.study.document import Value
 
@@ -219,12 +218,13 @@ def test_results_without_a_measurement_give_the_reason(tmp_path: Path) -> None:
     assert np.isnan(data["matcher_factor"])
 
 
-def test_conclusions_say_why_a_camera_measured_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A missing package stops a stereo rig from measuring; the sentence names the package and how to install it."""
+def test_a_missing_matcher_is_refused_before_anything_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The message names the package and how to install it."""
     monkeypatch.setitem(sys.modules, "cv2", None)
-    words = " ".join(measured_words(study(tmp_path, LOOP.replace("400", "100")).run().data))
-    assert "OpenCV" in words
-    assert "pip install" in words
+    with pytest.raises(StudyError, match=r"needs OpenCV.*pip install"):
+        study(tmp_path, LOOP.replace("400", "100")).run()
 
 
 def test_a_plane_nearer_than_the_focal_length_has_no_picture_and_the_others_are_measured(tmp_path: Path) -> None:

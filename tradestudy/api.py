@@ -199,7 +199,9 @@ def usable_span(study: Study) -> tuple[float, float] | None:
     ((camera,), criteria) = study.definition.case.cameras.values(), study.definition.case.criteria
     table = depth_table(DepthPoint(camera=camera, criteria=criteria, distance=np.geomspace(0.02, 1e3, 121)))
     longest = max(table.intervals, key=lambda one: one.far / one.near, default=None)
-    return longest and (1.05 * longest.near, longest.far)  # within it after rounding to two digits, too
+    if longest is None:
+        return None
+    return 1.05 * longest.near, longest.far  # within it after rounding to two digits, too
 
 
 def export(

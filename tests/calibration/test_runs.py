@@ -153,7 +153,7 @@ def test_an_unconverged_calibration_is_reported_and_fails_a_strict_run(ran):
     assert {"corner-rig", "corner-r5", "trace-r5", "trace-views"} <= set(drawings)
     blocks = tuple(all_blocks(compose_report(result.data, {}, drawings).blocks))
     warnings = [block for block in blocks if isinstance(block, Callout) and block.tone == "warning"]
-    assert [plain(warning.title) for warning in warnings] == ["R5 did not converge"]
+    assert [plain(warning.title) for warning in warnings] == ["R5 did not converge", "Unusual values"]
     words = [plain(block.text) for block in all_blocks(warnings[0].blocks) if isinstance(block, Paragraph)]
     assert "too short" in words[0]
     assert "R5 did not converge" in (folder / "out" / "report.html").read_text(encoding="utf-8")

@@ -217,9 +217,11 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
     found = {}
     for name, camera in definition.case.cameras.items():
         f_numbers, full = camera.picture_geometry(definition.case.distance).light_f_number, picture.noise(camera.sensor)
-        most = np.nanmax(mean_electrons(picture.light.light(camera.sensor), f_numbers, camera.sensor.pixel_pitch))
+        most = float(
+            np.nanmax(mean_electrons(picture.light.light(camera.sensor), f_numbers, camera.sensor.pixel_pitch))
+        )
         if most > full.full_well_electrons:
-            found[name] = (float(most), full.full_well_electrons)
+            found[name] = (most, full.full_well_electrons)
     if found:
         most, well = max(found.values(), key=lambda one: one[0] / one[1])
         what = f"the pixels of {listed(list(found))} collect up to {pretty(most, ELECTRONS)} on the axis, more than "
