@@ -18,6 +18,7 @@ from tradestudy.imaging.light import mean_electrons
 from tradestudy.study.camera_files.libpleno import IGNORED
 from tradestudy.study.camera_files.pairs import (
     FOLDING_LENS,
+    INEXACT_ROTATION,
     UNUSUAL_BASELINE,
     UNUSUAL_MATRIX,
     UNUSUAL_NOISE,
@@ -110,6 +111,7 @@ _OF_IMPORTS: Final = {
     UNUSUAL_MATRIX: "{}; check the camera matrix",
     IGNORED: "{} of the file is not modelled: pictures and depth are those of a camera without it",
     UNUSUAL_SIGN: "{}; check the sign, and which camera is the left one",
+    INEXACT_ROTATION: "{}; give more digits",
 }
 _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _OF_QUESTION: Final = ("solve", "relative")

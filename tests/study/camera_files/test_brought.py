@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import cv2
@@ -22,6 +23,7 @@ from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
 from tradestudy.optics.lens_models.rational import Rational
 
 DATA = Path(__file__).parents[2] / "data"
+R_OF_SIX_DIGITS = np.round(written.R, 6)
 
 
 def new(folder: Path, monkeypatch: pytest.MonkeyPatch, *files: str, **said: str) -> tuple[int, str]:
@@ -393,3 +395,28 @@ def test_the_study_of_every_format_asks_questions_and_is_without_mistakes(
     status, said = new(tmp_path, monkeypatch, str(left), **one)  # a single camera measures no depth
     assert status == 0, said
     assert not tradestudy.load(tmp_path / "x.yaml").definition.file.requirements
+
+
+def test_a_matrix_that_is_not_exactly_a_rotation_is_warned_about(tmp_path: Path) -> None:
+    """By hand: one small entry s off the diagonal is a rotation by s/2 and a shear, which turns directions by s/2."""
+    skewed = np.eye(3)
+    skewed[0, 2] = 4e-4
+    written.opencv(tmp_path / "rig.yml", R=skewed)
+    rig = study(tmp_path, rig="from: rig.yml, length_unit: mm")
+    np.testing.assert_allclose(calibrated(rig).parameters[-6:-3], [0.0, 2e-4, 0.0], atol=1e-7)
+    (said,) = tradestudy.load(rig).warnings
+    assert "cameras.rig.from: rig.yml: R is not exactly a rotation: R Rᵀ differs from 1 by 0.0004" in said
+    assert f"changes directions by up to {math.degrees(2e-4):.2g}°; give more digits" in said
+    written.opencv(tmp_path / "rig.yml", R=R_OF_SIX_DIGITS)
+    assert not tradestudy.load(rig).warnings
+
+
+@pytest.mark.parametrize("write", [written.camera_info_pair, written.camchain, devices.device])
+def test_every_format_with_matrices_warns_of_four_digits(tmp_path: Path, write: Callable[..., object]) -> None:
+    """Matrices of rotations that the file contains, each rounded to four digits."""
+    ros = write is written.camera_info_pair
+    write(tmp_path if ros else tmp_path / "rig.json")
+    for path in tmp_path.iterdir():
+        path.write_text(re.sub(r"-?0\.\d{6,}", lambda one: f"{float(one[0]):.4f}", path.read_text()))
+    path = study(tmp_path, rig="from: [left.yaml, right.yaml]" if ros else "from: rig.json")
+    assert "is not exactly a rotation" in "".join(tradestudy.load(path).warnings)

@@ -9,13 +9,15 @@ import numpy as np
 from tradestudy.cameras.imported import Rotation, Vector
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.located import Located
+from tradestudy.units import ANGLE, pretty
 
 _ORTHOGONALITY: Final = 5e-4  # allows for files with four digits
+_INEXACT: Final = 1e-5  # files with six digits stay below
 _ROUNDING: Final = 1e-12
 
 
 def rotation_of(value: Located, numbers: tuple[float, ...]) -> FloatArray:
-    """A rotation matrix, made orthogonal if it is rounded.
+    """A rotation matrix; the nearest one if it is rounded, noted in the file if that may matter.
 
     Raises
     ------
@@ -32,6 +34,12 @@ def rotation_of(value: Located, numbers: tuple[float, ...]) -> FloatArray:
         return matrix
     u, _, v = np.linalg.svd(matrix)
     nearest: FloatArray = u @ v
+    if error > _INEXACT:
+        angle = float(np.linalg.norm(matrix - nearest, 2))  # of the direction that changes most
+        value.file.inexact[value.key] = (
+            f"{value.key} is not exactly a rotation: R Rᵀ differs from 1 by {error:.2g}; the nearest rotation is used, "
+            f"which changes directions by up to {pretty(angle, ANGLE, 2)}"
+        )
     return nearest
 
 

@@ -28,7 +28,7 @@ from tradestudy.cameras.kinds import KINDS
 from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
-from tradestudy.study.camera_files.pairs import size_convention
+from tradestudy.study.camera_files.pairs import INEXACT_ROTATION, size_convention
 from tradestudy.study.camera_files.request import OTHER_CAMERAS, Format, Request
 from tradestudy.study.camera_files.syntax import parsed, syntax_of
 from tradestudy.study.document import (
@@ -142,9 +142,11 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
 
 
 def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> Iterator[Convention]:
-    """The size of the pictures, and the keys that are not used."""
+    """The size of the pictures, inexact rotations, and the keys that are not used."""
     if isinstance(found, ImportedPlenoptic | ImportedCamera) and found.pixels is not None:
         yield size_convention(found)
+    if inexact := {key: says for file in files for key, says in file.inexact.items()}:
+        yield Convention(name=INEXACT_ROTATION, says="; ".join(inexact.values()), key=next(iter(inexact)))
     unused = [value for file in files if file.syntax != "corners" for value in file.unused()]
     for value in unused:
         if not value.path:

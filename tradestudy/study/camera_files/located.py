@@ -39,6 +39,8 @@ class CameraFile:
         Places of the values used, by file and key.
     used
         Keys that lead to the values used.
+    inexact
+        Rotation matrices that the nearest rotation replaces, in words, by file and key.
     """
 
     path: FilePath
@@ -48,6 +50,7 @@ class CameraFile:
     root: Entry
     places: dict[str, Place] = field(default_factory=dict)
     used: set[Path] = field(default_factory=set)
+    inexact: dict[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

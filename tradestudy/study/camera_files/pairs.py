@@ -30,6 +30,8 @@ UNUSUAL_SIGN: Final = "sign of the projection"
 """Name of the convention that states that the signs of a pair's projection matrices are not those of ROS."""
 UNUSUAL_MATRIX: Final = "camera matrix"
 """Name of the convention that states that a camera matrix does not fit the picture."""
+INEXACT_ROTATION: Final = "inexact rotation"
+"""Name of the convention that states which matrices of the files the nearest rotation replaces."""
 _SHORTEST_LENS, _LONGEST_LENS = 0.1, 100.0  # focal length over the wider side of the picture: 157° to 0.6° across
 _LARGEST_ASPECT = 1.25  # of pixels
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
