@@ -8,11 +8,20 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 
-from tradestudy.errors import NoResultsError
-from tradestudy.results import FORMAT_VERSION, storage
+from tradestudy.errors import NoResultsError, ResultsError
+from tradestudy.results import FORMAT_VERSION, dataset, storage
+
+COMPLETE = {
+    **dict.fromkeys(("study", "study_hash", "code_hash", "file", "started"), ""),
+    **dict.fromkeys(("seed", "predicted_seconds"), 0),
+    **{key: {} for key in ("inputs", "versions", "machine", "seconds", "points")},
+    "options": [],
+}
+"""A record with all keys that every run writes."""
 
 
 def _tree(says: str) -> xr.DataTree:
@@ -20,7 +29,7 @@ def _tree(says: str) -> xr.DataTree:
 
 
 def _write(says: str, folder: Path) -> None:
-    storage.write_finished(storage.encoded(_tree(says)), {"study": says}, folder)
+    storage.write_finished(storage.encoded(_tree(says)), {**COMPLETE, "study": says}, folder)
 
 
 def _read(folder: Path) -> str:
@@ -149,3 +158,54 @@ def test_two_runs_that_end_at_once_leave_one_whole_run(tmp_path: Path, monkeypat
         assert other.wait() == 0
     assert _read(tmp_path) == "second"
     assert not _parts(tmp_path)
+
+
+@pytest.mark.parametrize("key", sorted(COMPLETE))
+def test_a_record_that_lacks_a_key_is_refused(key: str, tmp_path: Path) -> None:
+    record = {name: value for name, value in COMPLETE.items() if name != key}
+    storage.write_finished(storage.encoded(_tree("incomplete")), record, tmp_path)
+    with pytest.raises(ResultsError) as refused:
+        storage.read_finished(tmp_path)
+    assert str(refused.value) == f"the run's record lacks {key}: {tmp_path / 'run.json'}; run the study again"
+
+
+@pytest.mark.parametrize(
+    ("dims", "values", "wrong"),
+    [
+        (("camera",), [0.1], "the dimensions (camera), not (camera, distance)"),
+        (("distance", "camera"), [[0.1]], "the dimensions (distance, camera), not (camera, distance)"),
+        (
+            ("other", "camera", "distance"),
+            [[[0.1]]],
+            "the dimensions (other, camera, distance), not (camera, distance)",
+        ),
+        (("camera", "distance"), np.array([["0.1"]], dtype=object), "text in place of numbers"),
+        (("camera", "distance"), [[0.1]], "no distances"),
+        (("baseline", "camera", "distance"), [[[0.1]]], ""),
+    ],
+)
+def test_variables_that_are_not_as_declared_are_refused(
+    dims: tuple[str, ...], values: object, wrong: str, tmp_path: Path
+) -> None:
+    group = xr.Dataset({"depth_uncertainty": (dims, values)}, coords={"baseline": ("baseline", [0.1], {"declared": 0})})
+    if wrong != "no distances":
+        group = group.assign_coords(distance=[1.0])
+    tree = xr.DataTree.from_dict({"/": _tree("wrong").to_dataset(), "/depth": group})
+    storage.write_finished(storage.encoded(tree), COMPLETE, tmp_path)
+    if not wrong:
+        storage.read_finished(tmp_path)
+        return
+    with pytest.raises(ResultsError) as refused:
+        storage.read_finished(tmp_path)
+    assert str(refused.value) == (
+        "the results file is damaged or from another version of the program: /depth/depth_uncertainty has "
+        f"{wrong}: {tmp_path / 'results.nc'}; run the study again"
+    )
+
+
+def test_numbers_in_place_of_text_are_refused(tmp_path: Path) -> None:
+    group = dataset("cameras", {"title": [1.0]}, {"camera": ["rig"]})
+    tree = xr.DataTree.from_dict({"/": _tree("wrong").to_dataset(), "/cameras": group})
+    storage.write_finished(storage.encoded(tree), COMPLETE, tmp_path)
+    with pytest.raises(ResultsError, match="/cameras/title has numbers in place of text"):
+        storage.read_finished(tmp_path)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.test_stored_results import COMPLETE
 from tradestudy import report
 from tradestudy.report import csv_tables, html
 from tradestudy.report.words import interval
@@ -42,7 +43,7 @@ def test_results_in_memory_and_on_disk_give_the_same_report(
 ) -> None:
     on_disk = tree.copy()
     on_disk.attrs["format_version"] = FORMAT_VERSION
-    storage.write_finished(storage.encoded(on_disk), record, tmp_path / "run")
+    storage.write_finished(storage.encoded(on_disk), {**COMPLETE, **record}, tmp_path / "run")
     report.write(storage.read_finished(tmp_path / "run")[0], record, tmp_path / "report")
     again = _content(tmp_path / "report")
     assert again == _content(written)
@@ -74,7 +75,7 @@ def test_a_report_that_cannot_be_made_costs_no_results(
     kept = _quick(tree)
     kept.attrs["format_version"] = FORMAT_VERSION
     with pytest.raises(KeyboardInterrupt):
-        Result(data=kept, run_record=record).write(tmp_path, pdf=False)
+        Result(data=kept, run_record={**COMPLETE, **record}).write(tmp_path, pdf=False)
     assert _content(tmp_path).keys() == {"results.nc", "run.json"}
     assert storage.read_finished(tmp_path)[0].identical(kept)
 

@@ -26,7 +26,7 @@ CAMERAS: Final[Mapping[str, Variable]] = {
     ),
     "perfect_calibration": Variable(
         dims=("camera",),
-        units="",
+        units="1",
         long_name="1 if the camera measures depth and has no uncertain parameter, else 0",
     ),
     "property_camera": Variable(dims=("property",), units="", long_name="camera that has the property"),

@@ -18,8 +18,8 @@ from typing import Any, Final
 import xarray as xr
 
 from tradestudy.errors import NoResultsError, PlaceError, ResultsError
-from tradestudy.results import FORMAT_VERSION
-from tradestudy.wording import json_text
+from tradestudy.results import FORMAT_VERSION, GROUPS, Variable
+from tradestudy.wording import json_text, listed
 
 RESULTS = "results.nc"
 RUN = "run.json"
@@ -264,7 +264,7 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
     Raises
     ------
     ResultsError
-        If a file is missing, damaged or of another format version, or if they belong to different runs.
+        If a file is missing, damaged, incomplete or of another format version, or if they belong to different runs.
     """
     path = directory / RESULTS
     if not path.is_file() and not (directory / RUN).is_file():
@@ -282,6 +282,9 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
             value=str(path),
             remedy="run the study again",
         )
+    if lacking := [key for key in (*_KINDS, *_MEMBERS) if key != PICTURES and key not in record]:
+        what = f"the run's record lacks {listed(lacking)}"
+        raise ResultsError(what, value=str(directory / RUN), remedy="run the study again")
     return _tree_of(named[1], path), record
 
 
@@ -313,7 +316,28 @@ def _tree_of(content: bytes, path: Path) -> xr.DataTree:
             limit=str(FORMAT_VERSION),
             remedy="run the study again",
         )
+    for group in GROUPS.keys() & tree.children.keys():
+        for name, stored in tree[group].to_dataset().data_vars.items():
+            if name in GROUPS[group] and (wrong := _difference(stored, GROUPS[group][str(name)])):
+                what = (
+                    f"the results file is damaged or from another version of the program: /{group}/{name} has {wrong}"
+                )
+                raise ResultsError(what, value=str(path), remedy="run the study again")
     return tree
+
+
+def _difference(stored: xr.DataArray, declared: Variable) -> str:
+    """How a variable differs from its declaration, in words; empty if it does not."""
+    dims = [str(name) for name in stored.dims]
+    swept = max(len(dims) - len(declared.dims), 0)
+    if tuple(dims[swept:]) != declared.dims or not all("declared" in stored[name].attrs for name in dims[:swept]):
+        return f"the dimensions ({', '.join(dims)}), not ({', '.join(declared.dims)})"
+    if "distance" in dims and "distance" not in stored.coords:
+        return "no distances"
+    is_text = stored.dtype.kind in "OU"
+    if stored.size and is_text != (declared.units == ""):  # no text is stored as no numbers
+        return "text in place of numbers" if is_text else "numbers in place of text"
+    return ""
 
 
 def _read_run(directory: Path) -> dict[str, Any]:
