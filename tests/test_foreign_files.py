@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from tests.test_cli import RIGHT
 from tradestudy.cli import app
+from tradestudy.results import storage
 
 MINE = b"mine"
 
@@ -56,6 +57,27 @@ def test_a_run_keeps_files_of_others_beside_its_own(finished: Path, tmp_path: Pa
     after = _content(folder)
     assert after.keys() == _content(finished).keys() - {"report.pdf"} | {*added}  # no PDF of the earlier run
     assert {after[name] for name in added} == {MINE}
+
+
+@pytest.mark.parametrize("fresh", [["--fresh"], []])
+def test_a_run_removes_what_only_an_earlier_run_of_other_values_wrote(
+    fresh: list[str], finished: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(finished, folder)
+    assert _invoke("cost", RIGHT, "--budget", "1", "--out", folder)[0] == 0
+    own, mine = ("posteriors/rig.nc", "matchers.yaml"), ("posteriors/mine.nc", "pictures/rig/notes.txt", "pictures/a")
+    for name in (*own, *mine, "pictures/rig/left.png", "pictures/other/left.png"):
+        (folder / name).parent.mkdir(exist_ok=True, parents=True)
+        (folder / name).write_bytes(MINE)
+    storage.list_written(folder, own)
+    storage.list_written(folder / "pictures", ["rig/left.png", "other/left.png"])
+    assert _invoke("run", RIGHT, "--out", folder, "--no-pdf", *fresh)[0] == 0
+    remaining = _content(finished).keys() - {"report.pdf"} | {*mine}
+    assert _content(folder).keys() == remaining | {"cost.json", "cost.svg"}  # costs of the same study
+    assert not (folder / "pictures/other").exists()
+    assert _invoke("run", RIGHT, "--out", folder, "--no-pdf", "--set", "scene.wavelength=500 nm")[0] == 0
+    assert _content(folder).keys() == remaining
 
 
 def test_a_run_of_an_earlier_version_without_a_list_is_replaced(finished: Path, tmp_path: Path) -> None:

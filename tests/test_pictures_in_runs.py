@@ -35,6 +35,14 @@ def test_a_run_writes_the_pictures_that_render_writes(ran: tuple[api.Result, Pat
         assert (out / "pictures" / path).read_bytes() == (tmp_path / "pictures" / path).read_bytes()
 
 
+def test_a_later_report_of_a_run_with_pictures_is_identical(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(ran[1], out)
+    written = (out / "report.html").read_bytes()
+    api.report(out, pdf=False)
+    assert (out / "report.html").read_bytes() == written
+
+
 def test_pictures_of_an_earlier_run_stay_until_the_next_is_complete(
     ran: tuple[api.Result, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from tradestudy import provenance
 from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.loaded_study import Study, load
-from tradestudy.result import Result, open_result, shown
+from tradestudy.result import Result, open_result, shown, write_parts
 
 if TYPE_CHECKING:
     from tradestudy.comparison import Comparison
@@ -107,6 +107,7 @@ def run(
         else:
             reported(0.0)
             storage.remove_abandoned(directory)
+            write_parts(result.data, directory)
             renderer.write(result.data, result.run_record, directory, pdf=pdf, progress=reported)
         checkpoints.remove()
     reported(1.0)
@@ -299,7 +300,7 @@ def cost(
     refuse_foreign(directory, ["cost.json", "cost.svg"])
     found = study.cost(progress, budget=budget)
     drawings = figures.build(DataTree.from_dict({"/cost": found}))
-    written = {"cost.json": cost_json(study.name, found).encode()}
+    written = {"cost.json": cost_json(study.name, study.hash, found).encode()}
     written |= {f"{name}.svg": drawing.draw().svg() for name, drawing in drawings.items()}
     list_written(directory, written)
     for name, content in written.items():

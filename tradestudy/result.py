@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
@@ -274,8 +275,7 @@ class Result:
             content = storage.encoded(self.data) if drawing is None else drawing.file()
             storage.remove_abandoned(target)
             storage.write_finished(content, self.run_record, target, pictures)
-            _write_posteriors(self.data, target)
-            _write_matchers(self.data, target)
+            write_parts(self.data, target)
         renderer.place(made, target)
         return target
 
@@ -348,28 +348,55 @@ def shown(results: Mapping[str, Result]) -> Iterator[None]:
         ) from error
 
 
-def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
+def write_parts(tree: xr.DataTree, directory: Path) -> None:
+    """Write fitted calibrations and matchers; remove those of an earlier run, its pictures, and other studies' costs.
+
+    Pictures stay if this run has some, because `storage.write_finished` replaces them.
+    """
+    from tradestudy.results import storage
+
+    own = storage.written(directory)
+    made = [*_write_posteriors(tree, directory), *_write_matchers(tree, directory)]
+    storage.remove_earlier(directory, own, ("posteriors/*.nc", "matchers.yaml"), made)
+    if "pictures" not in tree.children:
+        pictures = directory / storage.PICTURES
+        storage.remove_earlier(pictures, storage.written(pictures) | {storage.LIST}, ("*/*", storage.LIST))
+    if _study_of_costs(directory) != tree.attrs.get("study_hash"):
+        storage.remove_earlier(directory, own, ("cost.json", "cost.svg"))
+
+
+def _study_of_costs(directory: Path) -> object:
+    """Hash of the study whose costs `api.cost` wrote into a folder; None if it is not known."""
+    with suppress(OSError, ValueError, AttributeError):
+        return json.loads((directory / "cost.json").read_text(encoding="utf-8")).get("study_hash")
+    return None
+
+
+def _write_posteriors(tree: xr.DataTree, directory: Path) -> list[str]:
     """Write every posterior of a run as a file for a camera's ``calibration: {posterior: {file: …}}``."""
     if "calibration" not in tree.children:
-        return
+        return []
     from tradestudy.calibration.posterior_file import write_posterior
     from tradestudy.results.storage import list_written, replacing
     from tradestudy.run.groups.calibration import saved_posteriors
 
     saved = saved_posteriors(tree)
-    list_written(directory, [f"posteriors/{name}.nc" for name in saved])
-    for name, posterior in saved.items():
-        with replacing(directory / "posteriors" / f"{name}.nc") as file:
+    files = {f"posteriors/{name}.nc": posterior for name, posterior in saved.items()}
+    list_written(directory, files)
+    for name, posterior in files.items():
+        with replacing(directory / name) as file:
             write_posterior(file, posterior)
+    return list(files)
 
 
-def _write_matchers(tree: xr.DataTree, directory: Path) -> None:
+def _write_matchers(tree: xr.DataTree, directory: Path) -> list[str]:
     """Write the matchers fitted by a depth loop as ``matchers.yaml``, for the cameras of a study."""
     if "depth_loop" not in tree.children:
-        return
+        return []
     from tradestudy.results.storage import list_written, replace_file
     from tradestudy.run.groups.depth_loop import matcher_file
 
     text = matcher_file(tree["depth_loop"].to_dataset(), str(tree.attrs["study"]))
     list_written(directory, ["matchers.yaml"])
     replace_file(directory / "matchers.yaml", text.encode())
+    return ["matchers.yaml"]

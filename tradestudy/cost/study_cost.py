@@ -90,12 +90,12 @@ def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAUL
     return _dataset(found, budget)
 
 
-def cost_json(study: str, cost: xr.Dataset) -> str:
-    """A cost as JSON: its attributes, and a row for every problem and every entry."""
+def cost_json(study: str, study_hash: str, cost: xr.Dataset) -> str:
+    """A cost as JSON: the name and hash of its study, its attributes, and a row for every problem and every entry."""
     tables = {"problems": cost.drop_dims("entry").to_dataframe().reset_index()}
     tables["entries"] = cost.drop_dims("problem").to_dataframe()
     rows = {name: json.loads(one.to_json(orient="records", double_precision=15)) for name, one in tables.items()}
-    return json_text({"study": study, **cost.attrs, **rows}) + "\n"
+    return json_text({"study": study, "study_hash": study_hash, **cost.attrs, **rows}) + "\n"
 
 
 def _problems(plan: Plan, definition: StudyDefinition) -> Iterator[CostProblem]:

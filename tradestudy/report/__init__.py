@@ -103,13 +103,19 @@ def place(made: Mapping[str, bytes], directory: Path) -> None:
     OSError
         If a file cannot be written.
     """
-    from tradestudy.results.storage import RESULTS, RUN, list_written, refuse_foreign, replace_file, written
+    from tradestudy.results.storage import (
+        RESULTS,
+        RUN,
+        list_written,
+        refuse_foreign,
+        remove_earlier,
+        replace_file,
+        written,
+    )
 
     refuse_foreign(directory, map(escape, made))
     earlier = written(directory)
     list_written(directory, [RESULTS, RUN, *made] if (directory / RUN).is_file() else made)
     with ThreadPoolExecutor() as pool:  # threads, because writing waits for the disk
         list(pool.map(replace_file, (directory / name for name in made), made.values()))
-    for old in (directory / "report.pdf", *directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
-        if old.relative_to(directory).as_posix() in earlier - {*made}:
-            old.unlink(missing_ok=True)  # another run may have removed it first
+    remove_earlier(directory, earlier, ("report.pdf", "figures/*.svg", "tables/*.csv"), made)

@@ -87,6 +87,15 @@ def _listed(directory: Path) -> frozenset[str]:
     return frozenset()
 
 
+def remove_earlier(directory: Path, own: frozenset[str], patterns: Iterable[str], kept: Iterable[str] = ()) -> None:
+    """Remove files of an earlier call that match and are the program's ``own``, and folders that this leaves empty."""
+    for path in [path for pattern in patterns for path in directory.glob(pattern)]:
+        if path.relative_to(directory).as_posix() in own - {*kept}:
+            path.unlink(missing_ok=True)  # another call may have removed it first
+            with contextlib.suppress(OSError):  # not empty
+                path.parent.rmdir()
+
+
 def list_written(directory: Path, names: Iterable[str]) -> None:
     """Note files, as relative paths, that this program writes into a folder."""
     listed = _listed(directory)

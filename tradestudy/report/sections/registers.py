@@ -24,7 +24,7 @@ from tradestudy.report.document import (
     with_subscripts,
 )
 from tradestudy.report.words import or_dash
-from tradestudy.results.storage import CHECKSUM
+from tradestudy.results.storage import CHECKSUM, PICTURES
 from tradestudy.results.variable import PAPER
 from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
@@ -403,9 +403,9 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
 def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
     """Write the content of ``run.json`` as a table.
 
-    It lacks the inputs, which earlier sections show, and the checksum, which is not known yet.
+    It lacks the inputs, which earlier sections show, and what only the file has: the checksum and the pictures' folder.
     """
-    plain = {key: value for key, value in run.items() if key not in ("inputs", "points", CHECKSUM)}
+    plain = {key: value for key, value in run.items() if key not in ("inputs", "points", CHECKSUM, PICTURES)}
     rows = (*_recorded(plain), *_reused(run.get("points", {})))
     if rows:
         yield Heading(text="Provenance", anchor="provenance")
