@@ -234,3 +234,80 @@ def test_a_view_with_one_corner_beside_a_line_is_named(tmp_path):
     with pytest.raises(CornerFileError, match=rf"view {view}: all corners but one lie on a line"):
         read_corners(write(tmp_path / "corners.csv", kept))
     assert read_corners(write(tmp_path / "more.csv", [*kept, next(r for r in own if r not in kept)])).views
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "says"),
+    [
+        (
+            "board_z_mm",
+            lambda n: n % 3,
+            "corners.csv: the column board_z_mm says that the board is not flat: 0 and 2",
+        ),
+        ("left_sigma_px", lambda n: 0.1 + n % 2, "column left_sigma_px weights the corners differently.*: 0.1 and 1.1"),
+        ("weight", lambda n: "" if n else 1, "column weight weights the corners differently.*: nothing and 1"),
+        ("detected", lambda n: "maybe", "corners.csv:2: detected is neither true nor false: 'maybe'"),
+        ("board_x_m", lambda n: 0.0, None),
+    ],
+)
+def test_columns_that_would_change_the_fit_are_refused(tmp_path, column, value, says):
+    path = write(tmp_path / "corners.csv", [row | {column: value(n)} for n, row in enumerate(rows())])
+    if says is None:
+        assert read_corners(path).unused == (column,)
+        path = write(tmp_path / "corners.csv", [row | {"board_x_m": 0.0, "board_y_m": 0.0} for row in rows()])
+        says = "columns give the same position twice: board_x_mm, board_x_m"
+    with pytest.raises(CornerFileError, match=says) as caught:
+        read_corners(path)
+    assert caught.value.remedy
+
+
+def test_columns_that_change_nothing_are_named_as_not_used(tmp_path):
+    further = {"board_z_mm": "0", "left_sigma_px": "0.1", "image_width": "640", "note": "a"}
+    corners = read_corners(changed(tmp_path, lambda row: row | further))
+    assert corners.unused == tuple(further)
+    np.testing.assert_array_equal(corners.left, read_corners(FILE).left)
+    assert read_corners(FILE).unused == ()
+
+
+def test_corners_that_were_not_seen_are_left_out(tmp_path):
+    kept = [row for row in rows() if (int(row["view"]) + 3 * int(row["corner"])) % 7]
+    found = read_corners(write(tmp_path / "marked.csv", [marked_row(row) for row in rows()]))
+    expected = read_corners(write(tmp_path / "kept.csv", kept))
+    np.testing.assert_array_equal(found.right, expected.right)
+    np.testing.assert_array_equal(found.present, expected.present)
+    assert found.unused == ()
+
+
+def marked_row(row):
+    """The row with columns that say whether the corner was seen; a missed one has no position."""
+    missed = (int(row["view"]) + 3 * int(row["corner"])) % 7 == 0
+    return (
+        row
+        | {"left_detected": "TRUE", "right_visible": "0" if missed else "1"}
+        | ({"right_x_px": ""} if missed else {})
+    )
+
+
+@pytest.mark.parametrize("head", ['# 24.23 mm, "A3" board\n#\n', "\n", "# "])  # NumPy comments out the names of columns
+def test_comments_are_skipped_and_lines_counted_as_in_the_file(tmp_path, head):
+    path, text = tmp_path / "corners.csv", FILE.read_text()
+    path.write_text(head + text)
+    np.testing.assert_array_equal(read_corners(path).left, read_corners(FILE).left)
+    path.write_text(head + text.replace("\n1,1,", "\n# left out: 1,0\n1,x,"))
+    with pytest.raises(CornerFileError, match=rf"corners.csv:{4 + head.count(chr(10))}: corner is not a finite number"):
+        read_corners(path)
+
+
+def test_other_units_and_repeated_columns_are_named(tmp_path):
+    path, text = tmp_path / "corners.csv", FILE.read_text()
+    path.write_text(text.replace("board_x_mm,board_y_mm", "board_x_in,board_y_in"))
+    with pytest.raises(
+        CornerFileError, match=r"lacks columns: board_x_mm.*read in mm or m.*convert board_x_in, board_y_in"
+    ):
+        read_corners(path)
+    path.write_text(text.replace("left_y_px", "left_x_px", 1))
+    with pytest.raises(CornerFileError, match="lacks columns: left_y_px"):
+        read_corners(path)
+    path.write_text("\n".join(f"{line},{'left_x_px' if n == 0 else 0}" for n, line in enumerate(text.splitlines())))
+    with pytest.raises(CornerFileError, match="the same position twice: left_x_px"):
+        read_corners(path)

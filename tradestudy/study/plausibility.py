@@ -12,7 +12,7 @@ import numpy as np
 
 from tradestudy.cameras.contradictions import Contradiction, digitiser_contradictions
 from tradestudy.cameras.declaration import DepthCameraDeclaration
-from tradestudy.cameras.imported import NOMINAL_PITCH
+from tradestudy.cameras.imported import FITTED_LENS, NOMINAL_PITCH
 from tradestudy.errors import Problem
 from tradestudy.imaging.light import mean_electrons
 from tradestudy.study.camera_files.libpleno import IGNORED
@@ -25,7 +25,7 @@ from tradestudy.study.camera_files.pairs import (
     UNUSUAL_SIGN,
 )
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
+from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, dotted, walk
 from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.units import (
     ANGLE,
@@ -129,6 +129,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_idle_matcher(definition),
         *_tolerances(definition),
         *_few_draws(definition),
+        *_unused_columns(definition),
         *_requirements(definition),
         *_decision(definition),
         *_contradictory(definition),
@@ -307,6 +308,19 @@ def _few_draws(definition: StudyDefinition) -> Iterator[Problem]:
                     "the errors stated in results do not include this, so give more draws or a covariance"
                 )
                 yield definition.document.locate(path).problem(path, what)
+
+
+def _unused_columns(definition: StudyDefinition) -> Iterator[Problem]:
+    """Columns of corner files that are not used; what is read of imported ones names them."""
+    for name, camera in definition.file.cameras.items():
+        path = ("cameras", name, "calibration", "corners", "file")
+        file = definition.data_files.get(dotted(path))
+        if file is None or FITTED_LENS in camera.read_as:
+            continue
+        from tradestudy.calibration.corners.corner_file import read_corners  # loads all of calibration
+
+        if unused := read_corners(file).unused:
+            yield definition.document.locate(path).problem(path, f"columns of this file are not used: {listed(unused)}")
 
 
 def _large(text: str) -> Iterator[str]:

@@ -420,3 +420,38 @@ def test_every_format_with_matrices_warns_of_four_digits(tmp_path: Path, write: 
         path.write_text(re.sub(r"-?0\.\d{6,}", lambda one: f"{float(one[0]):.4f}", path.read_text()))
     path = study(tmp_path, rig="from: [left.yaml, right.yaml]" if ros else "from: rig.json")
     assert "is not exactly a rotation" in "".join(tradestudy.load(path).warnings)
+
+
+def test_columns_of_corner_files_that_are_not_used_are_named(tmp_path: Path) -> None:
+    head, *rows = (DATA / "stereo_65_corners.csv").read_text().splitlines()
+    text = "\n".join(["# two cameras", f"{head},image_width,detected", *(f"{row},1024,1" for row in rows)])
+    (tmp_path / "corners.csv").write_text(text)
+    loaded = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
+    assert loaded.imported[0].endswith("; not used: columns image_width")
+    assert not loaded.warnings
+    rig = (
+        "kind: stereo, title: Rig, lenses: {focal_length: 1000 px}, baseline: 65 mm, depth: {disparity_error: 0.1 px}, "
+        "sensor: {pixels: [1024, 1024], pixel_pitch: 3 um}, calibration: {corners: {file: corners.csv}}"
+    )
+    (said,) = tradestudy.load(study(tmp_path, rig=rig)).warnings
+    assert said.endswith("calibration.corners.file: columns of this file are not used: image_width")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda text: text.replace("_mm", "_in"), "positions are read in mm or m on the board.* convert board_x_in"),
+        (lambda text: f"Corners of May\n{text}", r"lacks columns: view, corner, .* name the columns in the first line"),
+        (lambda text: text.partition("\n")[2], r"lacks columns: view, corner, .* name the columns in the first line"),
+        (
+            lambda text: "# " + text.replace("\n0,1,", "\n0,1.x,", 1).replace("\n1,1,", "\n1,1.x,", 1),
+            ": corner is not a",
+        ),
+    ],
+)
+def test_tables_of_corners_are_recognised_and_refused_for_the_true_reason(
+    tmp_path: Path, change: Callable[[str], str], says: str
+) -> None:
+    (tmp_path / "corners.csv").write_text(change((DATA / "stereo_65_corners.csv").read_text()))
+    said = refusal(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
+    assert re.search(says, said), said

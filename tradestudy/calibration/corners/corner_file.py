@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 import numpy as np
 
@@ -26,8 +27,24 @@ MINIMUM_VIEWS = 3  # at two conditions per view, two views determine four intrin
 _IMAGE_COLUMNS = ("left_x_px", "left_y_px", "right_x_px", "right_y_px")
 _LARGEST_COORDINATE = 1e6  # px or mm; more is a mistake
 _SMALLEST_SPREAD = 1e-6  # m or px
-_SURPLUS = "more fields than columns"
 _BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
+_SEEN: Final = re.compile(r"(^|_)(detected|visible|valid|found|seen)(_|$)", re.IGNORECASE)
+_TRUTHS: Final = {"1": True, "1.0": True, "true": True, "yes": True} | dict.fromkeys(("0", "0.0", "false", "no"), False)
+_CONSTANT: Final = (
+    (
+        re.compile(r"^board_z(_|$)", re.IGNORECASE),
+        "says that the board is not flat",
+        "remove the column if the board is nearly flat; the fit determines how it is bent",
+    ),
+    (
+        re.compile(
+            r"(^|_)(sigma|std|stddev|deviation|uncertainty|variance|covariance|cov|weight)s?(_|$)", re.IGNORECASE
+        ),
+        "weights the corners differently, but weights are not read",
+        "remove the column; the fit determines the weights from how far the corners scatter",
+    ),
+)
+"""Columns that would change the fit unless all their values are equal: pattern, what they say, and remedy."""
 _NARROWEST = 1e-3  # width over length from which on corners do not lie on a line
 
 
@@ -57,6 +74,8 @@ class StereoCorners:
         Noise model that whitens the residuals; None for independent and equal noise.
     lens
         Lens model to fit to both cameras.
+    unit, unused
+        Unit of positions on the board in the file, and its columns that are not used.
     """
 
     views: tuple[int, ...]
@@ -67,6 +86,8 @@ class StereoCorners:
     heights: FloatArray | None = None
     noise: CornerNoise | None = None
     lens: FreeLens = RADIAL_LENS
+    unit: str = "m"
+    unused: tuple[str, ...] = ()
 
     @property
     def points(self) -> FloatArray:
@@ -89,6 +110,8 @@ def read_corners(path: str | Path) -> StereoCorners:
         CSV in UTF-8, with commas between fields and decimal points in numbers. The columns, in any order, are ``view,
         corner, board_x_mm, board_y_mm, left_x_px, left_y_px, right_x_px, right_y_px``; for the board, ``_m`` may
         replace ``_mm``. On the board, seen from its front, and in images, x points to the right and y downwards.
+        Lines that begin with ``#`` are comments, except one that names the columns. A corner counts only if every
+        column such as ``detected`` or ``right_visible`` is true in its row. `StereoCorners.unused` names other columns.
 
     Returns
     -------
@@ -98,7 +121,8 @@ def read_corners(path: str | Path) -> StereoCorners:
     Raises
     ------
     CornerFileError
-        The file cannot be read; a column is missing; a row has surplus fields, for example from decimal commas; a cell
+        The file cannot be read; a column is missing, or occurs twice or in two units; a column of positions z on the
+        board, or of weights, is not constant; a row has surplus fields, for example from decimal commas; a cell
         is not a number, or a coordinate is beyond ±10⁶; a view is not a whole number; a corner occurs twice; a view has
         too few corners, has all of them on a line or at one point, or repeats another view; there are too few views;
         the board or an image is mirrored, or x and y columns are swapped. ``bundle_adjustment.check_rig`` finds
@@ -123,19 +147,21 @@ def read_corners(path: str | Path) -> StereoCorners:
 @lru_cache(maxsize=4)  # a study's camera, its calibration and its plan read the same file
 def _corners_in(name: str, text: str) -> StereoCorners:
     """The corners in the text of a file; read-only, since callers share them."""
-    table, scale = _read_table(name, text)
+    table, unit, unused = _read_table(name, text)
     groups = _group_views(table)
     size = max(len(group) for group in groups.values())
     board, left, right = (np.zeros((len(groups), size, 2)) for _ in range(3))
     present = np.zeros((len(groups), size), dtype=bool)
     for row, group in enumerate(groups.values()):
         count = len(group)
-        board[row, :count] = group[:, 2:4] * scale
+        board[row, :count] = group[:, 2:4] * _BOARD_UNITS[unit]
         left[row, :count], right[row, :count] = group[:, 4:6], group[:, 6:8]
         present[row, :count] = True
     for shared in (board, left, right, present):
         shared.flags.writeable = False
-    corners = StereoCorners(views=tuple(groups), board=board, left=left, right=right, present=present)
+    corners = StereoCorners(
+        views=tuple(groups), board=board, left=left, right=right, present=present, unit=unit, unused=unused
+    )
     _check_counts(corners)
     _check_handedness(corners)
     return corners
@@ -154,40 +180,104 @@ def _require_affordable(path: Path) -> None:
         )
 
 
-def board_unit(header: Sequence[str]) -> str:
-    """The unit that the names of the board's columns contain; mm if they contain none."""
-    names = {name.strip() for name in header}
-    return next((u for u in _BOARD_UNITS if {f"board_x_{u}", f"board_y_{u}"} <= names), "mm")
+def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]:
+    """Rows of the file in the canonical order of columns, the board's unit, and the columns that are not used."""
+    reader = csv.reader(map(_without_comment, io.StringIO(text, newline="")))
+    lines = ((reader.line_num, fields) for fields in reader if fields)
+    first, header = next(lines, (1, []))
+    header = [column.strip() for column in header]
+    unit, required = _required(f"{name}:{first}", header)
+    seen = [column for column in header if _SEEN.search(column)]
+    rows, texts = [], []
+    for line, fields in lines:
+        where = f"{name}:{line}"
+        _refuse_surplus(where, fields, header)
+        row = dict(zip(header, fields, strict=False))
+        if all(_is_true(where, column, row.get(column, "")) for column in seen):
+            rows.append(_numbers(where, row, required))
+            texts.append(row)
+    if not rows:
+        raise CornerFileError(
+            f"{name} has no corners", value="0 rows", limit=">= 1", remedy="write one row per corner and view"
+        )
+    unused = tuple(column for column in header if column and column not in (*required, *seen))
+    for column in unused:
+        _refuse_varying(name, column, [row.get(column, "") for row in texts])
+    return np.array(rows), unit, unused
 
 
-def _read_table(name: str, text: str) -> tuple[FloatArray, float]:
-    """Rows of the file in the canonical order of columns, and the board's unit in metres."""
-    reader = csv.DictReader(io.StringIO(text, newline=""), restkey=_SURPLUS)
-    header = [column.strip() for column in reader.fieldnames or ()]
-    reader.fieldnames = header
-    unit = board_unit(header)
+def _without_comment(line: str) -> str:
+    """The line, empty if it is a comment; NumPy writes the names of the columns behind ``#``."""
+    if not line.lstrip().startswith("#"):
+        return line
+    names = line.lstrip("# \t")
+    return names if {"view", "corner"} <= {one.strip() for one in names.split(",")} else "\n"
+
+
+def _required(where: str, header: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+    """The unit in the names of the board's columns, mm if there is none, and all columns that are read."""
+    units = [unit for unit in _BOARD_UNITS if {f"board_x_{unit}", f"board_y_{unit}"} <= {*header}]
+    unit = units[0] if units else "mm"
     required = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
     missing = [column for column in required if column not in header]
     if missing and any(";" in column for column in header):
         raise CornerFileError(
-            f"{name}:1: semicolons separate the columns",
+            f"{where}: semicolons separate the columns",
             value=header[0][:40],
             limit="commas, and decimal points in the numbers",
             remedy="save it as CSV with commas",
         )
     if missing:
+        stems = tuple(column.removesuffix(f"_{unit}").removesuffix("_px") for column in missing if "_" in column)
+        others = [column for column in header if column.startswith(stems)]
+        read = f"positions are read in mm or m on the board, and in px in pictures; convert {', '.join(others)}"
         raise CornerFileError(
-            f"{name} lacks columns",
+            f"{where.rpartition(':')[0]} lacks columns",
             value=", ".join(missing),
             limit=", ".join(required),
-            remedy="name the columns in the first line",
+            remedy=read if others else "name the columns in the first line",
         )
-    rows = [_numbers(name, line, row, required) for line, row in enumerate(reader, start=2)]
-    if not rows:
+    if len(units) > 1 or any(header.count(column) > 1 for column in required):
+        twice = [column for column in header if header.count(column) > 1] or [f"board_x_{unit}" for unit in units]
         raise CornerFileError(
-            f"{name} has no corners", value="0 rows", limit=">= 1", remedy="write one row per corner and view"
+            f"{where}: columns give the same position twice",
+            value=", ".join(dict.fromkeys(twice)),
+            limit="each position once, in one unit",
+            remedy="remove one of them",
         )
-    return np.array(rows), _BOARD_UNITS[unit]
+    return unit, required
+
+
+def _is_true(where: str, column: str, text: str) -> bool:
+    """Whether a cell says that the corner was seen."""
+    if (truth := _TRUTHS.get(text.strip().lower())) is None:
+        raise CornerFileError(
+            f"{where}: {column} is neither true nor false",
+            value=repr(text),
+            limit="1, true or yes; 0, false or no",
+            remedy="correct the value, or remove the column",
+        )
+    return truth
+
+
+def _refuse_varying(name: str, column: str, texts: Sequence[str]) -> None:
+    """Refuse a column that would change the fit, unless it is constant."""
+    for pattern, says, remedy in _CONSTANT:
+        if pattern.search(column) and len(different := {_number(text) for text in texts}) > 1:
+            values = sorted(one if isinstance(one, str) else f"{one:g}" for one in different)
+            raise CornerFileError(
+                f"{name}: the column {column} {says}",
+                value=f"{values[0] or 'nothing'} and {values[-1]}",
+                limit="the same value in every row",
+                remedy=remedy,
+            )
+
+
+def _number(text: str) -> float | str:
+    """A number, or the text if it is none."""
+    with suppress(ValueError):
+        return float(text)
+    return text.strip()
 
 
 def _refuse_utf16(path: Path) -> None:
@@ -197,40 +287,43 @@ def _refuse_utf16(path: Path) -> None:
             raise CornerFileError(f"{path.name} is UTF-16 text", limit="UTF-8", remedy="save it as CSV in UTF-8")
 
 
-def _numbers(file: str, line: int, row: dict[str, Any], required: Sequence[str]) -> list[float]:
-    """Cells of one row as finite numbers."""
-    if surplus := row.get(_SURPLUS):
-        fields = len(row) - 1 + len(surplus)
+def _refuse_surplus(where: str, fields: Sequence[str], header: Sequence[str]) -> None:
+    """Refuse a row with more fields than columns."""
+    if len(fields) > len(header):
         raise CornerFileError(
-            f"{file}:{line}: there are more fields than columns",
-            value=f"{fields} fields",
-            limit=f"{len(row) - 1} as in the first line",
+            f"{where}: there are more fields than columns",
+            value=f"{len(fields)} fields",
+            limit=f"{len(header)} as in the first line",
             remedy="write decimal points, not commas, and remove surplus fields",
         )
+
+
+def _numbers(where: str, row: Mapping[str, str], required: Sequence[str]) -> list[float]:
+    """Cells of one row as finite numbers."""
     numbers = []
     for name in required:
         try:
-            number = float(row[name] or "")
+            number = float(row.get(name, ""))
         except ValueError:
             number = float("nan")
         if not np.isfinite(number):
             raise CornerFileError(
-                f"{file}:{line}: {name} is not a finite number",
-                value=repr(row[name]),
+                f"{where}: {name} is not a finite number",
+                value=repr(row.get(name)),
                 limit="a number",
                 remedy="correct the number, or remove the row if the corner was not detected",
             )
         if name == "view" and number != round(number):
             raise CornerFileError(
-                f"{file}:{line}: view is not a whole number",
-                value=repr(row[name]),
+                f"{where}: view is not a whole number",
+                value=repr(row.get(name)),
                 limit="a whole number",
                 remedy="number the views 1, 2, 3, …",
             )
         if name not in ("view", "corner") and abs(number) > _LARGEST_COORDINATE:
             raise CornerFileError(
-                f"{file}:{line}: {name} is too large",
-                value=repr(row[name]),
+                f"{where}: {name} is too large",
+                value=repr(row.get(name)),
                 limit=f"-{_LARGEST_COORDINATE:.0e} to {_LARGEST_COORDINATE:.0e}",
                 remedy="correct the number, or remove the row",
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -16,7 +15,7 @@ from tradestudy.declarations.lens_models import FittedLensModel, fitted_words
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files.located import CameraFile
 from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE, UNUSUAL_NOISE, baseline_problem, is_usual
-from tradestudy.study.camera_files.request import Format, Request
+from tradestudy.study.camera_files.request import UNUSED, Format, Request
 from tradestudy.units import LENGTH, pretty, significant
 
 if TYPE_CHECKING:
@@ -38,7 +37,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     CameraFileError
         The corners are inconsistent, do not determine a pair, or indicate a wrong unit of length.
     """
-    from tradestudy.calibration.corners.corner_file import board_unit
     from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
 
     top = files[0].top
@@ -48,7 +46,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         fit = _fit(files[0].path, files[0].text, request.fitted_lens)
     except TradestudyError as error:
         raise top.fail(str(error)) from None
-    unit = board_unit(next(csv.reader(files[0].text.removeprefix("\ufeff").splitlines())))
+    unit, unused = fit.corners.unit, ", ".join(fit.corners.unused)
     shared, lens = fit.explained.shared, fit.corners.lens
     baseline = float(np.linalg.norm(shared[TRANSLATION]))
     if problem := baseline_problem(baseline):
@@ -71,6 +69,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             Convention(name="pictures", says="raw: as taken, before rectification", key=top.key),
             Convention(name="order of cameras", says="left and right as the columns are named", key=top.key),
             *unusual,
+            *((Convention(name=UNUSED, says=f"columns {unused}", key=top.key),) if unused else ()),
         ),
         key=top.key,
     )

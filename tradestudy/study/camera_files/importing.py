@@ -29,7 +29,7 @@ from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
 from tradestudy.study.camera_files.pairs import INEXACT_ROTATION, size_convention
-from tradestudy.study.camera_files.request import OTHER_CAMERAS, Format, Request
+from tradestudy.study.camera_files.request import OTHER_CAMERAS, UNUSED, Format, Request
 from tradestudy.study.camera_files.syntax import parsed, syntax_of
 from tradestudy.study.document import (
     Annotation,
@@ -45,8 +45,6 @@ from tradestudy.study.document import (
 from tradestudy.units import ANGLE, LENGTH, pretty
 
 ONE_CAMERA: Final = "a single camera; a stereo rig needs two, from: [LEFT, RIGHT]"
-UNUSED: Final = "not used"
-"""Name of the convention that lists the keys of calibration files that the program does not use."""
 _LAST_SEPARATOR: Final = re.compile(r"\n---\s*\Z")
 """The line that ``rostopic echo`` and ``ros2 topic echo`` write after every message."""
 _CHANGES_GEOMETRY: Final = re.compile(
@@ -147,7 +145,7 @@ def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> 
         yield size_convention(found)
     if inexact := {key: says for file in files for key, says in file.inexact.items()}:
         yield Convention(name=INEXACT_ROTATION, says="; ".join(inexact.values()), key=next(iter(inexact)))
-    unused = [value for file in files if file.syntax != "corners" for value in file.unused()]
+    unused = [value for file in files for value in file.unused()]
     for value in unused:
         if not value.path:
             raise value.fail("nothing in this file is needed beside the other files; remove it from from:")

@@ -14,6 +14,8 @@ from tradestudy.units import LENGTH, UnitError, parse
 
 OTHER_CAMERAS: Final = "cameras not used"
 """Name of the convention that lists the cameras of a file that are not part of the pair."""
+UNUSED: Final = "not used"
+"""Name of the convention that lists the keys or columns of calibration files that the program does not use."""
 PIXEL_ORIGIN: Final = "the centre of the first pixel is (0, 0), x to the right and y down"
 
 

@@ -14,7 +14,8 @@ from tradestudy.study.camera_files.located import CameraFile, CameraFileError
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Member, Place, ScalarEntry, scalar_text
 from tradestudy.study.source import DEEPEST, MOST_VALUES, UnreadableError, compose
 
-_CORNER_HEAD: Final = re.compile(r"[^\n]*\bboard_x_m?m\b")
+_CORNER_LINE: Final = re.compile(r"^[^\n:]*\bboard_x\w*\s*[,;]|\A\d+[,;][^\n:]*$", re.MULTILINE)
+"""Names of columns, or numbers below names that are commented out."""
 _OPENCV_HEAD: Final = re.compile(r"%YAML[: ]1\.[0-2][^\n]*")
 _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
@@ -22,7 +23,7 @@ _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 def syntax_of(text: str) -> str:
     """The syntax of a text, recognised by its beginning."""
     body = "\n".join(line for line in text.lstrip().split("\n", 20)[:20] if not line.startswith("#")).lstrip()
-    if _CORNER_HEAD.match(body):
+    if _CORNER_LINE.search(body):
         return "corners"
     if body.startswith("<"):
         return "opencv-xml"
