@@ -220,6 +220,56 @@ def test_a_camera_matrix_that_does_not_fit_its_picture_is_warned_about(tmp_path:
     assert any("cameras.rig.from: " in one and said in one for one in reported), reported
 
 
+EXCHANGED = "(320, 240) px lies far from the middle of the picture of 480 × 640 px, whose middle is (239.5, 319.5) px"
+TWICE = "(320, 240) px lies far from the middle of the picture of 1280 × 960 px, whose middle is (639.5, 479.5) px"
+
+
+def test_a_principal_point_far_from_the_middle_is_warned_about_with_its_likely_cause(tmp_path: Path) -> None:
+    """Whether the file gives the size, or the study beside it or in an option; also for a single camera."""
+
+    def warnings(text: str, sensor: str = "", *overrides: str, single: bool = False) -> list[str]:
+        (tmp_path / "rig.yml").write_text(text, encoding="utf-8")
+        study = IMPORTING.replace("    lenses:", f"    {sensor}\n    lenses:" if sensor else "    lenses:")
+        if single:
+            optics = "    lenses: {f_number: 4}\n    focus_distance: 0.6 m\n"
+            study = study.replace(optics, "    kind: conventional\n    focus: {distance: 0.6 m}\n")
+            study = study.replace("    length_unit: mm\n", "")
+        (tmp_path / "importing.yaml").write_text(study, encoding="utf-8")
+        found = tradestudy.load(tmp_path / "importing.yaml", ["rig.sensor.pixel_pitch=3 um", *overrides]).warnings
+        return [one for one in found if "principal point" in one]
+
+    size = "image_width: 640\nimage_height: 480\n"
+    exchanged = STEREO.replace(size, "image_width: 480\nimage_height: 640\n")
+    without = STEREO.replace(size, "")
+    one = "\n".join(
+        line.replace("M1", "camera_matrix") for line in exchanged.splitlines() if line[:2] not in NOT_OF_ONE
+    )
+    assert warnings(STEREO) == []
+    for said in (
+        warnings(exchanged),
+        warnings(without, "sensor: {pixels: [480, 640]}"),
+        warnings(without, "", "rig.sensor.pixels=[480, 640]"),
+        warnings(one, single=True),
+        warnings(
+            one.replace("image_width: 480\nimage_height: 640\n", ""), "", "rig.sensor.pixels=[480, 640]", single=True
+        ),
+    ):
+        assert EXCHANGED in said[0]
+        assert said[0].endswith("width and height are probably exchanged; check the size and the camera matrix")
+    for said in (
+        warnings(without, "sensor: {pixels: [1280, 960]}"),
+        warnings(without, "", "rig.sensor.pixels=[1280, 960]"),
+    ):
+        assert TWICE in said[0]
+        assert "another resolution, or the picture be cropped" in said[0]
+    for x, number in ((320.0 + 0.11 * 640, 0), (320.0 + 0.13 * 640, 1)):
+        moved = STEREO.replace("320., 0., 800., 240.", f"{x}, 0., 800., 240.", 1)
+        assert len(warnings(moved)) == number
+
+
+NOT_OF_ONE = ("M2", "D1", "D2", "R:", "T:")
+
+
 def test_a_relative_bound_without_a_percent_sign_is_warned_about() -> None:
     """0.5 is half of the distance; a reader of data sheets means half a per cent."""
     bound = {

@@ -11,18 +11,20 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.contradictions import Contradiction, digitiser_contradictions
-from tradestudy.cameras.declaration import DepthCameraDeclaration
-from tradestudy.cameras.imported import FITTED_LENS, NOMINAL_PITCH
+from tradestudy.cameras.declaration import CalibratedCameraPart, DepthCameraDeclaration, SensorPart
+from tradestudy.cameras.imported import FITTED_LENS, NOMINAL_PITCH, PICTURE_SIZE
 from tradestudy.errors import Problem
 from tradestudy.imaging.light import mean_electrons
 from tradestudy.study.camera_files.libpleno import IGNORED
 from tradestudy.study.camera_files.pairs import (
     FOLDING_LENS,
     INEXACT_ROTATION,
+    OFF_CENTRE,
     UNUSUAL_BASELINE,
     UNUSUAL_MATRIX,
     UNUSUAL_NOISE,
     UNUSUAL_SIGN,
+    off_centre,
 )
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, dotted, walk
@@ -109,6 +111,7 @@ _OF_IMPORTS: Final = {
     "calibration.corners.lens_model",
     FOLDING_LENS: "depth cannot be measured in {}; check the distortion coefficients",
     UNUSUAL_MATRIX: "{}; check the camera matrix",
+    OFF_CENTRE: "{}; check the size and the camera matrix",
     IGNORED: "{} of the file is not modelled: pictures and depth are those of a camera without it",
     UNUSUAL_SIGN: "{}; check the sign, and which camera is the left one",
     INEXACT_ROTATION: "{}; give more digits",
@@ -125,6 +128,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_light(definition),
         *_unequal_pixels(definition),
         *_imported(definition),
+        *_off_centre(definition),
         *_assumed_pitches(definition),
         *_idle_matcher(definition),
         *_tolerances(definition),
@@ -249,12 +253,25 @@ def _unequal_pixels(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _imported(definition: StudyDefinition) -> Iterator[Problem]:
-    """Calibration files with an unusual unit of length, lens model or camera matrix."""
+    """Calibration files with an unusual unit of length, lens model, camera matrix or principal point."""
     for name, camera in definition.file.cameras.items():
         path = ("cameras", name, "from")
         for convention, what in _OF_IMPORTS.items():
             if says := camera.read_as.get(convention):
                 yield definition.document.locate(path).problem(path, what.format(says))
+
+
+def _off_centre(definition: StudyDefinition) -> Iterator[Problem]:
+    """Principal points far from the middle of pictures whose size is in the study, and in no calibration file."""
+    for name, camera in definition.file.cameras.items():
+        geometry, sensor = getattr(camera, "geometry", None), getattr(camera, "sensor", None)
+        parts = {side: getattr(geometry, side, None) for side in ("left", "right")} | {name: geometry}
+        for side, part in parts.items():
+            if PICTURE_SIZE in camera.read_as or not isinstance(part, CalibratedCameraPart):
+                continue
+            if isinstance(sensor, SensorPart) and (says := off_centre(side, part.principal_point, sensor.pixels)):
+                path = ("cameras", name, "sensor", "pixels")
+                yield definition.document.locate(path).problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
 
 
 def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:

@@ -190,7 +190,7 @@ def test_a_translation_in_squares_of_a_board_is_warned_about(tmp_path: Path, mon
         assert "if T counts squares of the board" in said
 
 
-@pytest.mark.parametrize("key", ["DIST1", "radial_distortion", "k3", "xi", "skew"])
+@pytest.mark.parametrize("key", ["DIST1", "D3", "radial_distortion", "k3", "xi", "skew"])
 def test_keys_that_look_like_distortion_are_refused_and_others_named(tmp_path: Path, key: str) -> None:
     file = written.opencv(tmp_path / "rig.yml", rms=np.array([[0.3]]), Q=np.eye(4))
     assert (
@@ -202,9 +202,92 @@ def test_keys_that_look_like_distortion_are_refused_and_others_named(tmp_path: P
 
 
 @pytest.mark.parametrize(
+    ("line", "remedy"),
+    [
+        ("K1_new: [800, 0, 320, 0, 800, 240, 0, 0, 1]", "write it as the camera matrix, and zeros as distortion"),
+        ("newcameramtx: [800, 0, 320, 0, 800, 240, 0, 0, 1]", "camera matrix of undistorted pictures"),
+        ("scale: 0.5", "multiply fx, fy, cx, cy and the size by the scale"),
+        ("binning: 2", "scale of the pictures"),
+        ("resize: [320, 240]", "scale of the pictures"),
+        ("crop: [10, 0, 600, 480]", "subtract its corner from cx and cy"),
+        ("crop: {x: 10, y: 0}", "part of the picture"),
+        ("roi1: [12, 8, 610, 460]", "remove it if the pictures in which depth is measured are not cropped to it"),
+        ("x_offset: 4", "part of the picture"),
+        ("T_unit: m", "m is not the unit in which lengths are read, mm by length_unit of the study; correct"),
+        ("unit: metres", "metres is not the unit"),
+    ],
+)
+def test_keys_that_would_change_the_geometry_are_refused_with_a_remedy(tmp_path: Path, line: str, remedy: str) -> None:
+    file = written.opencv(tmp_path / "rig.yml")
+    file.write_text(file.read_text() + line + "\n")
+    said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+    assert f"cameras.rig.{line.partition(':')[0]}: " in said
+    assert remedy in said
+    assert "\n" not in said
+
+
+def test_keys_of_the_whole_picture_and_of_the_unit_read_change_nothing(tmp_path: Path) -> None:
+    file = written.opencv(tmp_path / "rig.yml")
+    before = calibrated(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+    more = "scale: 1\nbinning: 1\ncrop: [0, 0, 640, 480]\nroi1: [0, 0, 0, 0]\nsquare_size: 25\n"
+    file.write_text(f"{file.read_text()}{more}calibration_time: '2020-01-01'\nT_unit: mm\n")
+    for said in ("from: rig.yml, length_unit: mm", "from: rig.yml"):  # the file itself names the unit
+        path = study(tmp_path, rig=said)
+        assert calibrated(path) == before
+        (line,) = tradestudy.load(path).imported
+        assert line.endswith("not used: scale, binning, crop, roi1, square_size, calibration_time")
+    assert "length unit mm, by T_unit of the file" in line
+
+
+def test_a_unit_in_a_file_that_its_format_contradicts_is_asked_about(tmp_path: Path) -> None:
+    path = written.camchain(tmp_path / "chain.yaml", translation=1e3 * written.T)
+    path.write_text(path.read_text() + "\nlength_unit: mm\n")
+    said = refusal(study(tmp_path, rig="from: chain.yaml"))
+    assert "mm is not the unit in which lengths are read, m by the definition of Kalibr's camchain" in said
+    assert "or give length_unit beside from:" in said
+    tradestudy.load(study(tmp_path, rig="from: chain.yaml, length_unit: mm"))
+
+
+def test_two_names_of_one_quantity_must_agree(tmp_path: Path) -> None:
+    file = written.opencv(tmp_path / "rig.yml", camera_matrix_left=written.K1)
+    before = calibrated(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+    written.opencv(file)
+    assert calibrated(study(tmp_path, rig="from: rig.yml, length_unit: mm")) == before
+    for more, names in (
+        ({"camera_matrix_left": written.K1 + np.diag([1.0, 0.0, 0.0])}, "camera_matrix_left and M1"),
+        ({"distortion_coefficients_left": 2.0 * written.D1[None]}, "distortion_coefficients_left and D1"),
+        ({"rotation": np.eye(3)}, "R and rotation"),
+    ):
+        written.opencv(file, **more)
+        said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+        assert f"{names} mean the same, but their values differ; remove the wrong one" in said
+
+
+def test_coefficients_without_a_model_and_a_model_without_coefficients_are_refused(tmp_path: Path) -> None:
+    chain, rig = tmp_path / "chain.yaml", study(tmp_path, rig="from: chain.yaml")
+    written.camchain(chain, distortion_model="none")
+    said = refusal(rig)
+    assert "cam0.distortion_coeffs: coefficients are given, but distortion_model is none; name their model" in said
+    assert "radtan or equidistant or fov" in said
+    written.camchain(chain, distortion_model="none", distortion_coeffs=[0.0] * 4)
+    assert not any(calibrated(rig).lenses[0].coefficients().values())
+    written.camchain(chain, distortion_model=None)
+    assert "distortion_model is missing" in refusal(rig)
+    written.camchain(chain, distortion_model="equidistant", distortion_coeffs=None)
+    assert "the key distortion_coeffs is missing" in refusal(rig)
+    for given in ("length_unit: mm, lens_model: fisheye", "length_unit: mm"):
+        file = written.opencv(tmp_path / "rig.yml")
+        text = re.sub(r"D\d: !!opencv-matrix\n(   .*\n)*", "", file.read_text())
+        file.write_text(text + ("" if "fisheye" in given else "fisheye_model: 1\n"))
+        said = refusal(study(tmp_path, rig=f"from: rig.yml, {given}"))
+        assert "a fisheye lens is declared, but no distortion coefficients are given" in said
+
+
+@pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"D": [0.1] * 5}, "this key looks like a part of the lens model"),
+        ({"D": [0.1] * 5}, "left.yaml:9:4: cameras.rig.D: distortion_coefficients and D mean the same, but"),
+        ({"D2": [0.1] * 5}, "this key looks like a part of the lens model"),
         ({"distortion_model": "plumb_bob", "distortion_coefficients": {"data": [0.1] * 8}}, "8 coefficients are given"),
         ({"distortion_model": "", "distortion_coefficients": {"data": [0.1] * 5}}, "no distortion model is named"),
         ({"camera_matrix": {"data": [0.0] * 9}}, "was not calibrated"),

@@ -368,7 +368,11 @@ def test_corners_that_scatter_more_than_any_detector_cause_a_warning(tmp_path: P
     assert re.search(r"cameras\.rig\.from: .* scatter by 0\.8\d? px.* rational with k1 k2", warning)
     (tmp_path / "corners.csv").write_bytes(simulate_corners.FILE.read_bytes())
     quiet = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
-    assert not any("scatter" in str(one) for one in quiet.warnings)
+    assert not any("scatter" in str(one) or "principal point" in str(one) for one in quiet.warnings)
+    large = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [2048, 2048]}"))
+    assert any(
+        "left: the principal point (5" in str(one) and "another resolution" in str(one) for one in large.warnings
+    )
 
 
 def test_a_vertical_pair_of_ros_is_that_of_opencv(tmp_path: Path) -> None:

@@ -14,7 +14,14 @@ from tradestudy.cameras.imported import FITTED_LENS, Convention, Imported, Impor
 from tradestudy.declarations.lens_models import FittedLensModel, fitted_words
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files.located import CameraFile
-from tradestudy.study.camera_files.pairs import UNUSUAL_BASELINE, UNUSUAL_NOISE, baseline_problem, is_usual
+from tradestudy.study.camera_files.pairs import (
+    OFF_CENTRE,
+    UNUSUAL_BASELINE,
+    UNUSUAL_NOISE,
+    baseline_problem,
+    is_usual,
+    off_centre,
+)
 from tradestudy.study.camera_files.request import UNUSED, Format, Request
 from tradestudy.units import LENGTH, pretty, significant
 
@@ -57,6 +64,10 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if (noise := fit.explained.noise_px) > _MOST_USUAL_NOISE_PX:
         says = f"{significant(noise, 2)} px, by a fit of the lens model {fitted_words(request.fitted_lens)}"
         unusual = (*unusual, Convention(name=UNUSUAL_NOISE, says=says, key=top.key))
+    centres = {side: own[2:4] for side, own in zip(("left", "right"), cameras_of(shared), strict=True)}
+    far = [off_centre(side, (float(x), float(y)), request.pixels) for side, (x, y) in centres.items()]
+    if any(far):
+        unusual = (*unusual, Convention(name=OFF_CENTRE, says="; ".join(filter(None, far)), key=top.key))
     return ImportedCorners(
         file=files[0].name,
         focal_length=float(np.mean([own[:2] * lens.at(own[4:]).scale_on_axis for own in cameras_of(shared)])),

@@ -28,9 +28,17 @@ from tradestudy.cameras.kinds import KINDS
 from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
-from tradestudy.study.camera_files.pairs import INEXACT_ROTATION, size_convention
+from tradestudy.study.camera_files.pairs import (
+    INEXACT_ROTATION,
+    OFF_CENTRE,
+    UNUSUAL_MATRIX,
+    off_centre,
+    size_convention,
+    unusual_matrix,
+)
 from tradestudy.study.camera_files.request import OTHER_CAMERAS, UNUSED, Format, Request
 from tradestudy.study.camera_files.syntax import parsed, syntax_of
+from tradestudy.study.camera_files.unused import unused_keys
 from tradestudy.study.document import (
     Annotation,
     Entry,
@@ -39,7 +47,6 @@ from tradestudy.study.document import (
     Member,
     Place,
     ScalarEntry,
-    dotted,
     scalar_text,
 )
 from tradestudy.units import ANGLE, LENGTH, pretty
@@ -47,12 +54,6 @@ from tradestudy.units import ANGLE, LENGTH, pretty
 ONE_CAMERA: Final = "a single camera; a stereo rig needs two, from: [LEFT, RIGHT]"
 _LAST_SEPARATOR: Final = re.compile(r"\n---\s*\Z")
 """The line that ``rostopic echo`` and ``ros2 topic echo`` write after every message."""
-_CHANGES_GEOMETRY: Final = re.compile(
-    r"distor|dist_?coef|^dist(_?[12lr]|_left|_right)?$|^d_?([12lr]|left|right)?$|radial|tangential|^xi_?[12lr]?$|^tau"
-    r"|prism|fisheye|skew|^binning|(?-i:^[kp][1-6]$)",
-    re.IGNORECASE,
-)
-"""Keys that look like distortion, or otherwise change where a point appears in the picture."""
 FORMATS: Final[tuple[Format, ...]] = (
     corners.FORMAT, mrcal.FORMAT, depthai.FORMAT, libpleno.FORMAT, kalibr.FORMAT, ros.FORMAT, opencv.FORMAT,
 )  # fmt: skip
@@ -140,38 +141,21 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
 
 
 def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> Iterator[Convention]:
-    """The size of the pictures, inexact rotations, and the keys that are not used."""
+    """The size of the pictures, inexact rotations, doubts about a single camera, and the keys that are not used."""
     if isinstance(found, ImportedPlenoptic | ImportedCamera) and found.pixels is not None:
         yield size_convention(found)
     if inexact := {key: says for file in files for key, says in file.inexact.items()}:
         yield Convention(name=INEXACT_ROTATION, says="; ".join(inexact.values()), key=next(iter(inexact)))
-    unused = [value for file in files for value in file.unused()]
-    for value in unused:
-        if not value.path:
-            raise value.fail("nothing in this file is needed beside the other files; remove it from from:")
-        if request.pictures == "raw" and _CHANGES_GEOMETRY.search(value.last) and any(_numbers_in(value.entry)):
-            raise value.fail(
-                "this key looks like a part of the lens model, but no such key is known here; rename it as the format "
-                "names it, or remove it if it does not belong to these pictures"
-            )
-    if unused:
-        names = dict.fromkeys(dotted(value.path) for value in unused)
-        yield Convention(name=UNUSED, says=", ".join(names), key=unused[0].key)
-
-
-def _numbers_in(entry: Entry) -> Iterator[float]:
-    if isinstance(entry, MappingEntry):
-        below = [member.entry for key, member in entry.members.items() if key not in ("rows", "cols", "sizes")]
-    elif isinstance(entry, ListEntry):
-        below = [*entry.items]
-    else:
-        try:
-            yield 0.0 if entry.value is None or isinstance(entry.value, bool) else float(entry.value)
-        except (ValueError, OverflowError):  # a text
-            return
-        return
-    for one in below:
-        yield from _numbers_in(one)
+    if isinstance(found, ImportedCamera):
+        doubts = {
+            UNUSUAL_MATRIX: unusual_matrix(found),
+            OFF_CENTRE: off_centre(found.name, found.centre, found.pixels),
+        }
+        for name, says in doubts.items():
+            if says:
+                yield Convention(name=name, says=says, key=found.keys["centre"])
+    camera = found.left if isinstance(found, ImportedRig) else found
+    yield from unused_keys(files, request, None if isinstance(camera, ImportedCorners) else camera.pixels)
 
 
 def _lens_and_baseline(found: Imported) -> Iterator[str]:

@@ -151,8 +151,16 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
     coefficients = dict(zip(own, numbers, strict=False))
     distortion_model, distortion = value.find("distortion_model"), value.find("distortion_coeffs")
     lens, names = _distortion(value, name, request)
-    if lens is not None and distortion is not None:
+    if lens is None and distortion is not None and any(distortion.numbers()):
+        known = [one for one in _WITH.get(name, ()) if one != "none"]
+        remedy = f"name their model there, {' or '.join(known)}, or " if known else ""
+        raise distortion.fail(
+            f"coefficients are given, but distortion_model is {'missing' if distortion_model is None else 'none'}; "
+            f"{remedy}write zeros"
+        )
+    if lens is not None:
         model = lens if name == "pinhole" else model
+        distortion = value.need("distortion_coeffs")
         numbers = distortion.numbers()
         if len(numbers) < len(names) or any(numbers[len(names) :]):
             raise distortion.fail(f"{len(numbers)} numbers are given; {len(names)} are expected")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 
 from tradestudy.errors import Problem
-from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, dotted
+from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, dotted, plain
 
 _LARGEST = 1e12  # larger than any number of a camera, in any unit
 
@@ -104,23 +104,34 @@ class Located:
         return isinstance(self.entry, MappingEntry) and all(key in self.entry.members for key in keys)
 
     def find(self, *names: str) -> Located | None:
-        """The value of the first of these keys that exists; None if none exists or its value is empty."""
-        if not isinstance(self.entry, MappingEntry):
-            return None
-        for name in names:
-            if name in self.entry.members:
-                found = self.entry.members[name].entry
-                is_empty = isinstance(found, ScalarEntry) and found.value is None
-                return None if is_empty else Located(file=self.file, entry=found, path=(*self.path, name))
-        return None
-
-    def need(self, *names: str) -> Located:
-        """The value of the first of these keys that exists.
+        """The value under any of these keys, which are names of one quantity; None if there is none, or an empty one.
 
         Raises
         ------
         CameraFileError
-            None of them exists.
+            Two of the keys have different values.
+        """
+        members = self.entry.members if isinstance(self.entry, MappingEntry) else {}
+        written = {name: members[name].entry for name in names if name in members}
+        given = [
+            Located(file=self.file, entry=entry, path=(*self.path, name))
+            for name, entry in written.items()
+            if not (isinstance(entry, ScalarEntry) and entry.value is None)
+        ]
+        for other in given[1:]:
+            if _content(other.entry) != _content(given[0].entry):
+                what = f"{given[0].last} and {other.last} mean the same, but their values differ; remove the wrong one"
+                raise other.fail(what)
+            other.use()
+        return given[0] if given else None
+
+    def need(self, *names: str) -> Located:
+        """The value under any of these keys, which are names of one quantity.
+
+        Raises
+        ------
+        CameraFileError
+            None of them has a value, or two have different ones.
         """
         found = self.find(*names)
         if found is None:
@@ -215,6 +226,12 @@ def _unused(value: Located, partly: set[Path]) -> Iterator[Located]:
     elif isinstance(value.entry, MappingEntry) or _has_mapping(value.entry):
         for one in below:
             yield from _unused(one, partly)
+
+
+def _content(entry: Entry) -> object:
+    """A value for comparison: of a matrix that states its numbers of rows and columns, the elements."""
+    content = plain(entry)
+    return content.get("data", content) if isinstance(content, dict) else content
 
 
 def _has_mapping(entry: Entry) -> bool:

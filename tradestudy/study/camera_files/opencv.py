@@ -193,6 +193,11 @@ def _camera(
     pixels = request.pixels if size is None else (size[0].count(), size[1].count())
     across, down = centre if pixels is None else (max(c, n - c) for c, n in zip(centre, pixels, strict=True))
     slope = math.hypot(across / focal_lengths[0], down / focal_lengths[1])
+    if distortion is None and _stated_kind(top, request) == "fisheye":
+        raise top.fail(
+            "a fisheye lens is declared, but no distortion coefficients are given under any of the known keys, such as "
+            "distortion_coefficients, or D1 and D2 of a pair; rename their key, or write zeros"
+        )
     model, coefficients = ("rational", {}) if distortion is None else _lens(top, distortion, slope, request)
     keys = {"focal_lengths": matrix.key, "centre": matrix.key}
     camera = ImportedCamera(
@@ -243,7 +248,8 @@ def _stated_kind(top: Located, request: Request) -> str:
     said = ""
     if (flag := top.find("fisheye_model", "fisheye")) is not None:
         said = "fisheye" if flag.text().lower() in ("1", "1.", "true") else "pinhole"
-    if (named := top.find("distortion_model", "camera_model", "lens_model", "model_type")) is not None:
+    names = ("distortion_model", "camera_model", "lens_model", "model_type")
+    if (named := next(filter(None, map(top.find, names)), None)) is not None:
         name = named.text().lower()
         if name not in (*_FISHEYE_NAMES, *_PINHOLE_NAMES) and not request.lens_model:
             raise named.fail(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -32,8 +33,16 @@ UNUSUAL_MATRIX: Final = "camera matrix"
 """Name of the convention that states that a camera matrix does not fit the picture."""
 INEXACT_ROTATION: Final = "inexact rotation"
 """Name of the convention that states which matrices of the files the nearest rotation replaces."""
+OFF_CENTRE: Final = "principal point"
+"""Name of the convention that states that a principal point lies far from the middle of the picture."""
 _SHORTEST_LENS, _LONGEST_LENS = 0.1, 100.0  # focal length over the wider side of the picture: 157° to 0.6° across
 _LARGEST_ASPECT = 1.25  # of pixels
+_FARTHEST_CENTRE: Final = 0.12
+"""Distance of usual principal points from the middle of the picture, along each side and divided by it.
+
+Those of whole sensors lie within 0.05. Exchanged sides move it by 0.125 (5 : 4) and 0.17 (4 : 3) or more; a size of
+another resolution by 0.125 (4/3 times the right one) and 0.25 (twice).
+"""
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _PLACES: Final = 65  # points along each side of a picture at which directions are computed
 _LARGEST_TANGENTIAL: Final = 0.05
@@ -102,7 +111,7 @@ def paired(
     )
     if not is_usual(baseline) and (says := _by_units(baseline, metre)):
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says + otherwise, key=key))
-    for name, words in ((FOLDING_LENS, _folding), (UNUSUAL_MATRIX, _unusual_matrix)):
+    for name, words in _DOUBTS.items():
         if says := "; ".join(filter(None, map(words, (first, second)))):
             conventions = (*conventions, Convention(name=name, says=says, key=key))
     if first.pixels is not None or second.pixels is not None:
@@ -219,19 +228,47 @@ def _folding(camera: ImportedCamera) -> str:
     return f"{pretty(missing, FRACTION, 2)} of the picture of {camera.name}, whose lens model folds {ends} off the axis"
 
 
-def _unusual_matrix(camera: ImportedCamera) -> str:
-    """Focal lengths and principal points that no usual camera has, in words; empty if there are none."""
-    (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
-    found = []
+def unusual_matrix(camera: ImportedCamera) -> str:
+    """Focal lengths that no usual camera has, in words; empty if there are none."""
+    (fx, fy), doubts = camera.focal_lengths, []
     if not 1.0 / _LARGEST_ASPECT <= fx / fy <= _LARGEST_ASPECT:
-        found.append(f"focal lengths of {fx:g} and {fy:g} px mean pixels that are not square")
+        doubts.append(f"focal lengths of {fx:g} and {fy:g} px mean pixels that are not square")
     if camera.pixels is not None:
         columns, rows = camera.pixels
         if not _SHORTEST_LENS <= max(fx, fy) / max(columns, rows) <= _LONGEST_LENS:
-            found.append(f"a focal length of {fx:g} px is unusual for a picture of {columns} × {rows} px")
-        if not (-0.5 <= cx <= columns - 0.5 and -0.5 <= cy <= rows - 0.5):
-            found.append(f"the principal point ({cx:g}, {cy:g}) px lies outside the picture of {columns} × {rows} px")
-    return f"{camera.name}: {', and '.join(found)}" if found else ""
+            doubts.append(f"a focal length of {fx:g} px is unusual for a picture of {columns} × {rows} px")
+    return f"{camera.name}: {', and '.join(doubts)}" if doubts else ""
+
+
+def off_centre(name: str, centre: tuple[float, float], pixels: tuple[int, int] | None) -> str:
+    """How far the principal point [px] of a camera is from the middle of its picture, with the likely cause, in words.
+
+    Empty if it is at most 12 % of the width and of the height away, or the size of the picture is unknown.
+    """
+    if pixels is None or _is_central(centre, pixels):
+        return ""
+    (x, y), (columns, rows) = centre, pixels
+    is_inside = -0.5 <= x <= columns - 0.5 and -0.5 <= y <= rows - 0.5
+    place = "far from the middle of" if is_inside else "outside"
+    cause = "the size may be that of another resolution, or the picture be cropped"
+    if _is_central(centre, pixels[::-1]):
+        cause = "width and height are probably exchanged"
+    return (
+        f"{name}: the principal point ({x:g}, {y:g}) px lies {place} the picture of "
+        f"{columns} × {rows} px, whose middle is ({(columns - 1) / 2:g}, {(rows - 1) / 2:g}) px; {cause}"
+    )
+
+
+def _is_central(centre: tuple[float, float], pixels: tuple[int, int]) -> bool:
+    return all(abs(at - (count - 1) / 2) <= _FARTHEST_CENTRE * count for at, count in zip(centre, pixels, strict=True))
+
+
+_DOUBTS: Final[Mapping[str, Callable[[ImportedCamera], str]]] = {
+    FOLDING_LENS: _folding,
+    UNUSUAL_MATRIX: unusual_matrix,
+    OFF_CENTRE: lambda camera: off_centre(camera.name, camera.centre, camera.pixels),
+}
+"""What may be wrong with each camera of a pair, in words, by the name of its convention."""
 
 
 def _turned(camera: ImportedCamera, at: Located) -> ImportedCamera:

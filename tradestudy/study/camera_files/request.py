@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
@@ -10,6 +12,7 @@ from typing import Final
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig
 from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError, Located
+from tradestudy.study.document import ScalarEntry
 from tradestudy.units import LENGTH, UnitError, parse
 
 OTHER_CAMERAS: Final = "cameras not used"
@@ -17,6 +20,12 @@ OTHER_CAMERAS: Final = "cameras not used"
 UNUSED: Final = "not used"
 """Name of the convention that lists the keys or columns of calibration files that the program does not use."""
 PIXEL_ORIGIN: Final = "the centre of the first pixel is (0, 0), x to the right and y down"
+
+
+_UNIT: Final = re.compile(
+    r"((T|length|translation|baseline|distance|world)_?)?units?(_of_(length|T|translation))?", re.IGNORECASE
+)
+"""Keys of files that name the unit of their lengths."""
 
 
 class NoLengthUnitError(CameraFileError):
@@ -51,26 +60,45 @@ class Request:
     fitted_lens: FittedLensModel | None = None
 
     def metres(self, value: Located, *, stated: str = "", why: str = "") -> tuple[float, Convention]:
-        """The unit of length in metres, and its origin.
+        """The unit of length in metres, and its origin: the study, else a key such as ``T_unit`` or the format.
 
         Parameters
         ----------
         value
             A length, for messages and the register.
         stated, why
-            Unit stated by the file or by the definition of its format, and which of them; empty if neither states it.
+            Unit stated by the definition of the format, and its words; empty if it states none.
 
         Raises
         ------
         NoLengthUnitError
             The unit is unknown.
+        CameraFileError
+            A key of the file names another unit than the study or the format.
         """
+        named = next(_units_named(value.file.top), None)
+        if named is not None and not stated:
+            stated, why = named.text(), f"{named.last} of the file"
         unit = self.length_unit or stated
         if not unit:
             what = "the file does not state its unit of length; give length_unit: mm (or m) beside from:"
             raise NoLengthUnitError(value.fail(what).problem)
         by = "length_unit of the study" if self.length_unit else why
-        return parse(f"1 {unit}", LENGTH), Convention(name="length unit", says=f"{unit}, by {by}", key=value.key)
+        metre = parse(f"1 {unit}", LENGTH)
+        if named is not None and not math.isclose(parse(f"1 {named.text()}", LENGTH), metre):
+            what = f"{named.text()} is not the unit in which lengths are read, {unit} by {by}; correct the wrong one"
+            raise named.fail(what + ("" if self.length_unit else ", or give length_unit beside from:"))
+        return metre, Convention(name="length unit", says=f"{unit}, by {by}", key=value.key)
+
+
+def _units_named(top: Located) -> Iterator[Located]:
+    """The keys of a file, such as ``T_unit``, whose values are units of length."""
+    for name in top.names():
+        value = top.find(name) if _UNIT.fullmatch(name) else None
+        if value is not None and isinstance(value.entry, ScalarEntry):
+            with suppress(UnitError):
+                parse(f"1 {value.entry.text}", LENGTH)
+                yield value
 
 
 @dataclass(frozen=True, kw_only=True)
