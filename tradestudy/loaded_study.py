@@ -132,7 +132,7 @@ class Study:
     def check(self) -> str:
         """Check that the declared tolerances can be met, with the models that the study prescribes (key `effects`).
 
-        The time of the run is not predicted.
+        A fit to a few views, in about a second, checks corners. The time of the run is not predicted.
 
         Returns
         -------
@@ -144,15 +144,19 @@ class Study:
         UnaffordableError
             If even the most complete models exceed a tolerance, or pictures do not fit into the free memory.
         StudyError
-            If pictures cannot be rendered, or depth cannot be measured in them, or the study prescribes a model for an
-            effect that none of its cameras, lenses or light paths has.
+            If no rig fits the corners, or they contradict the declared one; if pictures cannot be rendered, or depth
+            cannot be measured in them; or if the study prescribes a model for an effect that none of its cameras,
+            lenses or light paths has.
         """
+        from tradestudy.run.inference import refuse_corners
+
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:
             from tradestudy.plan.choice import choose_models
 
             choose_models(self.definition)
         self._refuse_pictures()
+        refuse_corners(self.definition)
         return self.check_summary()
 
     def with_values(self, values: Mapping[str, Value]) -> Study:

@@ -12,11 +12,15 @@ from scipy import stats
 
 from tests.calibration.calibration_files import write_calibration
 from tests.study.conftest import STUDIES
+from tradestudy.calibration import posteriors
 from tradestudy.calibration.calibration_file import CalibrationCovariance, CalibrationDraws
+from tradestudy.calibration.corners.corner_file import StereoCorners
+from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
 from tradestudy.calibration.sources import group_of_draws
 from tradestudy.cameras.calibration import ONE_SIGMA, Calibration
 from tradestudy.cameras.stereo.declaration import StereoDeclaration
 from tradestudy.errors import StudyError
+from tradestudy.loaded_study import Study
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.error_class import ErrorClass
@@ -382,3 +386,34 @@ def test_corner_files_of_readings_are_checked(written: Written, tmp_path: Path) 
     readings = "readings: {other: {says: other, set: {rig.calibration.corners.file: bad.csv}}}"
     with pytest.raises(StudyError, match=r"readings.other: cameras.rig.calibration.corners.file: bad.csv lacks"):
         written(f"cameras: {{rig: {{from: good.csv, sensor: {{pixels: [640, 360]}}}}}}\n{readings}")
+
+
+def test_check_refuses_corners_that_contradict_the_declared_geometry_as_a_run_does(
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitted: list[int] = []
+
+    def counted(corners: StereoCorners) -> RigFit:
+        fitted.append(len(corners.views))
+        return fit_rig(corners)
+
+    monkeypatch.setattr(posteriors, "fit_rig", counted)
+    text = (STUDIES / "data/stereo_chessboard_corners.csv").read_text()
+    (tmp_path / "corners.csv").write_text(text)
+    webcams = (
+        "cameras: {{rig: {{kind: stereo, title: Webcams, lenses: {{focal_length: 461 px}}, baseline: {baseline} mm, "
+        "sensor: {{pixels: [640, 360], pixel_pitch: 3 um}}, depth: {{disparity_error: 0.1 px}}, "
+        "calibration: {{corners: {{file: corners.csv}}}}}}}}"
+    )
+    assert "no mistakes" in Study(written(webcams.format(baseline=94.1))).check()
+    assert fitted == [8]  # of 29: quick if nothing is wrong
+    definition = written(webcams.format(baseline=80))
+    with pytest.raises(StudyError, match=r"corners: declared baseline 80 mm, corners say 94.1 ± 0.2 mm") as caught:
+        Study(definition).check()
+    assert fitted == [8, 8, 29]  # all views decide
+    with pytest.raises(StudyError) as of_run:
+        Study(definition).run()
+    assert str(caught.value) == str(of_run.value)
+    (tmp_path / "corners.csv").write_text(text.replace("left", "l").replace("right", "left").replace("l_", "right_"))
+    with pytest.raises(StudyError, match=r"cameras.rig.calibration.corners: the left and right columns are exchanged"):
+        Study(written(webcams.format(baseline=94.1))).check()

@@ -28,6 +28,7 @@ from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersP
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.declarations.lens_models import FittedLensModel
+from tradestudy.errors import TradestudyError
 from tradestudy.execution.point_progress import part_of_point, tell
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
@@ -37,6 +38,7 @@ MOST_DRAWS = 2**13
 _CHECKED_DRAWS = 1000
 _FITTED, _LOADED, _CHECKED = 0.13, 0.22, 0.9
 """Fractions of the time of a calibration from corners until it is fitted, until chains begin, and until their check."""
+_FEW_VIEWS = 8  # fitted in a second
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,13 +203,9 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
         The views do not determine the parameters.
     """
     rig = cast(PairGeometry, request.camera)  # the schema admits no other kind
-    corners = corners_of(request)
-    lens = lens_of(request.part.lens_model)
-    fit, names = fit_rig(replace(corners, lens=lens)), shared_names(lens.free)
+    fit, normal = _fitted(request, corners_of(request))
+    lens, names = fit.corners.lens, normal.names
     tell(_FITTED)
-    normal = LaplaceFit(names=names, mean=fit.explained.shared, covariance=fit.covariance)
-    draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
-    check_geometry(request.name, rig, normal.mean, draws, says="corners say", lens=lens)
     rng = point_generator(seed=request.seed, point=f"corners/{request.name}", replicate=0)
     with part_of_point(_LOADED, _CHECKED):
         found = sample_rig(fit, rng=rng, maximum_steps=request.part.max_steps)
@@ -230,6 +228,40 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
         fit=fit,
         trust=examine(fit, (rig.sensor.columns, rig.sensor.rows), others=[*map(lens_of, request.part.compared_with)]),
     )
+
+
+def check_corners(request: CornersToInfer) -> None:
+    """Refuse corners as `infer_from_corners` does, without sampling.
+
+    A fit to a few views decides whether all are fitted, which takes longer and gives the verdict. A contradiction that
+    few views do not show is left to the run.
+
+    Raises
+    ------
+    TradestudyError
+        See `infer_from_corners`.
+    """
+    corners = corners_of(request)
+    rows = np.unique(np.linspace(0, len(corners.views) - 1, _FEW_VIEWS).round().astype(int))
+    few = replace(
+        corners,
+        views=tuple(corners.views[row] for row in rows),
+        **{name: getattr(corners, name)[rows] for name in ("board", "left", "right", "present")},
+    )
+    try:
+        _fitted(request, few)
+    except TradestudyError:
+        _fitted(request, corners)
+
+
+def _fitted(request: CornersToInfer, corners: StereoCorners) -> tuple[RigFit, LaplaceFit]:
+    """The fit to the corners and its normal approximation, which do not contradict the declared rig."""
+    rig, lens = cast(PairGeometry, request.camera), lens_of(request.part.lens_model)
+    fit = fit_rig(replace(corners, lens=lens))
+    normal = LaplaceFit(names=shared_names(lens.free), mean=fit.explained.shared, covariance=fit.covariance)
+    draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
+    check_geometry(request.name, rig, normal.mean, draws, says="corners say", lens=lens)
+    return fit, normal
 
 
 def lens_of(part: FittedLensModel | None) -> FreeLens:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from tradestudy.errors import Problem, StudyError
+from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.sweep import calibrations_to_infer
@@ -47,6 +47,35 @@ def infer_calibrations(
         raise StudyError(_located(definition, error)) from None
     known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
     return known, {one.name: found[key] for key, one in definition.calibrations_to_infer().items()}
+
+
+def refuse_corners(definition: StudyDefinition) -> None:
+    """Refuse corners, of the study as declared and of its readings, that a run would refuse after their fit.
+
+    Raises
+    ------
+    StudyError
+        No rig fits the corners, or they contradict the declared geometry.
+    """
+    forms = [definition, *definition.readings.values()]
+    asked = {key: request for form in forms for key, request in form.calibrations_to_infer().items()}
+    if not asked:
+        return
+    from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
+    from tradestudy.calibration.posteriors import CornersToInfer, check_corners
+
+    problems = []
+    for request in asked.values():
+        try:
+            if isinstance(request, CornersToInfer):
+                check_corners(request)
+        except GeometryContradictionError as error:
+            problems += _located(definition, error)
+        except TradestudyError as error:
+            path = ("cameras", request.name, "calibration", "corners")
+            problems.append(definition.document.locate(path).problem(path, str(error)))
+    if problems:
+        raise StudyError(problems)
 
 
 def _located(definition: StudyDefinition, error: GeometryContradictionError) -> list[Problem]:
