@@ -6,6 +6,7 @@ import ast
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 from xml.parsers import expat
@@ -14,15 +15,18 @@ from tradestudy.study.camera_files.located import CameraFile, CameraFileError
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Member, Place, ScalarEntry, scalar_text
 from tradestudy.study.source import DEEPEST, MOST_VALUES, UnreadableError, compose
 
-_CORNER_LINE: Final = re.compile(r"^[^\n:]*\bboard_x\w*\s*[,;]|\A\d+[,;][^\n:]*$", re.MULTILINE)
-"""Names of columns, or numbers below names that are commented out."""
+_CORNER_LINE: Final = re.compile(
+    r'\A[^\n:]*\bboard_x|^(?:"?\w*"? ?[,;\t] ?)*"?board_x\w*"? ?[,;\t]|\A\d+[,;][^\n:]*$', re.MULTILINE
+)
+"""Names of columns, possibly below a title, or numbers below names that are commented out."""
 _OPENCV_HEAD: Final = re.compile(r"%YAML[: ]1\.[0-2][^\n]*")
 _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def syntax_of(text: str) -> str:
     """The syntax of a text, recognised by its beginning."""
-    body = "\n".join(line for line in text.lstrip().split("\n", 20)[:20] if not line.startswith("#")).lstrip()
+    lines = (line for line in text.lstrip("\ufeff \t\r\n").split("\n") if not line.startswith("#"))
+    body = "\n".join(islice(lines, 20)).lstrip()
     if _CORNER_LINE.search(body):
         return "corners"
     if body.startswith("<"):
