@@ -843,7 +843,8 @@ formats.
 that of the left one first. Paths are relative \
 to the study. A camera file contains the keys of one camera, without `from` and `like`. \
 | `from: cameras/raytrix-r5.yaml`, `from: [left.yaml, right.yaml]` |
-| `like` | Instead of `from`: name of another camera of the study. | `like: stereo-50mm` |
+| `like` | Instead of `from`: name of another camera of the study. Values that `--set`, sweeps, readings and questions \
+change are changed only in the camera that they name, not in those that are like it. | `like: stereo-50mm` |
 | `length_unit` | Unit of the lengths in the calibration files; needed if neither the files nor their format state it. \
 | `length_unit: mm` |
 | `pair` | Names of the left and the right camera in a Kalibr file, or the numbers of their sockets in a DepthAI \

@@ -118,7 +118,9 @@ class Problem:
     @property
     def message(self) -> str:
         """The mistake, with its place only if it is in a file: Python has no command line with a ``--set``."""
-        return escaped(f"{self.path}: {self.what}") if self.file.startswith("--") and self.path else str(self)
+        if not self.file.startswith("--"):
+            return str(self)
+        return escaped(f"{self.path}: {self.what}" if self.path else self.what)
 
 
 class StudyError(TradestudyError):

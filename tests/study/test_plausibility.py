@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import tradestudy
 from tradestudy.cli import app
+from tradestudy.errors import StudyError
 from tradestudy.results.views.conclusions import terminal_lines
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -66,8 +67,10 @@ def test_a_focal_length_in_the_wrong_unit_is_warned_about() -> None:
 def test_a_basis_silences_a_warning_and_each_place_is_reported_once() -> None:
     stated = "stereo-75mm.baseline={value: 50 m, basis: datasheet}"
     assert tradestudy.load(ROBOT, [stated]).warnings == ()
-    both = tradestudy.load(ROBOT, ["stereo-50mm.sensor.pixel_pitch=3 mm"]).warnings  # which the other head inherits
-    assert len(both) == 1
+    values = ["stereo-50mm.sensor.pixel_pitch=3 mm", "stereo-75mm.sensor.pixel_pitch=3 um"]
+    assert len(tradestudy.load(ROBOT, values).warnings) == 1
+    both = tradestudy.load(ROBOT, values[:1]).warnings  # the other head, declared like it, keeps 3 um
+    assert ["3 mm is unusual" in one for one in both] == [True, False]
 
 
 def test_a_tolerance_without_a_percent_sign_is_warned_about() -> None:
@@ -265,6 +268,40 @@ def test_a_principal_point_far_from_the_middle_is_warned_about_with_its_likely_c
     for x, number in ((320.0 + 0.11 * 640, 0), (320.0 + 0.13 * 640, 1)):
         moved = STEREO.replace("320., 0., 800., 240.", f"{x}, 0., 800., 240.", 1)
         assert len(warnings(moved)) == number
+
+
+@pytest.mark.parametrize(
+    ("overrides", "named"),
+    [
+        (
+            ["stereo-50mm.depth.disparity_range=64 px"],
+            "cameras.stereo-50mm.depth.disparity_range: does not change stereo-75",
+        ),
+        (["stereo-50mm.depth.disparity_range=64 px", "stereo-75mm.depth.disparity_range=64 px"], ""),
+        (["stereo-50mm.baseline=60 mm"], ""),  # the other rig has its own
+        (["stereo-75mm.depth.disparity_range=64 px"], ""),
+        (["stereo-50mm.sensor.pixel_pitch=3.1 um", "stereo-75mm=null", "decision=null", "trade_off=null"], ""),
+    ],
+)
+def test_a_value_that_cameras_like_the_changed_one_keep_is_warned_about(overrides: list[str], named: str) -> None:
+    said = [one for one in tradestudy.load(ROBOT, overrides).warnings if "declared like" in one]
+    assert [one.startswith(named) for one in said] == [True] * bool(named)
+    assert not any("--set" in one for one in said)
+
+
+def test_a_mistake_of_a_part_names_the_values_in_it_that_were_set() -> None:
+    given = ["scene.wavelength=600 nm", "stereo-75mm.baseline=70 mm", "stereo-75mm.focus_distance=1 mm"]
+    with pytest.raises(StudyError) as caught:
+        tradestudy.load(ROBOT, given)
+    (said,) = str(caught.value).splitlines()
+    set_here = "cameras.stereo-75mm.baseline=70 mm, cameras.stereo-75mm.focus_distance=1 mm"
+    assert "cameras.stereo-75mm: the lenses cannot focus that close" in said
+    assert said.endswith(f"; set for this run: {set_here}")
+
+
+def test_advice_for_python_names_no_option() -> None:
+    with pytest.raises(StudyError, match="readings, or compute a study for each value"):
+        tradestudy.load(ROBOT, ["sweep={scene.wavelength: [500 nm, 600 nm]}"])
 
 
 NOT_OF_ONE = ("M2", "D1", "D2", "R:", "T:")

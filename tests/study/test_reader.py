@@ -268,6 +268,28 @@ class TestValuesFromOutside:
             "b": {"kind": "mono"},
         }
 
+    def test_cameras_that_keep_a_replaced_value_by_being_like_another_are_known(self, write: Write) -> None:
+        path = write(
+            """\
+            title: t
+            cameras:
+              a: {kind: mono, lens: {focal_length: 8 mm, power: 2 %}}
+              own: {like: a, lens: {power: 3 %}}
+              far: {like: own}
+              apart: {kind: mono}
+            """
+        )
+
+        def kept(*overrides: str) -> list[tuple[str, ...]]:
+            return [one.kept_by for one in read(path, overrides).overrides]
+
+        assert kept("a.lens.focal_length=9 mm") == [("own", "far")]
+        assert kept("a.lens.power=4 %", "own.lens.power=4 %") == [(), ("far",)]
+        assert kept("a.lens={power: 4 %}") == [()]  # the focal length stays
+        assert kept("a.lens={focal_length: 9 mm}") == [("own", "far")]
+        assert kept("a.lens.focal_length=null", "a.size=[1, 2]") == [("own", "far"), ("own", "far")]
+        assert kept("apart.size=[1, 2]", "far.size=[1, 2]", "title=x") == [(), (), ()]
+
     def test_set_null_takes_a_value_back(self, base: Document) -> None:
         changed = with_values(base, {"eye.lens.focal_length": "null"})
         assert changed.tree["cameras"]["eye"]["lens"] == {}
@@ -322,6 +344,12 @@ class TestValuesFromOutside:
     )
     def test_mistakes_in_set(self, write: Write, override: str, message: str) -> None:
         assert reported(read(write(BASE), [override])) == [f"--set:1:{message}"]
+
+    def test_a_mistake_without_a_value_has_no_place_for_python(self, write: Write) -> None:
+        with pytest.raises(StudyError) as caught:
+            load(WRONG / "right.yaml", ["rig.baseline=70 mm", "nothing"])
+        assert str(caught.value).startswith("'nothing' is not of the form path=value")
+        assert str(caught.value.problems[0]).startswith("--set:2:1: 'nothing'")
 
     def test_what_composes_a_camera_cannot_be_set(self, write: Write) -> None:
         (said,) = reported(read(write(BASE), ["eye.like=two.eyes"]))

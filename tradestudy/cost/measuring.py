@@ -144,7 +144,7 @@ def measure(problem: CostProblem, seconds: float) -> Measured:
             if held is None:
                 left_out.append(
                     f"not measured: the reference needs about {_words(predicted)}, more than the time left; give a "
-                    "larger --budget"
+                    "larger budget"
                 )
             break
         started = time.perf_counter()

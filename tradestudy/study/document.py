@@ -80,11 +80,14 @@ class Override:
         The new value as given; empty if it removes the study's value.
     before
         The study's own value; empty if it has none.
+    kept_by
+        Cameras that inherit the replaced value by ``like``, and keep it.
     """
 
     path: Path
     text: str
     before: str
+    kept_by: tuple[str, ...] = ()
 
 
 class Member(NamedTuple):
@@ -206,15 +209,37 @@ class Document:
 
         The basis of the study's own value is recorded with that value, since it does not apply to the new one.
         """
-        known = next((one.before for one in self.overrides if one.path == changed), None)
+        known = next((one for one in self.overrides if one.path == changed), None)
         after = replace(self, root=root)
         override = Override(
             path=changed,
             text=_with_basis(after.entry(changed)),
-            before=_with_basis(self.entry(changed)) if known is None else known,
+            before=_with_basis(self.entry(changed)) if known is None else known.before,
+            kept_by=self._inheriting(changed, after) if known is None else known.kept_by,
         )
         others = tuple(one for one in self.overrides if one.path != changed)
         return replace(after, overrides=(*others, override))
+
+    def _inheriting(self, changed: Path, after: Document) -> tuple[str, ...]:
+        """Cameras that have what ``after`` changes by being like the camera at the changed path, not by themselves."""
+        if len(changed) < 3 or changed[0] != "cameras":
+            return ()
+        new = after.entry(changed)
+        within = [changed] if new is None else [path for path, _ in walk(new, changed)]
+        ends = [path for path in within if not isinstance(self.entry(path), MappingEntry)]
+        ends = [path for path in ends if new is None or after.entry(path) is not self.entry(path)]
+        return tuple(
+            other
+            for other in self.like
+            if str(changed[1]) in self._models_of(other)
+            and any(self.entry(path) is self.entry(("cameras", other, *path[2:])) for path in ends)
+        )
+
+    def _models_of(self, camera: str) -> Iterator[str]:
+        """The cameras that a camera is like, nearest first."""
+        while camera in self.like:
+            camera = self.like[camera]
+            yield camera
 
     def with_problems(self, *problems: Problem) -> Document:
         """The document with further mistakes."""

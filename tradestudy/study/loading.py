@@ -11,7 +11,7 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.study.camera_files.importing import ONE_CAMERA
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Document, Entry, Place, Value
+from tradestudy.study.document import OUTSIDE, Document, Entry, Place, Value, dotted
 from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
 from tradestudy.study.schema.value_of_information import AssumptionPart
@@ -38,7 +38,8 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     try:
         definition = StudyDefinition.of(document)
     except StudyError as error:
-        raise StudyError(_stated_once(document, [*error.problems, *_single_cameras(document, error)])) from None
+        found = _stated_once(document, [*error.problems, *_single_cameras(document, error)])
+        raise StudyError([_with_cause(document, one) for one in found]) from None
     problems: list[Problem] = []
     try:
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
@@ -50,8 +51,17 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
         except StudyError as error:
             problems += error.problems
     if problems:
-        raise StudyError(list(dict.fromkeys(problems)))
+        raise StudyError([_with_cause(document, one) for one in dict.fromkeys(problems)])
     return definition
+
+
+def _with_cause(document: Document, problem: Problem) -> Problem:
+    """The problem of a part, with the values in it that were set from outside and may cause it."""
+    given = [f"{dotted(one.path)}={one.text or 'null'}" for one in document.overrides]
+    inside = [one for one in given if problem.path and one.startswith(f"{problem.path}.")]
+    if not inside or (problem.file == OUTSIDE.file and len(given) == 1):
+        return problem
+    return replace(problem, what=f"{problem.what}; set for this run: {', '.join(inside)}")
 
 
 def _stated_once(document: Document, problems: Sequence[Problem]) -> list[Problem]:

@@ -129,6 +129,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_unequal_pixels(definition),
         *_imported(definition),
         *_off_centre(definition),
+        *_not_inherited(definition),
         *_assumed_pitches(definition),
         *_idle_matcher(definition),
         *_tolerances(definition),
@@ -272,6 +273,18 @@ def _off_centre(definition: StudyDefinition) -> Iterator[Problem]:
             if isinstance(sensor, SensorPart) and (says := off_centre(side, part.principal_point, sensor.pixels)):
                 path = ("cameras", name, "sensor", "pixels")
                 yield definition.document.locate(path).problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
+
+
+def _not_inherited(definition: StudyDefinition) -> Iterator[Problem]:
+    """Values set from outside for a camera that others are like: these keep the study's value unless it is set too."""
+    document = definition.document
+    given = {one.path for one in document.overrides}
+    for one in document.overrides:
+        present = [name for name in one.kept_by if name in definition.file.cameras]
+        others = [name for name in present if (one.path[0], name, *one.path[2:]) not in given]
+        if others:
+            what = f"does not change {listed(others)}, declared like {one.path[1]}; set it there too if it should"
+            yield document.locate(one.path).problem(one.path, what)
 
 
 def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:

@@ -47,7 +47,8 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Document:
         A YAML 1.2 file.
     overrides
         ``path=value`` texts; the path is dotted, ``cameras.`` may be omitted, and the value is YAML. They are applied
-        after ``from`` and ``like``, so that only the named camera changes.
+        after ``from`` and ``like``, so that only the named camera changes; overrides name those that keep the replaced
+        value.
 
     Returns
     -------

@@ -46,7 +46,7 @@ def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
         if path.startswith("scene.") and not path.startswith(_NO_PART_OF_THE_SCENE):
             raise UnitError(
                 f"{path} cannot be swept, because all designs of a sweep share one scene; "
-                "declare its values as readings, or change it with --set"
+                "declare its values as readings, or compute a study for each value"
             )
         if not isinstance(part, SweepRangePart) and None in part:
             raise UnitError(f"{path}: null removes a value, but a sweep sets values; leave null out")
