@@ -40,8 +40,8 @@ METHODS: Final[Mapping[tuple[str, str], MethodName]] = {
 # at most 1.14 times what trials found, where by less than 25 %; Fresnel's law by at most 1.4 times, except for two
 # changes of about 1 %, which were 1.9 and 3.5 times. On seven discs of the fresh seed 824, one change by rays was 1.22
 # times what the trial found, and so 1.11 times what is stated; all others were smaller than stated. Their microlenses
-# had any lens phase; with parabolic ones, disc 24 of seed 811 changes by 1.6 % by Fresnel's law, 6 times what the trial
-# finds and 2.3 times what is stated.
+# had any lens phase, and their trials left out light that misses a microlens's own pixels. With that light, and with
+# parabolic microlenses, Fresnel's law changed five discs of seed 811 by at most 1.5 times what trials found.
 _MARGIN_OF_RAYS: Final = 1.1
 _MARGIN_OF_WAVES: Final = 2.4
 _MARGIN: Final = 1.3  # of pixels and crosstalk, which save no time

@@ -40,6 +40,9 @@ _AROUND: Final = 3  # points that represent a disc with its centre
 _PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
 _MOST_LINES: Final = 4
 _OUT: Final = 0.6  # where the probes lie between the middle of a lit part and its edge
+# Pixels of a microlens and its neighbours: on one light path, three quarters of its light miss its own pixels, and
+# Fresnel's law changes that light most.
+_SENT_TO: Final = 9
 _LEAST_LIT: Final = 0.05  # microlenses lit by a smaller part of the disc than this share of the largest are left out
 
 
@@ -49,8 +52,10 @@ class Probe:
 
     Attributes
     ----------
-    alone, pair
-        The microlens alone and with its nearest neighbour, each with the pixels that belong to it, divided into parts.
+    alone
+        The microlens, with its pixels and those of its neighbours, which its light may meet, divided into parts.
+    pair
+        The microlens and its nearest neighbour, with the pixels that belong to them, divided into parts.
     points
         Three source points around the middle of the part of the disc that lights the microlens; otherwise the source.
     coherent_radius
@@ -108,8 +113,10 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
     found = []
     for index, points in places.items():
         apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
-        nearest = [int(one) for one in np.argsort(apart, kind="stable")[:2]]
-        alone, pair = (_in_parts(microlenses_alone(path, nearest[:count], owner)) for count in (1, 2))
+        nearest = [int(one) for one in np.argsort(apart, kind="stable")[:_SENT_TO]]
+        around = microlenses_alone(path, nearest, owner)
+        alone = _in_parts(replace(around, microlenses=path.microlenses.only(index)))
+        pair = _in_parts(microlenses_alone(path, nearest[:2], owner))
         found.append(
             Probe(
                 alone=alone,
