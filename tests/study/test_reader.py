@@ -288,6 +288,7 @@ class TestValuesFromOutside:
         assert kept("a.lens={power: 4 %}") == [()]  # the focal length stays
         assert kept("a.lens={focal_length: 9 mm}") == [("own", "far")]
         assert kept("a.lens.focal_length=null", "a.size=[1, 2]") == [("own", "far"), ("own", "far")]
+        assert kept("own.lens=null") == [("far",)]
         assert kept("apart.size=[1, 2]", "far.size=[1, 2]", "title=x") == [(), (), ()]
 
     def test_set_null_takes_a_value_back(self, base: Document) -> None:

@@ -225,14 +225,16 @@ class Document:
         if len(changed) < 3 or changed[0] != "cameras":
             return ()
         new = after.entry(changed)
-        within = [changed] if new is None else [path for path, _ in walk(new, changed)]
-        ends = [path for path in within if not isinstance(self.entry(path), MappingEntry)]
-        ends = [path for path in ends if new is None or after.entry(path) is not self.entry(path)]
+        ends = [
+            path
+            for path, entry in ([] if new is None else walk(new, changed))
+            if self.entry(path) is not entry and not isinstance(self.entry(path), MappingEntry)
+        ]
         return tuple(
             other
             for other in self.like
             if str(changed[1]) in self._models_of(other)
-            and any(self.entry(path) is self.entry(("cameras", other, *path[2:])) for path in ends)
+            and any(self.entry(path) is self.entry(("cameras", other, *path[2:])) for path in ends or [changed])
         )
 
     def _models_of(self, camera: str) -> Iterator[str]:

@@ -226,6 +226,29 @@ def test_keys_that_would_change_the_geometry_are_refused_with_a_remedy(tmp_path:
     assert "\n" not in said
 
 
+@pytest.mark.parametrize("key", ["scale", "image_scale", "crop", "K_new"])
+def test_every_format_refuses_keys_that_would_change_the_geometry(tmp_path: Path, key: str) -> None:
+    says = {key: [0.5, 12.0, 610.0, 460.0]}
+    left, _ = written.camera_info_pair(tmp_path)
+    r1, _, p1, _ = written.rectified()
+    written.camera_info(left, written.K1, written.D1, r1, p1, **says)
+    written.camchain(tmp_path / "chain.yaml", **says)
+    devices.cameramodels(tmp_path, **says)
+    device = devices.device(tmp_path / "oak.json")
+    device.write_text(json.dumps({**json.loads(device.read_text()), **says}))
+    devices.plenoptic(tmp_path / "r12.js", **says)
+    for files in (
+        "[left.yaml, right.yaml]",
+        "chain.yaml",
+        "[left.cameramodel, right.cameramodel]",
+        "oak.json",
+        "r12.js",
+    ):
+        assert re.search(
+            rf"cameras\.rig\.(cam0\.)?{key}: this key looks like", refusal(study(tmp_path, rig=f"from: {files}"))
+        )
+
+
 def test_keys_of_the_whole_picture_and_of_the_unit_read_change_nothing(tmp_path: Path) -> None:
     file = written.opencv(tmp_path / "rig.yml")
     before = calibrated(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
