@@ -155,3 +155,6 @@ def test_values_of_a_plenoptic_file_that_pictures_ignore_are_warned_of(tmp_path:
     (warned,) = [one for one in tradestudy.load(path).warnings if "not modelled" in one]
     assert "distortion of the main lens (radial (-0.0002, 0.0, 0.0))" in warned
     assert "rotation of the microlens array by 0.573" in warned
+    devices.plenoptic(tmp_path / "r12.js", distortions_inverse=bent)
+    (warned,) = [one for one in tradestudy.load(path).warnings if "not modelled" in one]
+    assert "distortion of the main lens (radial (-0.0002, 0.0, 0.0))" in warned

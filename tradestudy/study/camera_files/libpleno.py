@@ -13,6 +13,7 @@ from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.request import Format, Request
 from tradestudy.units import ANGLE, LENGTH, pretty
 
+_DISTORTIONS: Final = ("distortions", "distortions_inverse", "invdistortions")
 _LAYOUTS: Final[dict[str, Literal["square", "hexagonal"]]] = {"0": "square", "1": "hexagonal", "2": "hexagonal"}
 _MODES: Final = {"0": "unfocused", "1": "keplerian", "2": "galilean"}
 IGNORED: Final = "values that pictures ignore"
@@ -111,7 +112,7 @@ def _scaling(value: Located, metre: float) -> tuple[float, float, float]:
 
 def _refuse_distortion_along_axis(top: Located) -> None:
     """Refuse a distortion along the axis; note that lateral distortion has been seen."""
-    for name in ("distortions", "distortions_inverse", "invdistortions"):
+    for name in _DISTORTIONS:
         if (distortion := top.find(name)) is None:
             continue
         along = distortion.find("depth")
@@ -126,10 +127,10 @@ def _refuse_distortion_along_axis(top: Located) -> None:
 def _ignored(top: Located, mesh: Located) -> Iterator[Convention]:
     """The values of this camera that would change its pictures and are not used: distortion, and a rotated array."""
     found = []
-    if (distortion := top.find("distortions")) is not None:
+    for distortion in [top.need(name) for name in _DISTORTIONS if top.find(name) is not None]:
         parts = [(name, distortion.find(name)) for name in ("radial", "tangential")]
         given = [f"{name} {part.numbers()}" for name, part in parts if part is not None and any(part.numbers())]
-        if given:
+        if given and not found:  # its inverse says the same
             found.append(f"the distortion of the main lens ({', '.join(given)})")
     if (rotation := mesh.need("pose").find("rotation")) is not None:
         cosine = (np.trace(np.reshape(rotation.numbers(9), (3, 3))) - 1.0) / 2.0
