@@ -35,6 +35,9 @@ def test_the_centre_of_the_map_is_the_axis(measured):
     middle = found.uncertainty[:, DOWN // 2, ACROSS // 2]
     np.testing.assert_allclose(middle, depth_uncertainty(linear, Z), rtol=1e-9)
     assert np.all(found.error < 0.1)
+    radius = distribution(linear, Z, "both", 0.0).error_radius
+    np.testing.assert_allclose(found.radius[:, DOWN // 2, ACROSS // 2], radius, rtol=1e-9)
+    assert np.all(found.radius_error < 0.1)
 
 
 def test_noise_moves_depth_by_the_local_scale_of_the_lens():
@@ -56,6 +59,20 @@ def test_noise_moves_depth_by_the_local_scale_of_the_lens():
         # At one pair of pictures depth moves along both rays; to first order in B/Z that is the slope of disparity.
         slope = (disparity[0] - disparity[1]) / 2e-5
         assert found[row, column] == pytest.approx(noise / slope, rel=2e-2)
+
+
+def test_the_radius_counts_failed_measurements_as_infinitely_wrong():
+    """Z' = cB/(d + e) with normal errors e of the disparity, drawn; the rig has parallel ideal lenses in its middle."""
+    camera = replace(stereo(), distortion=FISHEYE)
+    distance = np.array([1.0, 30.0, 300.0])
+    found = depth_map(camera, distance)
+    noise = camera.disparity_error_px * camera.sensor.pixel_pitch
+    errors = np.random.default_rng(0).normal(size=400_000) * noise
+    product = camera.principal_distance * camera.baseline
+    for place, radius in zip(distance, found.radius[:, DOWN // 2, ACROSS // 2], strict=True):
+        disparity = product / place + errors
+        wrong = np.abs(np.where(disparity > 0.0, product / disparity, np.inf) - place)
+        assert radius == pytest.approx(np.quantile(wrong, 0.6827, method="lower"), rel=2e-2)
 
 
 def test_places_outside_one_camera_s_picture_are_left_out():

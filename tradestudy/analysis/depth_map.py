@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tradestudy.analysis.depth import model_error
 from tradestudy.analysis.linear_depth import has_covariance, linear_distribution, noise_distribution
 from tradestudy.cameras.calibration import Calibration, Propagation
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.cameras.depth_measurement import (
     Field,
     FieldPosition,
@@ -41,10 +41,15 @@ class UncertaintyMap:
         depth; NaN where only one camera sees the point, or neither; infinite where the interval has no far end.
     error : array (D,)
         Largest measured error of the linear model, as a share of the uncertainty [1]; NaN where none is measured.
+    radius, radius_error : arrays (D, DOWN, ACROSS), (D,)
+        The same for the radius about the true depth that contains 68.27 % of all measurements, failed ones and declared
+        false matches counted as infinitely wrong; infinite where too many fail.
     """
 
     uncertainty: FloatArray
     error: FloatArray
+    radius: FloatArray
+    radius_error: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,9 +112,18 @@ def depth_map(camera: DepthCamera, distance: FloatArray) -> UncertaintyMap | Non
     z, y, x = (one.ravel() for one in np.meshgrid(distance, down, across, indexing="ij"))
     there = _AtPlaces(camera=camera, places=PicturePlaces(across=x, down=y))
     with_calibration = bool(camera.calibration.groups)
-    found = linear_distribution(there, z, 0.0, "both") if with_calibration else noise_distribution(there, z, 0.0)
+    false = false_match_share(camera, "both")
+    found = (
+        linear_distribution(there, z, 0.0, "both", false)
+        if with_calibration
+        else noise_distribution(there, z, 0.0, false)
+    )
     linear = replace(camera, propagation=replace(camera.propagation, model="linear"))
-    missed = [model_error(linear, distance, "both", field).half_width for field in _MODEL_PLACES]
+    missed = [model_error(linear, distance, "both", field) for field in _MODEL_PLACES]
+    shape = len(distance), DOWN, ACROSS
     return UncertaintyMap(
-        uncertainty=found.half_width.reshape(len(distance), DOWN, ACROSS), error=np.fmax.reduce(missed)
+        uncertainty=found.half_width.reshape(shape),
+        error=np.fmax.reduce([one.half_width for one in missed]),
+        radius=found.error_radius.reshape(shape),
+        radius_error=np.fmax.reduce([one.radius for one in missed]),
     )

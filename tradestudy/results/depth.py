@@ -274,6 +274,22 @@ DEPTH_MAP: Final[Mapping[str, Variable]] = {
         "errors are NaN",
         error=ESTIMATE,
     ),
+    "depth_error_radius": Variable(
+        dims=("camera", "distance", "down", "across"),
+        units="m",
+        long_name="radius about the true distance that contains 68.27 % of all measurements, with inverse depth taken "
+        "as linear in the calibration errors; failed measurements and declared false matches count as infinitely "
+        "wrong; infinite where too many fail, NaN where a camera of the rig does not see the point",
+        symbol="r(a)",
+        error="see depth_error_radius_error",
+    ),
+    "depth_error_radius_error": Variable(
+        dims=("camera", "distance", "down", "across"),
+        units="m",
+        long_name="error of depth_error_radius, estimated like depth_uncertainty_error; NaN where depth_error_radius "
+        "is infinite or NaN",
+        error=ESTIMATE,
+    ),
 }
 """/depth_map: depth uncertainty over the pictures of rigs with lens models."""
 

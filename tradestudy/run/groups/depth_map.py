@@ -21,8 +21,11 @@ def depth_map_group(definition: StudyDefinition) -> xr.Dataset | None:
     across, down = map_places()
     with np.errstate(invalid="ignore"):  # the error of an unbounded uncertainty is unknown
         errors = np.stack([one.uncertainty * one.error[:, None, None] for one in maps.values()])
+        radius_errors = np.stack([one.radius * one.radius_error[:, None, None] for one in maps.values()])
     values = {
         "depth_uncertainty": np.stack([one.uncertainty for one in maps.values()]),
         "depth_uncertainty_error": errors,
+        "depth_error_radius": np.stack([one.radius for one in maps.values()]),
+        "depth_error_radius_error": radius_errors,
     }
     return dataset("depth_map", values, {"camera": list(maps), "distance": distance, "down": down, "across": across})

@@ -126,7 +126,7 @@ def _refuse_distortion_along_axis(top: Located) -> None:
 
 def _ignored(top: Located, mesh: Located) -> Iterator[Convention]:
     """The values of this camera that would change its pictures and are not used: distortion, and a rotated array."""
-    found = []
+    found: list[str] = []
     for distortion in [top.need(name) for name in _DISTORTIONS if top.find(name) is not None]:
         parts = [(name, distortion.find(name)) for name in ("radial", "tangential")]
         given = [f"{name} {part.numbers()}" for name, part in parts if part is not None and any(part.numbers())]
