@@ -99,7 +99,7 @@ def test_figures_and_tables_of_an_earlier_report_are_removed(tree: xr.DataTree, 
     assert (tmp_path / "tables/assumptions_by_path.csv").exists()
     (tmp_path / "results.nc").write_bytes(b"mine")
     report.write(_quick(tree), {}, tmp_path, pdf=False)
-    assert not list((tmp_path / "figures").iterdir())
+    assert not list((tmp_path / "figures").glob("*"))
     assert {p.name for p in (tmp_path / "tables").iterdir()} == set(csv_tables.tables(_quick(tree)))
     assert (tmp_path / "results.nc").read_bytes() == b"mine"
 
