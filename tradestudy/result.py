@@ -358,9 +358,12 @@ def write_parts(tree: xr.DataTree, directory: Path) -> None:
     own = storage.written(directory)
     made = [*_write_posteriors(tree, directory), *_write_matchers(tree, directory)]
     storage.remove_earlier(directory, own, ("posteriors/*.nc", "matchers.yaml"), made)
-    if "pictures" not in tree.children:
-        pictures = directory / storage.PICTURES
+    pictures = directory / storage.PICTURES
+    if "pictures" not in tree.children and (pictures / storage.LIST).is_file():
         storage.remove_earlier(pictures, storage.written(pictures) | {storage.LIST}, ("*/*", storage.LIST))
+        for folder in (*pictures.glob("*/"), pictures):
+            with suppress(OSError):  # it holds other files
+                folder.rmdir()
     if _study_of_costs(directory) != tree.attrs.get("study_hash"):
         storage.remove_earlier(directory, own, ("cost.json", "cost.svg"))
 

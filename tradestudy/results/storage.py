@@ -88,12 +88,10 @@ def _listed(directory: Path) -> frozenset[str]:
 
 
 def remove_earlier(directory: Path, own: frozenset[str], patterns: Iterable[str], kept: Iterable[str] = ()) -> None:
-    """Remove files of an earlier call that match and are the program's ``own``, and folders that this leaves empty."""
+    """Remove files of an earlier call that match and are the program's ``own``."""
     for path in [path for pattern in patterns for path in directory.glob(pattern)]:
         if path.relative_to(directory).as_posix() in own - {*kept}:
             path.unlink(missing_ok=True)  # another call may have removed it first
-            with contextlib.suppress(OSError):  # not empty
-                path.parent.rmdir()
 
 
 def list_written(directory: Path, names: Iterable[str]) -> None:
