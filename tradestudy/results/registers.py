@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import ROUNDING, Variable
+from tradestudy.results.variable import EXACT, ROUNDING, Variable
 
 CAMERAS: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("camera",), units="", long_name="name of the camera in figures and tables"),
@@ -28,6 +28,7 @@ CAMERAS: Final[Mapping[str, Variable]] = {
         dims=("camera",),
         units="1",
         long_name="1 if the camera measures depth and has no uncertain parameter, else 0",
+        error=EXACT,
     ),
     "property_camera": Variable(dims=("property",), units="", long_name="camera that has the property"),
     "property_name": Variable(
