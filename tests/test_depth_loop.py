@@ -17,8 +17,6 @@ from tradestudy.errors import StudyError
 from tradestudy.execution import Threads
 from tradestudy.execution.point_progress import heard_by
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.plan.pilots import seconds_of
-from tradestudy.plan.rendering_pilot import plane_seconds
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text
 from tradestudy.results.views.conclusions import terminal_lines
@@ -244,20 +242,3 @@ def test_a_plane_nearer_than_the_focal_length_has_no_picture_and_the_others_are_
     assert "near" in str(data["reason"].sel(distance=0.01).item())
     assert data["depth_measured"].values.tolist()[0] == 0.0
     assert data["depth_measured"].values.tolist()[1] > 0.0
-
-
-def test_the_plan_says_how_long_the_loop_takes(tmp_path: Path) -> None:
-    """Within a factor of five of what its planes take, in processor seconds of this process."""
-    pytest.importorskip("cv2")
-    loaded = study(tmp_path)
-    (step,) = (one for one in loaded.plan().steps if one.name == depth_loop.STEP)
-    assert step.work == "6 planes"
-    part, scene = loaded.file.depth_loop, loaded.file.scene
-    assert part is not None
-    assert scene is not None
-    assert scene.picture is not None
-    settings = scene.picture.settings(550e-9)
-    reported = float(np.sum(plane_seconds(loaded.definition.case.cameras["pair"], part, settings)))
-    points = list(depth_loop.loop_points(loaded.definition, part).values())[:6:2]
-    taken = math.fsum(seconds_of(lambda point=point: depth_loop.measure_on_plane(point)) for point in points)  # type: ignore[misc]
-    assert taken / 5.0 < reported < 5.0 * taken

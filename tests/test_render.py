@@ -19,8 +19,6 @@ from tradestudy.execution import Checkpoints, Executor, Steps, Threads
 from tradestudy.imaging.render import tiles
 from tradestudy.imaging.render.rig import drawn_errors
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.pilots import seconds_of
-from tradestudy.plan.rendering_pilot import picture_seconds
 from tradestudy.run import pictures
 
 pytestmark = pytest.mark.usefixtures("only_rays")
@@ -283,20 +281,3 @@ def test_more_samples_lower_the_error(tmp_path: Path) -> None:
         errors.append(np.linalg.norm(light - exact) / np.linalg.norm(exact))
     assert errors[0] < 0.01
     assert errors[2] < 0.6 * errors[1] < 0.6 * 0.9 * errors[0]
-
-
-def test_the_plan_says_how_long_rendering_takes(tmp_path: Path) -> None:
-    """Within a factor of four on a busy machine; both in processor seconds of this process."""
-    loaded = study(tmp_path, "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}")
-    (step,) = (one for one in loaded.plan().steps if one.name == pictures.STEP)
-    assert step.work == "0.0689 million pixels of 2 cameras"
-    image, picture = pictures.declared_image(loaded.definition)
-    scene, cameras = pictures.set_up(loaded.definition)
-    recording = pictures.recording_of(image, picture, cameras[0].camera.sensor)
-    whole = [
-        one for taken in cameras for one in pictures.whole_pictures(loaded.definition, image, scene, taken, recording)
-    ]
-    reported = sum(picture_seconds(one) for one in whole)
-    scene.build()
-    taken = sum(seconds_of(lambda tile=tile: tiles.expected_electrons(tile)) for tile in whole)  # type: ignore[misc]
-    assert taken / 4.0 < reported < 4.0 * taken

@@ -17,7 +17,7 @@ from tradestudy.results import FORMAT_VERSION, dataset, storage
 
 COMPLETE = {
     **dict.fromkeys(("study", "study_hash", "code_hash", "file", "started"), ""),
-    **dict.fromkeys(("seed", "predicted_seconds"), 0),
+    "seed": 0,
     **{key: {} for key in ("inputs", "versions", "machine", "seconds", "points")},
     "options": [],
 }

@@ -27,7 +27,7 @@ from tradestudy.result import Result, open_result, shown, write_parts
 if TYPE_CHECKING:
     from tradestudy.comparison import Comparison
     from tradestudy.execution import Executor
-    from tradestudy.execution.steps import Predicted, Progress
+    from tradestudy.execution.steps import Progress
     from tradestudy.figures.drawn import Drawer
     from tradestudy.imaging.estimation.score import DepthScore
 
@@ -64,7 +64,6 @@ def run(
     with_cost: bool = False,
     progress: Progress = lambda _s, _p: None,
     executor: Executor | None = None,
-    predicted: Predicted = lambda _seconds: None,
 ) -> Result:
     """Run a study into a folder, reusing what a finished or interrupted run left there.
 
@@ -96,9 +95,7 @@ def run(
         if result is None or measuring:
             with _background_drawer() as drawer, _removed(pictures):
                 if result is None:
-                    result = study.run(
-                        progress, executor=executor, checkpoints=checkpoints, predicted=predicted, pictures=pictures
-                    )
+                    result = study.run(progress, executor=executor, checkpoints=checkpoints, pictures=pictures)
                 if measuring:
                     result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
                 reported(0.0)

@@ -196,7 +196,6 @@ def run(
                 with_cost=with_cost,
                 progress=progress,
                 executor=executor,
-                predicted=progress.expect,
             )
         if as_json:
             typer.echo(json_text(result.conclusions(directory)))
@@ -229,7 +228,7 @@ def render(
         directory = out if out is not None else Path("reports") / loaded.folder_name
         with (
             _executor(jobs=jobs, threads=threads, dask=dask) as executor,
-            shown_progress(quiet=quiet, is_predicted=False) as progress,
+            shown_progress(quiet=quiet) as progress,
         ):
             done = api.render(loaded, directory, depth=depth, fresh=fresh, progress=progress, executor=executor)
         if not quiet:
@@ -320,7 +319,7 @@ def cost(
 
         loaded = _warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
         directory = out if out is not None else Path("reports") / loaded.folder_name
-        with shown_progress(quiet=quiet, is_predicted=False) as progress:  # only measuring shows what fits the budget
+        with shown_progress(quiet=quiet) as progress:
             lines = api.cost(loaded, directory, budget=budget, progress=progress)
         if not quiet:
             _say(*lines)

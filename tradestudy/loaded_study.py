@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from tradestudy.execution import Checkpoints, Executor
-    from tradestudy.execution.steps import Predicted, Progress
+    from tradestudy.execution.steps import Progress
     from tradestudy.plan.plan import Plan
     from tradestudy.study.schema.root import StudyFile
 
@@ -132,7 +132,7 @@ class Study:
     def check(self) -> str:
         """Check that the declared tolerances can be met, with the models that the study prescribes (key `effects`).
 
-        A fit to a few views, in about a second, checks corners. The time of the run is not predicted.
+        A fit to a few views, in about a second, checks corners.
 
         Returns
         -------
@@ -180,17 +180,18 @@ class Study:
         return Study(self.definition.with_values(values))
 
     def plan(self) -> Plan:
-        """Decide which effects a run simulates and which it leaves out, and predict the time of the run.
+        """Decide which effects a run simulates and which it leaves out, and name its slow steps.
 
         Returns
         -------
         Plan
-            The decisions and the time; ``print`` shows them.
+            The decisions, and the slow steps by order of magnitude; ``print`` shows them.
 
         Raises
         ------
         UnaffordableError
-            If even the most complete models exceed a tolerance, or the predicted time exceeds the study's time limit.
+            If even the most complete models exceed a tolerance, or the run would take far longer than its
+            time limit.
         """
         from tradestudy.plan.plan import plan_of
 
@@ -198,8 +199,13 @@ class Study:
         return plan_of(self.definition)
 
     def _refuse_pictures(self) -> None:
-        """Refuse pictures that a run would refuse; see `refuse_pictures`."""
-        scene = self.file.scene
+        """Refuse pictures that a run would refuse; see `refuse_pictures` and `refuse_large_picture`."""
+        scene, spot = self.file.scene, self.file.light_spot
+        if spot is not None and spot.methods:
+            from tradestudy.analysis.spot_images import compared_models, refuse_large_picture
+
+            for method in spot.methods:
+                refuse_large_picture(spot, compared_models(spot, method))
         if self.file.depth_loop is not None or (scene is not None and scene.image is not None):
             from tradestudy.run.refusals import refuse_pictures
 
@@ -254,7 +260,6 @@ class Study:
         *,
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
-        predicted: Predicted = lambda _seconds: None,
         pictures: Path | None = None,
     ) -> Result:
         """Compute the study.
@@ -268,9 +273,6 @@ class Study:
             a cluster. Default: this process. Every executor gives the same results, to the last bit.
         checkpoints
             Where finished parts are stored, so that an interrupted run can resume. Default: nowhere.
-        predicted
-            Function called with the predicted time [s] of each step, by name: before the computation starts, and again
-            when the run can predict a step better.
         pictures
             Folder in which the pictures of the study's scene are saved. Default: they are not saved.
 
@@ -282,11 +284,13 @@ class Study:
         Raises
         ------
         UnaffordableError
-            If `plan` raises it.
+            If `plan` raises it, or the run exceeds the study's time limit; finished parts stay in the checkpoints.
         PlaceError
             If ``pictures`` has files in the place of those to be written that this program did not write.
         """
         from tradestudy.execution import Serial, Steps
+        from tradestudy.execution.steps import within_time
+        from tradestudy.plan.plan import TIME_REMEDY
         from tradestudy.run.runner import compute
 
         started = datetime.now(UTC)
@@ -298,22 +302,13 @@ class Study:
 
             refuse_foreign(pictures, files_of_pictures(self.definition))
         plan = self.plan()
-        known = {step.name: step.seconds for step in plan.steps}
-        predicted(dict(known))
-
-        def predict_anew(step: str, expected: float) -> None:
-            known[step] = expected
-            predicted(dict(known))
-
-        steps = Steps(
-            executor=executor or Serial(), checkpoints=checkpoints, progress=progress, predict_anew=predict_anew
-        )
+        watched = within_time(progress, plan.accuracy.time_limit - (time.perf_counter() - begin), TIME_REMEDY)
+        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=watched)
         tree = compute(plan, steps, seconds, pictures)
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
         record = {
             **self._record(started, seconds),
-            "predicted_seconds": round(plan.seconds, 1),
             "points": steps.counts,
         }
         return Result(data=tree, run_record=record)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
@@ -19,9 +18,6 @@ class ProgressLine:
     def __init__(self, stream: TextIO) -> None:
         self.stream, self.begun = stream, set[str]()
 
-    def expect(self, predicted: Mapping[str, float]) -> None:
-        """Ignore the prediction: steps are named only when they begin."""
-
     def __call__(self, step: str, _share: float) -> None:
         """Print a step when it begins, and not again when it goes on after another one."""
         if step not in self.begun:
@@ -30,26 +26,17 @@ class ProgressLine:
 
 
 class ProgressBar:
-    """Bars with the remaining or elapsed time; they appear only when the work takes longer than `WORTH_A_LOOK` [s]."""
+    """A bar for each step, with the time left at its pace; shown once the work takes longer than `WORTH_A_LOOK` [s]."""
 
     WORTH_A_LOOK = 2.0
 
-    def __init__(self, *, is_predicted: bool) -> None:
-        from tradestudy.execution.time_left import TimeLeft
-
-        self.is_predicted = is_predicted
+    def __init__(self) -> None:
         self.begin = time.monotonic()
-        self.left = TimeLeft()
         self.tasks: dict[str, TaskID] = {}
         self.progress: Progress | None = None
 
-    def expect(self, predicted: Mapping[str, float]) -> None:
-        """Take the predicted time of every step [s]."""
-        self.left.expect(predicted)
-
     def __call__(self, step: str, share: float) -> None:
         """Move the bar of a step."""
-        self.left(step, share)
         if self.progress is None:
             if time.monotonic() - self.begin < self.WORTH_A_LOOK:
                 return
@@ -60,22 +47,15 @@ class ProgressBar:
                 progress.TextColumn("{task.description}"),
                 progress.BarColumn(),
                 progress.TaskProgressColumn(),
-                progress.TextColumn("{task.fields[left]}") if self.is_predicted else progress.TimeElapsedColumn(),
+                progress.TimeRemainingColumn(elapsed_when_finished=True),
                 console=Console(stderr=True),
                 transient=True,
+                speed_estimate_period=600.0,  # points of a step differ, so its pace is that of many
             )
             self.progress.start()
         if step not in self.tasks:
-            for task in self.tasks.values():
-                self.progress.update(task, left="")
-            self.tasks[step] = self.progress.add_task(step, total=1.0, left=self)
-        self.progress.update(self.tasks[step], completed=share, left=self)
-
-    def __str__(self) -> str:
-        """Remaining time of the current step and of the run, read anew whenever the bar is drawn."""
-        step, run = self.left.of_step, self.left.of_run
-        words = "" if math.isnan(step) else f"{_minutes(step)} left"
-        return f"{words}, {_minutes(run)} left in all" if run > step else words
+            self.tasks[step] = self.progress.add_task(step, total=1.0)
+        self.progress.update(self.tasks[step], completed=share)
 
     def close(self) -> None:
         """Leave the terminal as it was."""
@@ -83,30 +63,22 @@ class ProgressBar:
             self.progress.stop()
 
 
-def _minutes(seconds: float) -> str:
-    whole = round(seconds)
-    return f"{whole // 60}:{whole % 60:02}"
-
-
 class Silent:
     """Shows nothing."""
-
-    def expect(self, predicted: Mapping[str, float]) -> None:
-        """Ignore the prediction."""
 
     def __call__(self, step: str, share: float) -> None:
         """Ignore the progress."""
 
 
 @contextmanager
-def shown_progress(*, quiet: bool, is_predicted: bool = True) -> Iterator[Silent | ProgressLine | ProgressBar]:
-    """Choose how a long command shows its progress; without a prediction, it shows the elapsed time."""
+def shown_progress(*, quiet: bool) -> Iterator[Silent | ProgressLine | ProgressBar]:
+    """Choose how a long command shows its progress."""
     if quiet:
         yield Silent()
     elif not sys.stderr.isatty():
         yield ProgressLine(sys.stderr)
     else:
-        bar = ProgressBar(is_predicted=is_predicted)
+        bar = ProgressBar()
         try:
             yield bar
         finally:

@@ -23,7 +23,7 @@ from tests.cameras.builders import r5, stereo
 from tradestudy.analysis import depth_draws
 from tradestudy.analysis.depth import distribution
 from tradestudy.analysis.depth_distribution import DepthDistribution
-from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, expected_rounds, settled_draws
+from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, settled_draws
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.uncertainty.distributions import Normal, Uniform
@@ -74,18 +74,6 @@ def test_draws_are_doubled_until_the_t_interval_is_within_the_tolerance() -> Non
     few = replace(rig, propagation=replace(EXACT, tolerance=1e-6, judged=(3.0,), max_draws=2**12))
     assert settled_draws(few, 0.0, "both") * SCRAMBLES == 2**12
     assert not exact_distribution(few, place, 0.0, "both").converged(1e-6).any()
-
-
-@pytest.mark.parametrize("tolerance", [0.01, 3e-3, 1e-3])
-@pytest.mark.parametrize("calibration", [STEREO_CALIBRATION, YAWED, STRETCHED], ids=["normal", "uniform", "wide"])
-def test_the_first_draws_tell_how_many_the_tolerance_requires(calibration: Calibration, tolerance: float) -> None:
-    propagation = replace(EXACT, tolerance=tolerance, judged=(0.5, 1.0, 3.0), max_draws=2**20)
-    camera = stereo(disparity_error_px=1.0, calibration=calibration, propagation=propagation)
-    first = settled_draws(replace(camera, propagation=replace(propagation, tolerance=1.0)), 0.0, "both")
-    required = settled_draws(camera, 0.0, "both") / first
-    assert required / 4.0 <= expected_rounds(camera, 0.0, "both") <= 4.0 * required
-    few = replace(camera, propagation=replace(propagation, tolerance=1e-9, max_draws=4 * first * SCRAMBLES))
-    assert expected_rounds(few, 0.0, "both") == 4
 
 
 @pytest.mark.parametrize(

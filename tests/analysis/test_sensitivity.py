@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.analysis.plain_depths import PIXEL, B, F, of_rig
 from tests.cameras.builders import stereo
-from tradestudy.analysis import sensitivity
-from tradestudy.analysis.depth_draws import outcome_model
 from tradestudy.analysis.sensitivity import sensitivity_of
 from tradestudy.cameras.calibration import Calibration
-from tradestudy.plan import pilots
-from tradestudy.uncertainty.distributions import FloatArray, Normal, StudentT
+from tradestudy.uncertainty.distributions import Normal, StudentT
 from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.evaluation import Model, Outcome
 from tradestudy.uncertainty.joint import JointNormal
 
 YAW = math.radians(0.2)
@@ -57,36 +51,6 @@ def test_errors_that_are_drawn_jointly_have_no_bars_of_their_own() -> None:
     assert found.parameters is None
     assert "+0.900 between left focal length and right focal length" in found.refused
     assert set(found.groups.names) == {"tied", "pixel_noise"}
-
-
-@pytest.mark.parametrize("correlation", [0.0, 0.9])
-def test_the_plan_counts_the_draws_of_every_bar_and_index(monkeypatch: pytest.MonkeyPatch, correlation: float) -> None:
-    """With correlated parameters there are no bars of single parameters."""
-    drawn = 0
-
-    def counted_model(*asked: Any) -> Model:
-        model = outcome_model(*asked)
-
-        def evaluate(values: Mapping[str, FloatArray]) -> Outcome:
-            nonlocal drawn
-            drawn += len(next(iter(values.values())))
-            return model(values)
-
-        return evaluate
-
-    yaw, roll = (of_rig(name, Normal(mean=0.0, standard_deviation=YAW)) for name in ("yaw", "roll"))
-    tied = JointNormal(
-        name="tied",
-        parameters=("yaw", "roll"),
-        mean=np.zeros(2),
-        covariance=YAW**2 * np.array([[1.0, correlation], [correlation, 1.0]]),
-        error_class=ErrorClass.RIG,
-    )
-    camera = stereo(calibration=Calibration(groups=(tied,) if correlation else (yaw, roll)))
-    monkeypatch.setattr(sensitivity, "outcome_model", counted_model)
-    sensitivity_of("rig", camera, AT, 0.5)
-    monkeypatch.setattr(pilots, "seconds_per_draw", lambda *_: 1.0)
-    assert pilots.sensitivity_seconds(camera, AT, (0.5,)) == pytest.approx(drawn, rel=0.01)
 
 
 def test_a_source_without_a_variance_has_bars_but_no_indices() -> None:

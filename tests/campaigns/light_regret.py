@@ -29,13 +29,13 @@ from tradestudy.analysis.spot_images import RAYS, SpotModels, light_source, pict
 from tradestudy.effects.choice import choose
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.light_pilot import predicted_picture_seconds
 from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, spot_models
+from tradestudy.plan.slow_steps import picture_seconds
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
 METHODS: tuple[MethodName, ...] = ("exact-rays", "fresnel", "fresnel-kirchhoff", "kirchhoff")
 ADDED = 0.1  # seconds that nobody notices
-_PREDICTED_WITHIN = 3.0  # factor
+_PREDICTED_WITHIN = 10.0  # factor; the prediction is one of magnitude
 _LONGEST, _LONGEST_TRUTH = 4.0, 12.0  # seconds of a picture to 1 %, as predicted, and of the truth
 
 
@@ -104,7 +104,7 @@ def _suits(part: LightSpotPart) -> bool:
     try:
         tried = LightSpotProblem(part, {}).tries_laws
         complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
-        return tried and predicted_picture_seconds(part, complete) < _LONGEST
+        return tried and picture_seconds(part, complete.tolerance) < _LONGEST
     except TradestudyError:
         return False
 
@@ -114,7 +114,7 @@ def _least_of(
 ) -> tuple[SpotModels, float] | None:
     """The coarsest sampling that suffices and its least seconds of three; None if it takes longer than others do."""
     try:
-        if predicted_picture_seconds(part, steps[0]) > _PREDICTED_WITHIN * least:
+        if picture_seconds(part, steps[0].tolerance) > _PREDICTED_WITHIN * least:
             return None
         for models in steps:  # finer sampling takes longer
             first, found = _timed(part, models, truth)

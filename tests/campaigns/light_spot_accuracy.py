@@ -17,7 +17,6 @@ from tests.campaigns import record
 from tradestudy import load
 from tradestudy.analysis import spot_images
 from tradestudy.effects.choice import choose
-from tradestudy.plan.light_pilot import predicted_picture_seconds
 from tradestudy.plan.problems.light_spot import LightSpotProblem, spot_models
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
@@ -26,7 +25,7 @@ FINEST = 5e-4
 
 
 def main() -> None:
-    """Select, predict, compute, compare; write the record."""
+    """Select, compute, compare; write the record."""
     part = load(STUDY).file.light_spot
     assert part is not None
     found = []
@@ -34,32 +33,30 @@ def main() -> None:
         start = time.perf_counter()
         models = choose(LightSpotProblem(part, {}), {"pixel_intensity": asked}, {}).models
         selecting = time.perf_counter() - start
-        predicted = predicted_picture_seconds(part, spot_models(models))
         wall, cpu = time.perf_counter(), time.process_time()
         image = spot_images.spot_picture(part, spot_models(models))
         taken = time.perf_counter() - wall, time.process_time() - cpu
-        found.append((asked, models, predicted, selecting, image, taken))
+        found.append((asked, models, selecting, image, taken))
         print(f"{asked:g}: {taken[0]:.0f} s", flush=True)
     finest = spot_images.spot_picture(part, spot_images.SpotModels(method="kirchhoff", tolerance=FINEST)).pixels
     rows = [
         (
             f"{100 * asked:g} %",
             ", ".join(f"{slot}: {model}" for slot, model in models.items()),
-            f"{predicted:.1f}",
             f"{cpu:.1f}",
             f"{wall:.1f}",
             f"{100 * float(np.linalg.norm(image.pixels - finest) / np.linalg.norm(finest)):.3f} %",
             f"{100 * image.numerical_error:.3f} %",
             f"{1e3 * selecting:.0f}",
         )
-        for asked, models, predicted, selecting, image, (wall, cpu) in found
+        for asked, models, selecting, image, (wall, cpu) in found
     ]
     record.write(
         "light_spot_accuracy",
         "The light spot to 10, 5, 1 and 0.1 %",
         "python -m tests.campaigns.light_spot_accuracy",
         (
-            "Asked", "Chosen", "Predicted [s]", "Processor [s]", f"Wall [s] at load {os.getloadavg()[1]:.0f}",
+            "Asked", "Chosen", "Processor [s]", f"Wall [s] at load {os.getloadavg()[1]:.0f}",
             f"Error against {100 * FINEST:g} %", "Error stated", "Selecting [ms]",
         ),
         rows,

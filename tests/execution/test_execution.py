@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,12 @@ import xarray as xr
 import tradestudy
 from tests.execution.execution_points import LoggedPoint, compute, keys_on_disk, times_computed, workers
 from tradestudy import api
-from tradestudy.errors import OutOfRangeError, ResultsError
+from tradestudy.errors import OutOfRangeError, ResultsError, UnaffordableError
 from tradestudy.execution import Checkpoints, DaskCluster, Executor, Processes, Serial, Steps, Threads
 from tradestudy.execution.checkpoints import FOLDER
 from tradestudy.execution.executor import UnavailableError
 from tradestudy.execution.fingerprint import fingerprint
-from tradestudy.execution.steps import DeadlyPointError
+from tradestudy.execution.steps import DeadlyPointError, within_time
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
 
@@ -133,57 +133,16 @@ def cluster() -> Iterator[DaskCluster]:
         yield DaskCluster(local.scheduler_address)
 
 
-FOLLOWED = (
-    EXACT.replace("sensitivity: {at: [0.5 m, 3 m]}", "sensitivity: {at: [0.5 m]}")
-    + """
-sweep: {rig.baseline: [100 mm, 200 mm]}
-requirements: {near: {camera: any, says: near, depth_uncertainty: {below_relative: 5 %, over: [0.5 m, 1 m]}}}
-"""
-)
-
-
-@pytest.fixture(scope="module")
-def followed_study(tmp_path_factory: pytest.TempPathFactory) -> api.Study:
-    path = tmp_path_factory.mktemp("followed") / "followed.yaml"
-    path.write_text(FOLLOWED, encoding="utf-8")
-    return tradestudy.load(path)
-
-
-def test_every_step_of_a_run_is_predicted_and_the_one_off_the_axis_again(
-    followed_study: api.Study, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from tradestudy.plan import pilots, predicted_time
-    from tradestudy.run.groups import depth
-
-    monkeypatch.setattr(pilots, "table_seconds", lambda *_: 3.0)
-    monkeypatch.setattr(predicted_time.Stopwatch, "waiting", 1.0)  # as on an idle machine
-    monkeypatch.setattr(depth, "drawing_seconds", lambda *_: 100.0)
-    begun: list[str] = []
-    predictions: list[Mapping[str, float]] = []
-    followed_study.run(lambda step, _share: begun.append(step), predicted=predictions.append)
-    first, anew = predictions
-    assert list(first) == [step.name for step in followed_study.plan().steps]
-    assert set(begun) == set(first) - {"report"}
-    assert {step for step in first if anew[step] != first[step]} == {"depth off the axis"}
-    assert anew["depth off the axis"] == 224.0  # four tables, one for each corner, and draws of two cameras
-    in_order = sorted(set(begun), key=begun.index)
-    assert in_order == [step for step in first if step in begun]
-
-
-@pytest.mark.parametrize(("drawn", "predicted"), [(7.0, 62.0), (2.0, 22.0), (0.0, None)])
-def test_draws_off_the_axis_are_predicted_anew_if_there_are_any(
-    followed_study: api.Study, monkeypatch: pytest.MonkeyPatch, drawn: float, predicted: float | None
-) -> None:
-    """The plan takes 3 s for each of two cameras off the axis, without draws; these are made for four corners."""
-    from tradestudy.run.groups import depth
-
-    told: list[tuple[str, float]] = []
-    monkeypatch.setattr(depth, "drawing_seconds", lambda _camera, _distances, fields: drawn * len(fields))
-    definition = followed_study.plan().definition
-    steps = Steps(predict_anew=lambda step, seconds: told.append((step, seconds)))
-    found = depth.seconds_off_axis(definition, dict.fromkeys(definition.case.cameras, 3.0), steps)
-    assert list(found.values()) == [4.0 * drawn + 3.0] * 2
-    assert told == ([] if predicted is None else [("depth off the axis", predicted)])
+def test_a_run_that_reaches_its_time_limit_stops_and_keeps_what_is_finished(tmp_path: Path) -> None:
+    done = points(tmp_path, 8, seconds=0.1)
+    with contextlib.closing(Checkpoints(tmp_path / "run")) as checkpoints:
+        watched = Steps(checkpoints=checkpoints, progress=within_time(lambda _step, _share: None, 0.3, "ask for less"))
+        with pytest.raises(UnaffordableError, match=r"time limit: .* of the step 'counting' \(allowed: 0\.3 s\)"):
+            watched.map("counting", compute, done, [f"number={one.number}" for one in done])
+    with contextlib.closing(Checkpoints(tmp_path / "run")) as checkpoints:
+        again = Steps(checkpoints=checkpoints)
+        assert_same(again.map("counting", compute, done, [f"number={one.number}" for one in done]), 8)
+    assert 0 < again.counts["counting"]["taken up"] < 8
 
 
 def points(folder: Path, count: int, seconds: float = 0.0, **fates: str) -> list[LoggedPoint]:

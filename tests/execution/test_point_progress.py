@@ -16,10 +16,10 @@ def halves(point: int) -> int:
     return point
 
 
-def test_what_a_point_tells_counts_by_its_effort() -> None:
+def test_what_a_point_tells_counts_as_a_part_of_it() -> None:
     told: list[float] = []
-    Steps(progress=lambda _step, share: told.append(share)).map("step", halves, [1, 2], ["one", "two"], [1.0, 3.0])
-    first, second = [0.05, 0.15, 0.25, 0.25], [0.4, 0.7, 1.0, 1.0]  # the first takes a quarter of the step
+    Steps(progress=lambda _step, share: told.append(share)).map("step", halves, [1, 2], ["one", "two"])
+    first, second = [0.1, 0.3, 0.5, 0.5], [0.6, 0.8, 1.0, 1.0]
     assert told == pytest.approx([0.0, *first, *second])
 
 

@@ -1,4 +1,4 @@
-"""The step of hard cases moves by the effort of each case, since a few take most of the time."""
+"""The step of hard cases moves by one case after another."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.verification.hard_cases.case import Family, OutcomeCase
 
 
-def case(name: str, effort: float) -> OutcomeCase:
-    return OutcomeCase(name=name, law="", naive=lambda: "", ours=lambda: name, expected=(name,), effort=effort)
+def case(name: str) -> OutcomeCase:
+    return OutcomeCase(name=name, law="", naive=lambda: "", ours=lambda: name, expected=(name,))
 
 
-def test_a_long_case_moves_the_step_by_its_effort(monkeypatch: pytest.MonkeyPatch) -> None:
-    family = Family(name="thin-lens", title="Any", cases=(case("short", 1.0), case("long", 9.0)))
+def test_every_case_moves_the_step_by_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    family = Family(name="thin-lens", title="Any", cases=(case("first"), case("second")))
     monkeypatch.setattr(group, "all_families", lambda: (family,))
     shares: list[float] = []
     found = group.hard_cases_group(HardCasesPart(families=("thin-lens",)), lambda _, share: shares.append(share))
-    assert shares == [0.0, pytest.approx(0.1), 1.0]
-    assert found["our_answer"].values.tolist() == ["short", "long"]
+    assert shares == [0.0, 0.5, 1.0]
+    assert found["our_answer"].values.tolist() == ["first", "second"]

@@ -19,8 +19,6 @@ from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.optics.chain import DiscSource
 from tradestudy.optics.chain.arriving_light import RayWave, blur_radius
 from tradestudy.optics.propagation import PointSource
-from tradestudy.plan import light_pilot
-from tradestudy.plan.light_pilot import predicted_picture_seconds
 from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
 from tradestudy.plan.problems.light_trial import LightTrial, _lit_part, probes
 from tradestudy.plan.problems.point_spread import PointSpreadProblem
@@ -302,25 +300,6 @@ def test_images_of_points_keep_kirchhoff_unless_fresnel_is_forced() -> None:
     assert free.changes(fresnel)["psf_width"].relative > 0.01  # parabolic phases spread Kirchhoff's images
 
 
-def test_a_pilot_grows_with_what_a_picture_holds() -> None:
-    part = spot(*SMALL)
-    coarse = SpotModels(method="kirchhoff", tolerance=0.05, monochromatic=True)
-    assert predicted_picture_seconds(spot(), coarse) > 3.0 * predicted_picture_seconds(part, coarse) > 0.0
-
-
-def test_a_pilot_counts_only_what_a_point_lights(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beyond the blur, a larger array holds dark microlenses alone."""
-    monkeypatch.setattr(light_pilot, "seconds_of", lambda work: 1.0)
-    models = SpotModels(method="kirchhoff", tolerance=0.05, monochromatic=True, point=True)
-    small, large = (
-        predicted_picture_seconds(
-            spot(f"light_spot.microlenses.lenses_across={across}", f"light_spot.detector.pixels={23 * across}"), models
-        )
-        for across in (11, 15)
-    )
-    assert small == large
-
-
 @pytest.mark.slow
 def test_a_sample_of_the_campaign_stays_within_its_tolerance() -> None:
     outcomes = [one for one in (measured(number, 7) for number in range(2)) if one]
@@ -342,3 +321,11 @@ def test_a_disc_that_blurs_many_cycles_is_not_tried_as_a_point(monkeypatch: pyte
 def test_microlenses_too_large_for_the_memory_are_refused() -> None:
     with pytest.raises(UnaffordableError, match=r"GB \(allowed: 2 GB\); .*microlenses"):
         tradestudy.load(STUDY, ["light_spot.microlenses.pitch=0.5 m"]).plan()
+
+
+@pytest.mark.parametrize("asked", ["check", "plan"])
+def test_pictures_too_large_for_the_memory_are_refused_before_a_run(asked: str) -> None:
+    """Compared methods check single points on the whole detector; a run would refuse them after minutes."""
+    wide = ["light_spot.detector.pixels=966", "light_spot.microlenses.lenses_across=15"]
+    with pytest.raises(UnaffordableError, match=r"nodes.*samples.*GB \(allowed: 2 GB\); use fewer microlenses"):
+        getattr(tradestudy.load(STUDY, wide), asked)()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -38,8 +37,7 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
 DRAWN: Final = ("calibration", "both")
 """Error sources with draws; noise alone has a closed form."""
 _FIRST_DRAWS: Final = 2**8  # of each scramble
-TRIAL_ROUNDS: Final = 4
-"""How many times as many draws as the first ones `trial_distribution` takes by default."""
+_TRIAL_ROUNDS: Final = 4  # times as many draws as the first ones
 _DIRECTIONS: Final = 6  # distances at which the effect of a posterior on depth is evaluated
 _MANY_DRAWS: Final = 2**13  # per scramble; from here on scrambles are drawn on several threads
 _AT_ONCE: Final = 2**14  # depths that fit into a processor's cache
@@ -247,10 +245,10 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: FieldPosit
 
 
 def trial_distribution(
-    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str, rounds: int = TRIAL_ROUNDS
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str
 ) -> DepthDistribution:
-    """The distribution from ``rounds`` times the first draws, with its error, for checking a cheaper model."""
-    return _of_draws(camera, distance, field, error_source, rounds * _FIRST_DRAWS)
+    """The distribution from a few draws, with its error, for checking a cheaper model."""
+    return _of_draws(camera, distance, field, error_source, _TRIAL_ROUNDS * _FIRST_DRAWS)
 
 
 def exact_distribution(
@@ -293,18 +291,6 @@ def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatAr
     for row in np.flatnonzero(~whole & (missing < inverse.shape[1])):
         found[:, row] = quantiles_of(inverse[[row]][:, ~np.isnan(inverse[row])], probabilities)[:, 0]
     return found
-
-
-def expected_rounds(camera: DepthCamera, field: FieldPosition, error_source: str) -> float:
-    """How many times as many draws as the first ones are expected to be made, from the error of the first.
-
-    Errors of quantiles fall as the square root of the number of draws. Doubling them until they suffice makes up to
-    twice as many as needed; the geometric mean is √2 times as many.
-    """
-    propagation = camera.propagation
-    needed = _first_error(camera, field, error_source) / propagation.tolerance
-    most = 2.0 ** math.floor(math.log2(max(1.0, propagation.max_draws / (_FIRST_DRAWS * SCRAMBLES))))
-    return min(math.sqrt(2.0) * needed**2, most) if needed > 1.0 else 1.0
 
 
 @lru_cache(maxsize=1024)

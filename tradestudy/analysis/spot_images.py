@@ -29,10 +29,13 @@ from tradestudy.optics.chain import (
     hexagonal_centres,
     square_centres,
 )
+from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.image import mean_image, unguarded_image, unguarded_separate_image
 from tradestudy.optics.chain.parts import ComputeParts, Part, call, in_turn
+from tradestudy.optics.chain.point_image import plan_point
 from tradestudy.optics.chain.refusals import refuse_following_microlenses
 from tradestudy.optics.chain.scene import LegMethod
+from tradestudy.optics.chain.spot_image import refuse_large_disc
 from tradestudy.optics.propagation import (
     LENS_PHASES,
     CircularLens,
@@ -193,6 +196,25 @@ class _Surroundings:
             return in_turn(parts, progress)
         steps = replace(self.steps, progress=lambda _step, share: progress(share))
         return steps.map(STEP, call, parts, [f"part {number}" for number in range(1, len(parts) + 1)])
+
+
+def refuse_large_picture(part: LightSpotPart, models: SpotModels) -> None:
+    """Refuse a picture that the memory could not hold, before anything is computed.
+
+    Raises
+    ------
+    UnaffordableError
+        If the picture needs too much memory, or too many points.
+    """
+    path, source, wavelength = light_path(part), light_source(part), part.mean_wavelength
+    if models.method in RAYS or models.separate:
+        return  # rays need little, and so does each microlens alone
+    used, accuracy = legs(models.method), ChainAccuracy(tolerance=models.tolerance)
+    if isinstance(source, DiscSource) and not (source.coherent or models.point):
+        refuse_large_disc(path, source, wavelength=wavelength, legs=used, accuracy=accuracy)
+    else:
+        point = source.centre if isinstance(source, DiscSource) else source
+        plan_point(point_wave(path, point, wavelength=wavelength, legs=used), used.to_detector, accuracy)
 
 
 def without_comparison(part: LightSpotPart) -> LightSpotPart:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,8 +129,6 @@ class TrueDepth:
 class DepthReader(ABC):
     """Measures depth from the pictures of one camera, as designed."""
 
-    relative_effort: ClassVar[float] = 1.0  # processor time of reading, relative to rendering the pictures by rays
-
     @abstractmethod
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
         """Depth measured from all pictures, given by name."""
@@ -156,10 +154,6 @@ class DepthReader(ABC):
 
 class DepthReaderOfKind(Protocol):
     """Sets up a reader for a camera of one kind."""
-
-    @property
-    def relative_effort(self) -> float:
-        """Processor time of reading, relative to rendering the pictures by rays."""
 
     def __call__(self, *, camera: Any, search: DepthSearch) -> DepthReader:
         """Set up a reader for a design of that kind.

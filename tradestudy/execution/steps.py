@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 import time
-from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Final, get_origin, get_type_hints
 
-from tradestudy.errors import TradestudyError
+from tradestudy.errors import TradestudyError, UnaffordableError
 from tradestudy.execution.checkpoints import Checkpoints
 from tradestudy.execution.executor import Executor, LostPointError, Point, Raised, Serial, Value
 from tradestudy.execution.fingerprint import environment, fingerprint
@@ -20,10 +18,6 @@ _GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 
 # Called with the name of a step and the fraction of it that is done, from 0 to 1.
 Progress = Callable[[str, float], None]
-
-# Called with the predicted time [s] of each step, by name.
-Predicted = Callable[[Mapping[str, float]], None]
-
 
 # Wall time [s] by name of the task; for run.json, never for results, which must be equal for equal runs.
 Seconds = MutableMapping[str, float]
@@ -37,36 +31,29 @@ def timed(seconds: Seconds, name: str) -> Iterator[None]:
     seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begin
 
 
+def within_time(progress: Progress, limit: float, remedy: str) -> Progress:
+    """Progress that ends the work when it reports later than ``limit`` [s] from now, by an `UnaffordableError`."""
+    end = time.monotonic() + limit
+
+    def report(step: str, share: float) -> None:
+        if time.monotonic() > end:
+            raise UnaffordableError(
+                "the run has reached its time limit",
+                value=f"{share:.0%} of the step '{step}'",
+                limit=f"{limit:.3g} s",
+                remedy=f"finished parts are kept, and the next run resumes: {remedy}",
+            )
+        progress(step, share)
+
+    return report
+
+
 def mixed(count: int) -> list[int]:
     """An order of ``count`` points in which any first fraction of them takes about that fraction of the time.
 
     Neighbouring points often take equally long, so the golden ratio spreads the first ones evenly among all.
     """
     return sorted(range(count), key=lambda k: k * _GOLDEN % 1.0)
-
-
-def long_ones_first(efforts: Sequence[float]) -> list[int]:
-    """A `mixed` order in which points of more than twice the mean effort come first, by falling effort.
-
-    How long a long point takes beyond its prediction, if it does, is known early then, and workers end together.
-    """
-    limit = 2.0 * math.fsum(efforts) / max(1, len(efforts))
-    return sorted(mixed(len(efforts)), key=lambda i: -efforts[i] if efforts[i] > limit else 0.0)
-
-
-def shares_before(seconds: Sequence[float], count: int) -> list[float]:
-    """Fraction of a step that is done before each of its parts and after the last, shape (count + 1,).
-
-    Parameters
-    ----------
-    seconds
-        Predicted time of each part, in the order of computing; without predictions, all parts count the same.
-    count
-        Number of parts.
-    """
-    weights = seconds if math.fsum(seconds) > 0.0 else [1.0] * count
-    done = list(itertools.accumulate(weights, initial=0.0))
-    return [one / max(done[-1], 1e-300) for one in done]
 
 
 def _could_return(function: Callable[..., Any], value: object) -> bool:
@@ -96,8 +83,6 @@ class Steps:
         Saves and finds finished points; None: nothing is saved.
     progress
         Called with the name of a step and the fraction of it that is done.
-    predict_anew
-        Called with the name of a step and its time [s], if the run predicts it better than the plan.
     counts
         Records, for each step, how many points were computed and how many were taken from an earlier run.
     """
@@ -105,7 +90,6 @@ class Steps:
     executor: Executor = field(default_factory=Serial)
     checkpoints: Checkpoints | None = None
     progress: Progress = lambda _step, _share: None
-    predict_anew: Callable[[str, float], None] = lambda _step, _seconds: None
     counts: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def map(
@@ -114,9 +98,8 @@ class Steps:
         function: Callable[[Point], Value],
         points: Sequence[Point],
         labels: Sequence[str],
-        efforts: Sequence[float] = (),
     ) -> list[Value]:
-        """Values of a function at points, in the order of the points, but computed in that of `long_ones_first`.
+        """Values of a function at points, in the order of the points, but computed in a `mixed` order.
 
         Parameters
         ----------
@@ -128,8 +111,6 @@ class Steps:
             Its arguments; their content and the code make up the key under which a value is saved.
         labels
             Readable names of the points.
-        efforts
-            Relative effort of each point, from which progress is computed; empty: all equal.
 
         Raises
         ------
@@ -146,17 +127,15 @@ class Steps:
             found_before = self.checkpoints.finished(keys)
             values = {i: value for i, value in found_before.items() if _could_return(function, value)}
         taken = len(values)
-        work = efforts or [1.0] * len(points)
-        missing = [i for i in long_ones_first(work) if i not in values]
+        missing = [i for i in mixed(len(points)) if i not in values]
         executor = self.executor if len(missing) > 1 else Serial()  # a single point needs no workers
         failed: dict[int, Exception] = {}
         furthest = 0.0
 
         def report(share_of_next: float = 0.0) -> None:
             nonlocal furthest
-            running = next((i for i in missing if i not in values and i not in failed), None)
-            done = math.fsum(work[i] for i in values) + (0.0 if running is None else share_of_next * work[running])
-            furthest = max(furthest, done / (math.fsum(work) or 1.0))  # a point may repeat a part of its work
+            done = len(values) + share_of_next
+            furthest = max(furthest, done / max(1, len(points)))  # a point may repeat a part of its work
             self.progress(step, furthest)
 
         report()

@@ -204,11 +204,6 @@ def _refinement(*, coarse: bool) -> int:
     return _ANGLE_REFINEMENT // 2 if coarse else _ANGLE_REFINEMENT
 
 
-def target_count(windows: Sequence[float], *, symmetric: bool) -> int:
-    """Points at which each pattern is computed: few on each ring if it is ``symmetric``, otherwise many."""
-    return sum(math.prod(one.shape) for one in _annuli(windows, symmetric=symmetric))
-
-
 def _annuli(windows: Sequence[float], *, symmetric: bool) -> list[_Annulus]:
     """One annulus for each window, starting at the previous window."""
     found = []

@@ -1,10 +1,11 @@
-"""Plan a study: what a run simulates, what it leaves out and why, and the predicted time."""
+"""Plan a study: what a run simulates, what it leaves out and why, and which steps are slow."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.trade_off import refuse_words
@@ -12,9 +13,12 @@ from tradestudy.effects.models import Models
 from tradestudy.errors import UnaffordableError
 from tradestudy.plan.choice import Chosen, choose_models
 from tradestudy.plan.plan_text import plan_lines
-from tradestudy.plan.predicted_time import PredictedStep, Stopwatch, predicted_steps
+from tradestudy.plan.slow_steps import Work, magnitude, work_of
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.units import DURATION, FRACTION, pretty
+
+TIME_REMEDY: Final = "raise accuracy.time_limit, loosen the tolerance, or ask for less"
+_CERTAINLY_TOO_LONG: Final = 10.0  # times the limit; the table of seconds is not more precise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,35 +33,22 @@ class Plan:
         Its tolerances and time limit.
     problems
         Every problem of the study with its models.
-    steps
-        Every step of the run, with its predicted time on this machine.
+    work
+        All work of the run, in the order of its steps.
     """
 
     definition: StudyDefinition
     accuracy: Accuracy
     problems: tuple[Chosen, ...]
-    steps: tuple[PredictedStep, ...]
-
-    @property
-    def seconds(self) -> float:
-        """Predicted time of the whole run [s]."""
-        return math.fsum(step.seconds for step in self.steps)
+    work: tuple[Work, ...]
 
     def models(self, problem: str) -> Models:
         """The models applied to a problem, by effect."""
         return next(one.models for one in self.problems if one.name == problem)
 
-    def parts(self, step: str) -> tuple[float, ...]:
-        """Predicted seconds of the parts of a step, in the order of computation; empty if they are equally long."""
-        return next((one.parts for one in self.steps if one.name == step), ())
-
-    def seconds_by_problem(self, step: str) -> Mapping[str, float]:
-        """Predicted seconds of a step for each of its problems."""
-        return next(one.problems for one in self.steps if one.name == step)
-
     def text(self, *, verbose: bool = False) -> str:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""
-        return "\n".join(plan_lines(self.problems, dict(_settled(self.definition)), self.steps, verbose=verbose))
+        return "\n".join(plan_lines(self.problems, dict(_settled(self.definition)), self.work, verbose=verbose))
 
     def __repr__(self) -> str:
         return self.text()
@@ -81,17 +72,17 @@ def _settled(definition: StudyDefinition) -> Iterator[tuple[str, str]]:
 
 
 def plan_of(definition: StudyDefinition) -> Plan:
-    """Choose the models of every problem of a study and predict the time of the run.
+    """Choose the models of every problem of a study and name the slow steps of its run.
 
     Raises
     ------
     UnaffordableError
-        If even the most complete models exceed a tolerance, or the predicted time exceeds the study's time limit.
+        If even the most complete models exceed a tolerance, or the run would take far longer than its time
+        limit.
     StudyError
         If the study forces a model that none of its problems has, or weighs a criterion that is not a number.
     """
     refuse_words(definition)
-    watch = Stopwatch()
     accuracy = definition.file.accuracy.asked()
     problems = choose_models(definition)
     other_models: dict[str, dict[str, Models]] = {}
@@ -99,12 +90,18 @@ def plan_of(definition: StudyDefinition) -> Plan:
         for reading, models in one.choice.other_models.items():
             other_models.setdefault(reading, {})[one.name] = models
     applied = definition.with_models({one.name: one.models for one in problems}, other_models)
-    plan = Plan(definition=applied, accuracy=accuracy, problems=problems, steps=predicted_steps(applied, watch))
-    if plan.seconds > accuracy.time_limit:
+    plan = Plan(definition=applied, accuracy=accuracy, problems=problems, work=work_of(applied))
+    if (spot := definition.file.light_spot) is not None:
+        from tradestudy.analysis.spot_images import refuse_large_picture
+        from tradestudy.plan.problems.light_spot import NAME, spot_models
+
+        refuse_large_picture(spot, spot_models(plan.models(NAME)))
+    seconds = math.fsum(one.seconds for one in plan.work)
+    if seconds > _CERTAINLY_TOO_LONG * accuracy.time_limit:
         raise UnaffordableError(
-            "the run is predicted to exceed its time limit",
-            value=pretty(plan.seconds, DURATION, digits=2),
+            "the run would take far longer than its time limit",
+            value=magnitude(seconds),
             limit=pretty(accuracy.time_limit, DURATION),
-            remedy="raise accuracy.time_limit, loosen the tolerance, or ask for less",
+            remedy=TIME_REMEDY,
         )
     return plan

@@ -11,46 +11,46 @@ from tradestudy.effects.choice import NAMED, Change, Evidence
 from tradestudy.effects.models import LENSES, OFF
 from tradestudy.effects.words import MODEL, left_out
 from tradestudy.plan.choice import Chosen
-from tradestudy.plan.predicted_time import PredictedStep
-from tradestudy.units import DURATION, FRACTION, pretty
+from tradestudy.plan.slow_steps import Work, magnitude
+from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import distance, fewest_digits, listed
 
 _SIGNIFICANT: Final = 0.01  # share of the tolerance
 
 
 def plan_lines(
-    problems: Sequence[Chosen], settled: Mapping[str, str], steps: Sequence[PredictedStep], *, verbose: bool
+    problems: Sequence[Chosen], settled: Mapping[str, str], work: Sequence[Work], *, verbose: bool
 ) -> Iterator[str]:
     """One line per problem, with all decisions if verbose, and one for the run, with all steps if verbose.
 
     `settled` states, by name, how questions that leave no choice of models are answered.
     """
     width = max(map(len, [*(one.name for one in problems), *settled, "run"]))
-    seconds: dict[str, float] = {}
-    several: dict[str, str] = {}  # pictures that are compared with the one by the chosen models
-    for step in steps:
-        for name, own in step.problems.items():
-            seconds[name] = seconds.get(name, 0.0) + own
-            several[name] = f" for {step.work}" if len(step.problems) == 1 and len(step.parts) > 1 else ""
     for one in problems:
-        takes = f"; {pretty(seconds[one.name], DURATION, digits=2)}{several[one.name]}" if one.name in seconds else ""
+        own = [part.seconds for part in work if part.problem == one.name]
+        takes = f"; {magnitude(math.fsum(own))}" if own else ""
         yield f"{one.name:<{width}}  {summary(one)}{takes}"
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
     yield from (f"{name:<{width}}  {how}" for name, how in settled.items())
-    yield f"{'run':<{width}}  about {_seconds(steps)} in total, of which {_longest(steps)}"
+    yield f"{'run':<{width}}  {_slow(work)}"
     if verbose:
-        names = max(len(step.name) for step in steps)
-        for step in steps:
-            yield f"{'':<{width}}    {step.name:<{names}}  {_seconds([step]):>7}  {step.work}"
+        steps = max(len(part.step) for part in work)
+        for part in work:
+            name = f"{part.problem}, " if part.problem else ""
+            yield f"{'':<{width}}    {part.step:<{steps}}  {magnitude(part.seconds):>7}  {name}{part.amount}"
 
 
-def _longest(steps: Sequence[PredictedStep]) -> str:
-    """The longest step, if it is not the report, and the report, with their times."""
-    longest = max(steps, key=lambda step: step.seconds)
-    report = next(step for step in steps if step.name == "report")
-    before = "" if longest is report else f"{_seconds([longest])} for {longest.name} and "
-    return f"{before}{_seconds([report])} for the report"
+def _slow(work: Sequence[Work]) -> str:
+    """The magnitude of the run, and the step that takes most of it, with the amount of its slowest part."""
+    total = math.fsum(part.seconds for part in work)
+    seconds: dict[str, float] = {}
+    for part in work:
+        seconds[part.step] = seconds.get(part.step, 0.0) + part.seconds
+    step = max(seconds, key=lambda one: seconds[one])
+    slowest = max((part for part in work if part.step == step), key=lambda part: part.seconds)
+    of = f" for {slowest.problem}" if slowest.problem else ""
+    return f"{magnitude(total)}, mostly {step} ({slowest.amount}{of})"
 
 
 def summary(one: Chosen) -> str:
@@ -208,7 +208,3 @@ def _amount(change: Change, tolerance: float = math.nan) -> str:
         digits = fewest_digits(lambda digits: pretty(change.relative, FRACTION, digits=digits) != allowed)
         size = pretty(change.relative, FRACTION, digits=digits)
     return f"{known[change.evidence]}{size}"
-
-
-def _seconds(steps: Sequence[PredictedStep]) -> str:
-    return pretty(math.fsum(step.seconds for step in steps), DURATION, digits=2)

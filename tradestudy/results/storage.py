@@ -34,7 +34,6 @@ RUN_FILES: Final = (*_ALWAYS, "figures/*.svg", "tables/*.csv", "posteriors/*.nc"
 _KINDS: Final = {
     **dict.fromkeys(("study", "study_hash", "code_hash", "file", "started", CHECKSUM, PICTURES), str),
     "seed": int,
-    "predicted_seconds": int | float,
 }
 _MEMBERS: Final = {
     "inputs": (dict, str),

@@ -154,11 +154,11 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
 
 
 def measure_loop(
-    points: dict[tuple[str, float, float, float], LoopPoint], steps: Steps, seconds: Sequence[float] = ()
+    points: dict[tuple[str, float, float, float], LoopPoint], steps: Steps
 ) -> dict[tuple[str, float, float, float], LoopFinding]:
-    """Measure every plane on the workers; ``seconds``, predicted for each plane, weigh the progress."""
+    """Measure every plane on the workers."""
     labels = [f"{name} at {distance:g} m" for name, distance, _, _ in points]
-    return dict(zip(points, steps.map(STEP, measure_on_plane, list(points.values()), labels, seconds), strict=True))
+    return dict(zip(points, steps.map(STEP, measure_on_plane, list(points.values()), labels), strict=True))
 
 
 def measure_on_plane(point: LoopPoint) -> LoopFinding:

@@ -182,13 +182,10 @@ def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, floa
     )
 
 
-def measure_depth(
-    rendering: Rendering, readers: Sequence[CameraReader], steps: Steps, seconds: Sequence[float] = ()
-) -> list[MeasuredDepth]:
+def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: Steps) -> list[MeasuredDepth]:
     """Measure depth in the pictures of every camera that has a reader.
 
     The readers assume the designed cameras, so a camera's deviations from its design become errors of the map.
-    ``seconds`` are predicted for every reader, or empty; progress counts these.
 
     Raises
     ------
@@ -211,7 +208,7 @@ def measure_depth(
         return []
     # Written as files instead of checkpoints: the maps of large sensors are as large as their pictures.
     labels = [one.taken.name for one in readers]
-    return replace(steps, checkpoints=None).map(STEP, read_depth, points, labels, seconds)
+    return replace(steps, checkpoints=None).map(STEP, read_depth, points, labels)
 
 
 def _waves(rendering: Rendering, reader: CameraReader) -> dict[str, Waves | None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from tradestudy.errors import Problem, StudyError, TradestudyError
@@ -16,11 +16,9 @@ if TYPE_CHECKING:
 
 
 def infer_calibrations(
-    definition: StudyDefinition, steps: Steps, seconds: Sequence[float] = ()
+    definition: StudyDefinition, steps: Steps
 ) -> tuple[StudyDefinition, Mapping[str, InferredCalibration]]:
     """Infer every calibration from a target or corners, for the study, its readings and the designs of its sweep.
-
-    ``seconds`` are predicted for each calibration; progress counts these.
 
     Returns
     -------
@@ -42,7 +40,7 @@ def infer_calibrations(
 
     names = [one.name for one in asked.values()]
     try:
-        found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names, seconds), strict=True))
+        found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names), strict=True))
     except GeometryContradictionError as error:
         raise StudyError(_located(definition, error)) from None
     known = definition.with_posteriors({key: one.calibration for key, one in found.items()})

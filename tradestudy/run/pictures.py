@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -81,7 +80,7 @@ class Rendering:
     pictures: Sequence[TakenPicture]
 
 
-def render_scene(definition: StudyDefinition, steps: Steps, seconds: Sequence[float] = ()) -> Rendering:
+def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     """Render every picture of the study's scene.
 
     Parameters
@@ -90,8 +89,6 @@ def render_scene(definition: StudyDefinition, steps: Steps, seconds: Sequence[fl
         A study with ``scene.image``, its calibrations inferred.
     steps
         How tiles are computed.
-    seconds
-        Predicted for each camera that takes pictures, in their order; progress counts these. Empty: pixels count.
 
     Raises
     ------
@@ -112,9 +109,8 @@ def render_scene(definition: StudyDefinition, steps: Steps, seconds: Sequence[fl
             errors.append(change if waves is None else waves.bent_farther)
     tiles = [tiles_of(one) for one in whole]
     flat = [tile for some in tiles for tile in some]
-    predicted = {one.name: its for one, its in zip(cameras, seconds, strict=True)} if seconds else {}
     labels = [f"{tile.camera} {tile.exposure.name}, row {tile.rows[0]}, column {tile.columns[0]}" for tile in flat]
-    rendered = iter(steps.map(STEP, render_tile, flat, labels, _efforts(flat, predicted)))
+    rendered = iter(steps.map(STEP, render_tile, flat, labels))
     pictures = [
         assemble(one, [(tile, next(rendered)) for tile in some], error)
         for one, some, error in zip(whole, tiles, errors, strict=True)
@@ -133,18 +129,6 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
         facts = _camera_facts(rendering, taken, facts_of[taken.name])
         replace_file(directory / taken.name / "camera.json", f"{json_text(facts)}\n".encode())
     return written
-
-
-def _efforts(tiles: Sequence[Tile], seconds: Mapping[str, float]) -> list[float]:
-    """Predicted seconds of each tile; without predictions by camera, its number of pixels."""
-    pixels = [(one.rows[1] - one.rows[0]) * (one.columns[1] - one.columns[0]) for one in tiles]
-    totals: Counter[str] = Counter()
-    for one, count in zip(tiles, pixels, strict=True):
-        totals[one.camera] += count
-    return [
-        count * seconds.get(one.camera, totals[one.camera]) / totals[one.camera]
-        for one, count in zip(tiles, pixels, strict=True)
-    ]
 
 
 def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:

@@ -17,13 +17,11 @@ from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.datasheet import datasheet_group
 from tradestudy.run.groups.decision import claims_group, decision_group, questions_group
 from tradestudy.run.groups.depth import (
-    OFF_AXIS,
     DepthTables,
     depth_at_places_group,
     depth_field_group,
     depth_group,
     depth_tables,
-    seconds_off_axis,
 )
 from tradestudy.run.groups.depth_map import depth_map_group
 from tradestudy.run.groups.designs import design_verdicts
@@ -64,7 +62,7 @@ def compute(
         Groups and variables as defined in `tradestudy.results`.
     """
     steps = Steps() if steps is None else steps
-    definition, inferred = infer_calibrations(plan.definition, steps, plan.parts("calibration"))
+    definition, inferred = infer_calibrations(plan.definition, steps)
     asked = _Asked(
         plan=plan,
         definition=definition,
@@ -89,15 +87,13 @@ def compute(
     tables: DepthTables = {}
     if definition.case.cameras:
         compute_kirchhoff_pictures(definition, steps.progress)
-        places = definition.file.propagation.field_places
-        off_axis = seconds_off_axis(definition, plan.seconds_by_problem(OFF_AXIS), steps) if places else {}
-        tables = depth_tables(definition, asked.designs, steps, plan.seconds_by_problem("depth"))
-        groups |= _depth_groups(asked, tables, off_axis)
+        tables = depth_tables(definition, asked.designs, steps)
+        groups |= _depth_groups(asked, tables)
     groups |= _groups_of_few(asked)
     groups |= _answers(asked, tables, groups.get("/criteria"))
     if definition.file.solve:
         known = [groups["/decision"]] if "/decision" in groups else []
-        solved = questions_group(definition, steps.progress, plan.parts("inverse questions"))
+        solved = questions_group(definition, steps.progress)
         groups["/decision"] = xr.merge([*known, solved], combine_attrs="drop_conflicts")
     return xr.DataTree.from_dict(groups)
 
@@ -121,12 +117,12 @@ def _root(definition: StudyDefinition) -> xr.Dataset:
     return xr.Dataset(attrs=attributes | ({} if file.scene is None else {"wavelength": file.scene.wavelength}))
 
 
-def _depth_groups(asked: _Asked, tables: DepthTables, off_axis: Mapping[str, float]) -> dict[str, xr.Dataset]:
+def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
     """Groups about the cameras that measure depth, and which of them is best."""
     definition, steps, file = asked.definition, asked.steps, asked.definition.file
     groups = {"/depth": depth_group(definition, asked.designs, tables)}
     if file.propagation.field_places:
-        groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps, off_axis)
+        groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
     steps.progress("decision", 0.0)
     if (mapped := depth_map_group(definition)) is not None:
         groups["/depth_map"] = mapped
@@ -135,9 +131,7 @@ def _depth_groups(asked: _Asked, tables: DepthTables, off_axis: Mapping[str, flo
     if (causes := disparity_causes_group(definition)) is not None:
         groups["/disparity_causes"] = causes
     groups["/datasheet"] = datasheet_group(definition)
-    decided = [
-        decision_group(definition, asked.readings, groups["/depth"], steps.progress, asked.plan.parts("decision"))
-    ]
+    decided = [decision_group(definition, asked.readings, groups["/depth"], steps.progress)]
     if file.sweep:
         decided.append(design_verdicts(definition, asked.designs, tables))
     steps.progress("decision", 1.0)
@@ -161,12 +155,12 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.run.scene_pictures import take_scene
 
         depth = file.scene.image.depth_maps
-        taken = take_scene(definition, asked.pictures, asked.steps, plan, depth=depth)
+        taken = take_scene(definition, asked.pictures, asked.steps, depth=depth)
         groups["/pictures"] = pictures_group(taken)
     if file.depth_loop is not None:
         from tradestudy.run.groups.depth_loop import depth_loop_group
 
-        groups["/depth_loop"] = depth_loop_group(definition, file.depth_loop, asked.steps, plan.parts("depth loop"))
+        groups["/depth_loop"] = depth_loop_group(definition, file.depth_loop, asked.steps)
     if file.sensitivity is not None:
         from tradestudy.run.groups.sensitivity import sensitivity_group
 
@@ -187,9 +181,7 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.plan.problems import light_spot
         from tradestudy.run.groups.images import images_group
 
-        groups["/images"] = images_group(
-            file.light_spot, asked.steps, seconds, plan.models(light_spot.NAME), plan.parts("image of the spot")
-        )
+        groups["/images"] = images_group(file.light_spot, asked.steps, seconds, plan.models(light_spot.NAME))
     if file.point_spread is not None:
         from tradestudy.plan.problems import point_spread
         from tradestudy.run.groups.point_spread import point_spread_group
@@ -210,7 +202,7 @@ def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) ->
     if file.claims or file.requirements:
         progress("claims", 0.0)
     if file.claims:
-        groups["/claims"] = claims_group(definition, asked.readings, progress, asked.plan.parts("claims"))
+        groups["/claims"] = claims_group(definition, asked.readings, progress)
     judge = Judge({one: table.intervals for one, table in tables.items()})
     if file.requirements:
         groups["/requirements"] = requirements_group(definition, asked.designs, judge, asked.steps)

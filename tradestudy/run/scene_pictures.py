@@ -8,9 +8,8 @@ from glob import escape
 from pathlib import Path
 
 from tradestudy.execution import Steps
-from tradestudy.plan.plan import Plan
 from tradestudy.results.storage import list_written
-from tradestudy.run import depth_maps, pictures
+from tradestudy.run import pictures
 from tradestudy.run.depth_maps import MeasuredDepth, measure_depth, set_up_readers, write_depth
 from tradestudy.run.pictures import Rendering, render_scene, write_pictures
 from tradestudy.study.definition import StudyDefinition
@@ -41,9 +40,7 @@ def files_of_pictures(definition: StudyDefinition) -> list[str]:
     return [f"{escape(name)}/*.{ending}" for name in names for ending in ("png", "tiff", "npy", "json")]
 
 
-def take_scene(
-    definition: StudyDefinition, directory: Path | None, steps: Steps, plan: Plan | None = None, *, depth: bool
-) -> TakenScene:
+def take_scene(definition: StudyDefinition, directory: Path | None, steps: Steps, *, depth: bool) -> TakenScene:
     """Render every picture of the study's scene, measure depth in them if requested, and write both.
 
     Parameters
@@ -55,8 +52,6 @@ def take_scene(
         None writes nothing.
     steps
         How tiles and maps are computed.
-    plan
-        Its predictions weight the progress; without it, pixels and maps count.
     depth
         Whether to measure depth.
 
@@ -71,9 +66,9 @@ def take_scene(
     """
     steps.progress(pictures.STEP, 0.0)
     readers = set_up_readers(definition) if depth else []
-    rendering = render_scene(definition, steps, plan.parts(pictures.STEP) if plan else ())
+    rendering = render_scene(definition, steps)
     written = write_pictures(rendering, directory) if directory is not None else []
-    depths = measure_depth(rendering, readers, steps, plan.parts(depth_maps.STEP) if plan else ())
+    depths = measure_depth(rendering, readers, steps)
     if directory is not None:
         for one in depths:
             write_depth(one, directory / one.camera, rendering.image.depth_format)

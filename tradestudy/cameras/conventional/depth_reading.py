@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 
@@ -40,8 +40,6 @@ class FocusStackReader(DepthReader):
     OutOfRangeError
         The stack has fewer than three pictures and therefore no peak.
     """
-
-    relative_effort: ClassVar[float] = 0.25
 
     camera: ConventionalCamera
     search: DepthSearch

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,8 +62,6 @@ class RawPictureReader(DepthReader):
     camera, search
         The camera, and the depths to search.
     """
-
-    relative_effort: ClassVar[float] = 3.5
 
     camera: FocusedPlenoptic
     search: DepthSearch

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
-from typing import Any, ClassVar, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -57,8 +57,6 @@ class PairReader(DepthReader):
     OutOfRangeError
         If OpenCV is not installed.
     """
-
-    relative_effort: ClassVar[float] = 1.0
 
     camera: StereoRig
     search: DepthSearch

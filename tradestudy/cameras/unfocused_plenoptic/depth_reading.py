@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +41,6 @@ class ViewsReader(DepthReader):
     camera, search
         The camera, and the depths to search.
     """
-
-    relative_effort: ClassVar[float] = 0.8
 
     camera: UnfocusedPlenoptic
     search: DepthSearch

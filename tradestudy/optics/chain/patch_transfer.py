@@ -180,11 +180,8 @@ def patch_law(plan: PatchPlan, *, memory_limit: float, single: bool = False) -> 
     if plan.reach is not None:
         outer = plan.reach.kept + plan.reach.fade
         curvature *= fading(np.abs(at), plan.reach.kept, outer)
-        largest = math.ceil(
-            float(_sine(np.array([plan.farthest / plan.distance]))[0]) / plan.wavelength / plan.frequency_step
-        )
-        _refuse_large(plan.count // 2 + largest + 2, memory_limit)
-        sine = plan.wavelength * plan.frequency_step * np.arange(plan.count // 2 + largest + 2)
+        refuse_large_patch(plan, memory_limit)
+        sine = plan.wavelength * plan.frequency_step * np.arange(_frequencies(plan))
         squared = (sine**2)[None, :] + (sine**2)[:, None]
         k_b = 2 * math.pi / plan.wavelength * plan.distance
         cosine = np.sqrt(np.maximum(1 - squared, 0.0))
@@ -197,10 +194,16 @@ def patch_law(plan: PatchPlan, *, memory_limit: float, single: bool = False) -> 
     return PatchLaw(plan=plan, curvature=curvature, ratio=ratio)
 
 
-def _refuse_large(side: int, memory_limit: float) -> None:
-    """Refuse a transfer function of so many frequencies along a side of its quadrant that it exceeds the memory."""
-    needed = 4 * 16.0 * side**2
-    if needed > memory_limit:
+def _frequencies(plan: PatchPlan) -> int:
+    """Frequencies along a side of a quadrant of the transfer function."""
+    steepest = float(_sine(np.array([plan.farthest / plan.distance]))[0])
+    return plan.count // 2 + math.ceil(steepest / plan.wavelength / plan.frequency_step) + 2
+
+
+def refuse_large_patch(plan: PatchPlan, memory_limit: float) -> None:
+    """Refuse a patch whose transfer function exceeds the memory [bytes]."""
+    needed = 4 * 16.0 * _frequencies(plan) ** 2
+    if plan.reach is not None and needed > memory_limit:
         raise UnaffordableError(
             "the transfer function behind a microlens",
             value=f"{needed / 1e9:.3g} GB",

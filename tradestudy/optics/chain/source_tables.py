@@ -11,11 +11,10 @@ import numpy as np
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
-from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table, tabulated
+from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
 from tradestudy.optics.chain.arriving_light import field_spacing, table_tolerance
 from tradestudy.optics.chain.scene import LightPath, WaveMethod
 from tradestudy.optics.chain.sources import DiscSource
-from tradestudy.optics.chain.table_interpolation import fast_count
 from tradestudy.optics.phasors import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 
@@ -105,16 +104,23 @@ class SourceTables:
         return max(table.handed_over for table in self.tables)
 
 
-def table_count(accuracy: ChainAccuracy) -> int:
+def refuse_large_tables(wave: PupilWave, half_width: float, accuracy: ChainAccuracy) -> float:
+    """Refuse tables of this half width [m] that exceed the memory; return the distance between their points [m]."""
+    spacing, count = field_spacing(wave, accuracy), _table_count(accuracy)
+    needed = 16.0 * count * (2 * half_width / spacing) ** 2
+    if needed > accuracy.memory_limit:
+        raise UnaffordableError(
+            "tables of the main-lens field",
+            value=f"{count} of {2 * half_width / spacing:.0f}² points, {needed / 1e9:.3g} GB",
+            limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
+            remedy="use fewer pixels or microlenses, lower field_sampling, or raise the memory limit",
+        )
+    return spacing
+
+
+def _table_count(accuracy: ChainAccuracy) -> int:
     """Number of distances from the axis at which the main-lens field is computed; others are interpolated."""
     return max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
-
-
-def farthest_read(path: LightPath, source: DiscSource, distance: float) -> float:
-    """Largest distance between the array's points and the chief ray of a source point this far from the axis [m]."""
-    lenses = path.microlenses
-    farthest = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
-    return farthest + distance * path.array_distance / source.distance
 
 
 def source_tables(
@@ -150,9 +156,8 @@ def source_tables(
         If Kirchhoff's integral misses the tolerance where it replaces the boundary wave.
     """
     low, high = distances
-    count = table_count(accuracy)
+    count = _table_count(accuracy)
     radii = (low + high) / 2 - (high - low) / 2 * np.cos(math.pi * (np.arange(count) + 0.5) / count)
-    half = min(half_width, farthest_read(path, source, high))
     waves = [
         PupilWave(
             path=path,
@@ -162,20 +167,12 @@ def source_tables(
         )
         for radius in radii
     ]
-    spacing = field_spacing(waves[0], accuracy)
-    needed = 16.0 * count * (2 * half / spacing) ** 2
-    if needed > accuracy.memory_limit:
-        raise UnaffordableError(
-            "tables of the main-lens field",
-            value=f"{count} of {2 * half / spacing:.0f}² points, {needed / 1e9:.3g} GB",
-            limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
-            remedy="lower field_sampling, or raise the memory limit",
-        )
+    spacing = refuse_large_tables(waves[0], half_width, accuracy)
     tables = [
         field_table(
             wave,
-            low=(-half, -half),
-            high=(half, half),
+            low=(-half_width, -half_width),
+            high=(half_width, half_width),
             spacing=spacing,
             node_density=accuracy.pupil_nodes,
             tolerance=table_tolerance(accuracy),
@@ -187,34 +184,6 @@ def source_tables(
     ]
     return SourceTables(
         path=path, distance=source.distance, wavelength=wavelength, method=method, radii=radii, tables=tables
-    )
-
-
-def blank_tables(
-    path: LightPath,
-    source: DiscSource,
-    distances: tuple[float, float],
-    *,
-    wavelength: float,
-    method: WaveMethod,
-    accuracy: ChainAccuracy,
-    half_width: float,
-) -> SourceTables:
-    """One table of ones, as large as those of `source_tables`: reading it takes as long."""
-    half = min(half_width, farthest_read(path, source, distances[1]))
-    middle = PointSource(x=sum(distances) / 2, distance=source.distance)
-    wave = PupilWave(path=path, source=middle, wavelength=wavelength, method=method)
-    spacing = field_spacing(wave, accuracy)
-    count = fast_count(2 * half / spacing + 1)
-    ones = np.ones((count, count), dtype=np.complex128)
-    table = tabulated(ones, start=(-half, -half), spacing=spacing, tolerance=table_tolerance(accuracy))
-    return SourceTables(
-        path=path,
-        distance=source.distance,
-        wavelength=wavelength,
-        method=method,
-        radii=np.array([middle.x]),
-        tables=[table],
     )
 
 

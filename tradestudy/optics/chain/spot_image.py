@@ -29,7 +29,7 @@ from tradestudy.optics.chain.sources import (
     symmetries,
 )
 from tradestudy.optics.chain.spot_parts import AskedSpot, FollowedPoints, follow_points, forget_spot, source_density
-from tradestudy.optics.chain.spot_points import point_light, tables_at
+from tradestudy.optics.chain.spot_points import point_light, refuse_large_spot, tables_at
 
 _SAFETY_OF_ANGLES = 1.5  # one or two rings represent all rings
 _SAFETY_OF_RADII = 2.0  # one azimuth represents all azimuths
@@ -186,16 +186,35 @@ def wave_spot_image(
     return _disc_image(asked, rng, done, compute)[0]
 
 
+def refuse_large_disc(
+    path: LightPath, source: DiscSource, *, wavelength: float, legs: Legs, accuracy: ChainAccuracy
+) -> None:
+    """Refuse the image of a disc that the memory could not hold, before anything is computed.
+
+    Raises
+    ------
+    UnaffordableError
+        If tables, the transfer behind a microlens, or single points that are checked need more memory than allowed.
+    """
+    lit = lit_disc(path, source, wavelength=wavelength, tolerance=accuracy.tolerance)
+    nodes = source_nodes(path, lit, wavelength=wavelength, density=source_density(accuracy))
+    refuse_large_spot(path, lit, nodes, wavelength, legs, accuracy)
+    _refuse_large_points(AskedSpot(path=path, source=lit, wavelength=wavelength, legs=legs, accuracy=accuracy), nodes)
+
+
+def _refuse_large_points(asked: AskedSpot, nodes: SourceNodes) -> None:
+    for point in (asked.source.centre, outermost(asked.source, nodes)):
+        wave = point_wave(asked.path, point, wavelength=asked.wavelength, legs=asked.legs)
+        plan_point(_reference(wave), reference_law(asked.legs.to_detector), asked.accuracy.unstarved())
+
+
 def _disc_image(
     asked: AskedSpot, rng: np.random.Generator, done: Callable[[float], None], compute: ComputeParts
 ) -> tuple[ChainImage, FloatArray]:
     """The image of a whole disc, and the mean image of its outermost ring of nodes; errors as for `wave_spot_image`."""
     path, source, accuracy = asked.path, asked.source, asked.accuracy
-    wavelength, legs = asked.wavelength, asked.legs
-    nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
-    for point in (source.centre, outermost(source, nodes)):  # refuse before minutes of computation
-        wave = point_wave(path, point, wavelength=wavelength, legs=legs)
-        plan_point(_reference(wave), reference_law(legs.to_detector), accuracy.unstarved())
+    nodes = source_nodes(path, source, wavelength=asked.wavelength, density=source_density(accuracy))
+    _refuse_large_points(asked, nodes)  # before minutes of computation
     group = symmetries(path, source)
     images = _ring_images(asked, nodes, group, compute, lambda share: done(_SHARE_OF_NODES * share))
     rings = np.mean([moved_image(images.pixels, one) for one in group], axis=0)

@@ -23,6 +23,7 @@ from tradestudy.optics.chain.arriving_light import RayReach, RayWave, point_wave
 from tradestudy.optics.chain.detector_patch import (
     POINTS_AT_ONCE,
     SINGLE_PRECISION_FROM,
+    DetectorPatch,
     detector_patch,
     disc_ends,
     field_on_detector,
@@ -33,10 +34,10 @@ from tradestudy.optics.chain.detector_transfer import Response, response
 from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_share, padded
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, shadowed
-from tradestudy.optics.chain.patch_transfer import PatchLaw, PatchPlan, patch_fields, patch_law
+from tradestudy.optics.chain.patch_transfer import PatchLaw, PatchPlan, patch_fields, patch_law, refuse_large_patch
 from tradestudy.optics.chain.pixels import MARGIN, far_light, light_on_pixels
 from tradestudy.optics.chain.scene import Legs, LightPath
-from tradestudy.optics.chain.source_tables import Place, SourceTables, blank_tables, source_tables
+from tradestudy.optics.chain.source_tables import Place, SourceTables, refuse_large_tables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.lens import PointSource
@@ -91,36 +92,29 @@ def prepare_spot(
     wavelength: float,
     legs: Legs,
     accuracy: ChainAccuracy,
-    *,
-    blank: bool = False,
 ) -> Spot:
-    """Choose every grid from the geometry of centre and rim of the disc, and compute the tables.
-
-    Tables are left blank if `blank` is set, for a pilot run that times the points.
-    """
+    """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
     distance = np.linalg.norm(nodes.all, axis=1)
-    reaches = disc_ends(path, source, nodes)
+    patch = _patch_of(path, source, nodes, wavelength, legs, accuracy)
     paraxial = legs.to_detector == "fresnel"
-    patch = detector_patch(path, source, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy)
     plane = MicrolensPlane(
         path=path,
         wavelength=wavelength,
         paraxial=paraxial,
         cell=cell_nodes(path.microlenses, cycles=patch.cycles),
     )
-    ends = (source.centre, outermost(source, nodes))
-    lit_within = max(lit_radius(path, point, wavelength, accuracy) for point in ends)
+    lit_within = _lit_within(path, source, nodes, wavelength, accuracy)
     single = accuracy.tolerance >= SINGLE_PRECISION_FROM
     tables = None
     if legs.to_array != "geometric":
-        tables = (blank_tables if blank else source_tables)(
+        tables = source_tables(
             path,
             source,
             (float(distance.min()), float(distance.max())),
             wavelength=wavelength,
             method=legs.to_array,
             accuracy=accuracy,
-            half_width=math.inf if patch.whole_detector else _farthest_read(path, source, nodes, lit_within),
+            half_width=_farthest_read(path, source, nodes, math.inf if patch.whole_detector else lit_within),
         )
     return Spot(
         path=path,
@@ -139,6 +133,40 @@ def prepare_spot(
         per_pixel=patch.per_pixel,
         lit_within=lit_within,
     )
+
+
+def refuse_large_spot(
+    path: LightPath, source: DiscSource, nodes: SourceNodes, wavelength: float, legs: Legs, accuracy: ChainAccuracy
+) -> None:
+    """Refuse what `prepare_spot` could not hold in memory, before it computes anything.
+
+    Raises
+    ------
+    UnaffordableError
+        If the tables of the main-lens field, or the transfer behind a microlens, need more memory than allowed.
+    """
+    patch = _patch_of(path, source, nodes, wavelength, legs, accuracy)
+    if isinstance(patch.grid, PatchPlan):
+        refuse_large_patch(patch.grid, accuracy.memory_limit)
+    if legs.to_array != "geometric":
+        lit_within = math.inf if patch.whole_detector else _lit_within(path, source, nodes, wavelength, accuracy)
+        wave = PupilWave(path=path, source=outermost(source, nodes), wavelength=wavelength, method=legs.to_array)
+        refuse_large_tables(wave, _farthest_read(path, source, nodes, lit_within), accuracy)
+
+
+def _patch_of(
+    path: LightPath, source: DiscSource, nodes: SourceNodes, wavelength: float, legs: Legs, accuracy: ChainAccuracy
+) -> DetectorPatch:
+    reaches, paraxial = disc_ends(path, source, nodes), legs.to_detector == "fresnel"
+    return detector_patch(path, source, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy)
+
+
+def _lit_within(
+    path: LightPath, source: DiscSource, nodes: SourceNodes, wavelength: float, accuracy: ChainAccuracy
+) -> float:
+    """Distance from a chief ray within which microlenses are lit [m]."""
+    ends = (source.centre, outermost(source, nodes))
+    return max(lit_radius(path, point, wavelength, accuracy) for point in ends)
 
 
 def tables_at(spot: Spot, at: list[Place]) -> dict[Place, FieldTable | None]:
@@ -269,11 +297,16 @@ def _farthest_read(path: LightPath, source: DiscSource, nodes: SourceNodes, lit_
 
     Points between the nodes, up to the rim of the disc, estimate the error.
     """
+    lenses = path.microlenses
+    on_array = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
+    anywhere = on_array + float(np.linalg.norm(nodes.all, axis=1).max()) * path.array_distance / source.distance
+    if lit_within == math.inf:
+        return anywhere
     turn = 2.0 * math.pi * np.arange(_RIM) / _RIM
     rim = source.diameter / 2.0 * np.column_stack([np.cos(turn), np.sin(turn)]) + [source.x, source.y]
     chief = -path.array_distance / source.distance * np.concatenate([nodes.all, rim])
-    nearest, _ = cKDTree(path.microlenses.centres).query(chief)
-    return max(lit_within, float(np.max(nearest))) + path.microlenses.cell_reach
+    nearest, _ = cKDTree(lenses.centres).query(chief)
+    return min(max(lit_within, float(np.max(nearest))) + lenses.cell_reach, anywhere)
 
 
 def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None) -> Iterator[_Lit]:

@@ -24,7 +24,7 @@ from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair,
 from tradestudy.analysis.depth import ERROR_SOURCES
 from tradestudy.analysis.inverse_questions import solve
 from tradestudy.analysis.required_values import solve_requirement
-from tradestudy.execution.steps import Progress, shares_before
+from tradestudy.execution.steps import Progress
 from tradestudy.results import dataset
 from tradestudy.results.depth import judged_uncertainty
 from tradestudy.run.groups.depth import depth_as_declared
@@ -39,12 +39,8 @@ def decision_group(
     readings: Mapping[str, StudyDefinition],
     depth: xr.Dataset,
     progress: Progress = lambda _step, _share: None,
-    seconds: Sequence[float] = (),
 ) -> xr.Dataset:
-    """/decision from /depth and from the study under each reading, without inverse questions.
-
-    The predicted seconds set the shares of progress: first those of what precedes the readings, then of each reading.
-    """
+    """/decision from /depth and from the study under each reading, without inverse questions."""
     file, case = definition.file, definition.case
     values: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"distance": case.distance, "error_source": list(ERROR_SOURCES)}
@@ -79,9 +75,8 @@ def decision_group(
         pair = (file.decision.between[0], file.decision.between[1])
         places = np.array(file.decision.at)
         verdicts = {}
-        shares = shares_before(seconds, 1 + len(readings))[1:]
-        for share, (name, reading) in zip(shares, readings.items(), strict=False):
-            progress("decision", share)
+        for done, (name, reading) in enumerate(readings.items()):
+            progress("decision", done / len(readings))
             verdicts[name] = decide_pair(reading.case, pair, places)
         values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])
         values["reading_says"] = _in_words(definition, readings)
@@ -90,15 +85,12 @@ def decision_group(
     return dataset("decision", values, coordinates, attributes=attributes)
 
 
-def questions_group(definition: StudyDefinition, progress: Progress, seconds: Sequence[float]) -> xr.Dataset:
-    """The part of /decision that answers inverse questions, for cameras of every kind.
-
-    The predicted seconds of the questions set the shares of progress.
-    """
+def questions_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
+    """The part of /decision that answers inverse questions, for cameras of every kind."""
     questions = definition.file.solve
-    solved, shares = [], shares_before(seconds, len(questions))
-    for share, (name, question) in zip(shares, questions.items(), strict=False):
-        progress("inverse questions", share)
+    solved = []
+    for done, (name, question) in enumerate(questions.items()):
+        progress("inverse questions", done / len(questions))
         solved.append((solve_requirement if question.requirement else solve)(definition.under(name), question))
     progress("inverse questions", 1.0)
     return dataset(
@@ -164,12 +156,8 @@ def claims_group(
     definition: StudyDefinition,
     readings: Mapping[str, StudyDefinition],
     progress: Progress = lambda _step, _share: None,
-    seconds: Sequence[float] = (),
 ) -> xr.Dataset:
-    """/claims: value and answer under each reading that a claim names, with the verdict.
-
-    The predicted seconds of the answers, and of the requirements after them, set the shares of progress.
-    """
+    """/claims: value and answer under each reading that a claim names, with the verdict."""
     claims = definition.file.claims
     titles = {name: part.title for name, part in definition.file.cameras.items()}
     names = list(readings)
@@ -178,11 +166,10 @@ def claims_group(
     text, near = np.full(value.shape, "", dtype=object), np.zeros(value.shape)
     tolerance = definition.file.accuracy.tolerance
     rows, asked = list(claims), claims_in_order(claims, names)
-    shares = shares_before(seconds, len(asked) + len(definition.file.requirements))
     says = {name: reading.says for name, reading in definition.file.readings.items()}
     answers: dict[str, dict[str, bool | None]] = {key: {} for key in claims}
-    for share, (key, name) in zip(shares, asked, strict=False):
-        progress("claims", share)
+    for done, (key, name) in enumerate(asked):
+        progress("claims", done / (len(asked) + len(definition.file.requirements)))
         row, column, claim, dimension = rows.index(key), names.index(name), claims[key], claim_dimension(claims[key])
         # A reading may also change what a claim asks, such as the blur that counts as sharp, but never what it expects.
         value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)

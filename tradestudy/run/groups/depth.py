@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -21,11 +20,10 @@ from tradestudy.analysis.depth_points import (
 )
 from tradestudy.analysis.usable import LIMIT_NAMES
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
-from tradestudy.cameras.depth_measurement import CORNERS, FieldPosition, PicturePlace, towards_corners
+from tradestudy.cameras.depth_measurement import CORNERS, PicturePlace, towards_corners
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.pilots import drawing_seconds
 from tradestudy.results import dataset
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import Case, StudyDefinition
@@ -37,13 +35,10 @@ OFF_AXIS: Final = "depth off the axis"
 DepthTables = Mapping[tuple[DepthCamera, UsableCriteria], DepthTable]
 
 
-def depth_tables(
-    definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps, seconds: Mapping[str, float]
-) -> DepthTables:
+def depth_tables(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> DepthTables:
     """Depth errors and usability of each camera of each design, over the distances of the study.
 
-    A camera that several designs share is computed once, under the label of the first of them. ``seconds`` are
-    predicted for every camera in all designs; progress counts these.
+    A camera that several designs share is computed once, under the label of the first of them.
     """
     labels: dict[tuple[DepthCamera, UsableCriteria], tuple[str, str]] = {}
     for design, label in zip(designs, point_labels(sweep_axes(definition)), strict=True):
@@ -51,11 +46,8 @@ def depth_tables(
             labels.setdefault((camera, design.case.criteria), (name, label))
     distance = definition.case.distance
     points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
-    counts = Counter(name for name, _ in labels.values())
-    seconds = _shared_out(seconds, _seconds_of_draws(definition.case))
-    efforts = [seconds[name] / counts[name] for name, _ in labels.values()]
     words = [f"{name}, {label}" for name, label in labels.values()]
-    return dict(zip(labels, steps.map("depth", depth_table, points, words, efforts), strict=True))
+    return dict(zip(labels, steps.map("depth", depth_table, points, words), strict=True))
 
 
 def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:
@@ -76,30 +68,11 @@ def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]
     return dataset("depth_at_places", arrays, _coordinates(definition, distance, part_names))
 
 
-def seconds_off_axis(definition: StudyDefinition, seconds: Mapping[str, float], steps: Steps) -> Mapping[str, float]:
-    """Predict the step off the axis anew, for every camera, before depth is computed.
-
-    ``seconds`` are those of the plan for every camera, without draws. Off the axis, some cameras need several times as
-    many draws as on it, as the first ones show.
-    """
-    drawn = _seconds_of_draws(definition.case, _off_axis(definition.file.propagation.field_places))
-    found = {name: planned + drawn[name] for name, planned in seconds.items()}
-    if any(drawn.values()):
-        steps.predict_anew(OFF_AXIS, math.fsum(found.values()))
-    return found
-
-
-def depth_field_group(
-    definition: StudyDefinition, fields: tuple[float, ...], steps: Steps, seconds: Mapping[str, float]
-) -> xr.Dataset:
-    """/depth_field: depth errors off the axis, over (camera, field, corner, distance), for the study as declared.
-
-    ``seconds`` are predicted for every camera; progress counts these.
-    """
+def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], steps: Steps) -> xr.Dataset:
+    """/depth_field: depth errors off the axis, over (camera, field, corner, distance), for the study as declared."""
     cameras, distance = definition.case.cameras, definition.case.distance
     points = [FieldPoint(camera=camera, fields=_off_axis(fields), distance=distance) for camera in cameras.values()]
-    efforts = [seconds[name] for name in cameras]
-    table = steps.map(OFF_AXIS, depth_over_field, points, list(cameras), efforts)
+    table = steps.map(OFF_AXIS, depth_over_field, points, list(cameras))
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
     shape = (len(cameras), len(fields), len(CORNERS))
@@ -116,20 +89,6 @@ def depth_field_group(
 def _off_axis(fields: Sequence[float]) -> tuple[PicturePlace, ...]:
     """The places at field positions towards all corners of the picture."""
     return tuple(place for field in fields for place in towards_corners(field))
-
-
-def _seconds_of_draws(case: Case, fields: tuple[FieldPosition, ...] = (0.0,)) -> dict[str, float]:
-    """Predicted seconds of each camera's draws at field positions, from its first draws; 0 for cameras without."""
-    return {name: drawing_seconds(camera, case.distance.size, fields) for name, camera in case.cameras.items()}
-
-
-def _shared_out(seconds: Mapping[str, float], drawn: Mapping[str, float]) -> dict[str, float]:
-    """The predicted seconds of the cameras, with those of cameras with draws shared out in proportion to their draws.
-
-    The plan times the draws of one camera of each kind.
-    """
-    planned, total = math.fsum(seconds[name] for name in drawn if drawn[name]), math.fsum(drawn.values())
-    return {name: planned * own / total if own else seconds[name] for name, own in drawn.items()}
 
 
 def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:

@@ -19,12 +19,10 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_loop import DepthLoopPart
 
 
-def depth_loop_group(
-    definition: StudyDefinition, part: DepthLoopPart, steps: Steps, seconds: Sequence[float]
-) -> xr.Dataset:
-    """/depth_loop over cameras, distances, contrasts and electrons; ``seconds`` are predicted for its planes."""
+def depth_loop_group(definition: StudyDefinition, part: DepthLoopPart, steps: Steps) -> xr.Dataset:
+    """/depth_loop over cameras, distances, contrasts and electrons."""
     points = loop_points(definition, part)
-    found = measure_loop(points, steps, seconds)
+    found = measure_loop(points, steps)
     cameras = list(dict.fromkeys(key[0] for key in points))
     labels = {
         name: list(dict.fromkeys(key[k] for key in points))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from tradestudy.execution.steps import Progress, mixed, shares_before
+from tradestudy.execution.steps import Progress, mixed
 from tradestudy.results import dataset
 from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.verification.hard_case_families import all_families
@@ -16,10 +16,8 @@ def hard_cases_group(asked: HardCasesPart, progress: Progress) -> xr.Dataset:
     families = [family for family in all_families() if family.name in asked.families]
     cases = [(family, case) for family in families for case in family.cases]
     found: dict[int, Verdict] = {}
-    order = mixed(len(cases))
-    shares = shares_before([cases[place][1].effort for place in order], len(cases))
-    for place, share in zip(order, shares[:-1], strict=True):
-        progress("hard cases", share)
+    for done, place in enumerate(mixed(len(cases))):
+        progress("hard cases", done / len(cases))
         family, case = cases[place]
         found[place] = judge(family, case, references().get(family.name, {}))
     verdicts = [found[place] for place in range(len(cases))]

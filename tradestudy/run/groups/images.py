@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -22,7 +21,7 @@ from tradestudy.analysis.spot_images import (
 )
 from tradestudy.effects.models import Models
 from tradestudy.execution import Steps
-from tradestudy.execution.steps import Progress, Seconds, shares_before, timed
+from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.light_spot import spot_models
 from tradestudy.results import dataset
@@ -35,9 +34,7 @@ def _report(progress: Progress, begin: float, end: float, share: float) -> None:
     progress(STEP, begin + share * (end - begin))
 
 
-def images_group(
-    part: LightSpotPart, steps: Steps, seconds: Seconds, models: Models, predicted: Sequence[float] = ()
-) -> xr.Dataset:
+def images_group(part: LightSpotPart, steps: Steps, seconds: Seconds, models: Models) -> xr.Dataset:
     """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``.
 
     Parameters
@@ -50,14 +47,13 @@ def images_group(
         Receives the seconds that the pictures took.
     models
         The chosen models, which compute ``chosen_image``; without methods it is the only image.
-    predicted
-        Seconds of each picture, which set the shares of progress.
     """
     chosen = spot_models(models)
     compared = [compared_models(part, method) for method in part.methods]
     asked = compared if chosen in compared else [*compared, chosen]
     pictures, progress = {}, steps.progress
-    for one, ends in zip(asked, itertools.pairwise(shares_before(predicted, len(asked))), strict=True):
+    for done, one in enumerate(asked):
+        ends = done / len(asked), (done + 1) / len(asked)
         progress(STEP, ends[0])
         name = f"image: {one.method}" if one in compared else "image: chosen"
         with timed(seconds, name):

@@ -12,7 +12,6 @@ from tradestudy.analysis.depth_draws import uncertain_groups
 from tradestudy.analysis.sensitivity import SensitivityPoint, sensitivity_over_field
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.pilots import sensitivity_seconds
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 
@@ -24,8 +23,7 @@ def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: 
     asked = [
         SensitivityPoint(name=name, camera=camera, distance=distance, fields=fields) for name, camera in cameras.items()
     ]
-    efforts = [sensitivity_seconds(camera, distance, fields) for camera in cameras.values()]
-    found = steps.map("sensitivity", sensitivity_over_field, asked, list(cameras), efforts)
+    found = steps.map("sensitivity", sensitivity_over_field, asked, list(cameras))
     sources = list(dict.fromkeys(name for camera in groups for name in camera))
     parameters = list(
         dict.fromkeys(

@@ -50,7 +50,8 @@ class AccuracyPart(Part):
     )
     time_limit: PositiveDuration | None = Field(
         default=None,
-        description="Limit on the predicted time of a run; a longer run is refused before it starts. Default: none.",
+        description="Limit on the time of a run. One that would certainly take longer is refused before it starts; "
+        "another stops at the limit and keeps what is finished. Default: none.",
     )
 
     def asked(self) -> accuracy.Accuracy:

@@ -55,15 +55,11 @@ class Law:
 
 @dataclass(frozen=True, kw_only=True)
 class NumericCase:
-    """A law at hard inputs, judged by its error relative to a stored reference of thirty digits.
-
-    The effort is as for an `OutcomeCase`.
-    """
+    """A law at hard inputs, judged by its error relative to a stored reference of thirty digits."""
 
     name: str
     law: Law
     inputs: Mapping[str, float]
-    effort: float = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +74,6 @@ class OutcomeCase:
         The answers of the textbook method and of this program, in words.
     expected
         Texts that a correct answer contains.
-    effort
-        Approximate time of both answers, in units of that for parsing a small study.
     """
 
     name: str
@@ -87,7 +81,6 @@ class OutcomeCase:
     naive: Callable[[], str]
     ours: Callable[[], str]
     expected: tuple[str, ...]
-    effort: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -331,7 +331,6 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
             naive=naive_constant,
             ours=constant,
             expected=("nan", "does not vary"),
-            effort=60.0,  # it loads scipy.stats, as the first of all cases that need it
         ),
         OutcomeCase(
             name="an ensemble of walkers in a mode of its own",
@@ -339,7 +338,6 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
             naive=lambda: f"mean {float(np.mean(chains())):.3g}, from {chains().size} draws",
             ours=stuck,
             expected=("not converged", "ensembles disagree", "stuck ensembles: [1]"),
-            effort=40.0,  # with the loading of ArviZ
         ),
     )
 

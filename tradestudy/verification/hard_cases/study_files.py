@@ -30,14 +30,13 @@ def study(
     return f"format: 2\nstudy: {name}\ntitle: {title}\nquestion: Q\ncameras: {cameras}\nscene: {scene}\n{more}\n"
 
 
-def _case(name: str, law: str, text: str, *expected: str, effort: float = 1.0) -> OutcomeCase:
+def _case(name: str, law: str, text: str, *expected: str) -> OutcomeCase:
     return OutcomeCase(
         name=name,
         law=law,
         naive=lambda: _plainly(text),
         ours=lambda: _checked(text),
         expected=expected,
-        effort=effort,
     )
 
 
@@ -53,14 +52,12 @@ def _legal() -> tuple[OutcomeCase, ...]:
             study(scene=log),
             "accepted",
             "100000 distances",
-            effort=4.0,
         ),
         _case(
             "100 cameras",
             "accepted: a study may have that many",
             study(cameras=f"{{{hundred}}}"),
             "accepted: 100 cameras",
-            effort=46.0,
         ),
         _case(
             "names in other scripts",
@@ -74,7 +71,6 @@ def _legal() -> tuple[OutcomeCase, ...]:
             "accepted: read as the number it is",
             study(scene=f"{{distances: [1.{'0' * 500_000}1 m, 2 m], wavelength: 550 nm}}"),
             "accepted",
-            effort=40.0,
         ),
     )
 
@@ -90,7 +86,6 @@ def _too_much() -> tuple[OutcomeCase, ...]:
             study(cameras=f"{{{more}}}"),
             "refused",
             "100",
-            effort=46.0,
         ),
         _case("100 001 distances", "refused, with the limit stated", study(scene=log), "refused", "100000"),
         _case(
@@ -99,7 +94,6 @@ def _too_much() -> tuple[OutcomeCase, ...]:
             study(more="# " + "x" * 1_000_000),
             "refused",
             "larger than 1 MB",
-            effort=24.0,
         ),
         _case(
             "two hundred nested brackets",
