@@ -825,8 +825,6 @@ a value of a camera may begin with the name of the camera, without `cameras`: `s
 
 Each section describes one mapping. Below its heading are the paths at which it may occur, unless there are more than
 three. In these paths, `NAME` is a name that you choose, `PATH` is the path of a value, and `[]` is an item of a list.
-
-For a study of format 1, `python -m tradestudy check` says key by key what to write instead.
 """
 
 _FROM_FILES = """

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from tradestudy.cameras.conventional.declaration import ConventionalDeclaration
-from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
+from tradestudy.cameras.declaration import CameraDeclaration
 from tradestudy.cameras.focused_plenoptic.declaration import FocusedPlenopticDeclaration
 from tradestudy.cameras.stereo.declaration import StereoDeclaration
 from tradestudy.cameras.unfocused_plenoptic.declaration import UnfocusedPlenopticDeclaration
@@ -20,11 +20,6 @@ KINDS: Final[tuple[type[CameraDeclaration], ...]] = (
     StereoDeclaration,
     ConventionalDeclaration,
 )
-
-DEPTH_PARAMETERS: Final = frozenset(
-    name for kind in KINDS if issubclass(kind, DepthCameraDeclaration) for name in kind.camera.error_vocabulary
-)
-"""Names of all parameters that can be in error in any kind of camera that measures depth."""
 
 if TYPE_CHECKING:
     CameraPart = CameraDeclaration

@@ -27,11 +27,11 @@ from tradestudy.study.applied_models import apply_models
 from tradestudy.study.building import camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
 from tradestudy.study.reader import with_values
-from tradestudy.study.renamed import validated
 from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.depth_of_field import PROBLEM, DepthOfFieldPart, ReliefPart
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.validation import validate
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
 if TYPE_CHECKING:  # inference itself loads these
@@ -118,7 +118,7 @@ class StudyDefinition:
         StudyError
             With every mistake found.
         """
-        definition = cls(document, validated(document))
+        definition = cls(document, validate(document, StudyFile))
         definition.designs  # noqa: B018 - built here so that an impossible camera is refused before anything runs
         return definition
 

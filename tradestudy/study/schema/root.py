@@ -87,9 +87,9 @@ class StudyFile(Part):
 
     @field_validator("format", mode="before")
     @classmethod
-    def _is_a_number(cls, value: object) -> object:
-        if isinstance(value, bool):  # in Python, true equals 1
-            raise MistakeAt((), "'true' is not a format; the number 2 is expected")
+    def _is_read(cls, value: object) -> object:
+        if value == 1 and not isinstance(value, bool):
+            raise MistakeAt((), "format 1 is not read; write format: 2")
         return value
 
     @field_validator("cameras", mode="before")
