@@ -11,8 +11,7 @@ from scipy.special import ndtr
 
 from tests.cameras.builders import F_MAIN, PITCH
 from tradestudy.uncertainty.distributions import Distribution
-from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.sources import Source
+from tradestudy.uncertainty.sources import ErrorClass, Source
 
 F, B, PIXEL = 30.5e-3, 0.1, 10e-6
 CENTRAL = {0.6827: (ndtr(-1.0), ndtr(1.0)), 0.95: (0.025, 0.975)}

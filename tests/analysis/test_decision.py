@@ -22,8 +22,7 @@ from tradestudy.cameras.environment import Environment
 from tradestudy.study.definition import Case
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.sources import Source
+from tradestudy.uncertainty.sources import ErrorClass, Source
 
 GRID = np.geomspace(0.5, 6.0, 61)
 EXACT = Propagation(model="exact", judged=(1.0, 3.0), tolerance=5e-3)

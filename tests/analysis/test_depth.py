@@ -17,9 +17,8 @@ from tradestudy.analysis.depth import ERROR_SOURCES, depth_uncertainty, evaluate
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.parts import Lens
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import GaussianCopula
-from tradestudy.uncertainty.sources import Source
+from tradestudy.uncertainty.sources import ErrorClass, Source
 
 YAW = math.radians(0.2)
 DRAWS = 400_000

@@ -27,8 +27,8 @@ from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, settl
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointDraws
+from tradestudy.uncertainty.sources import ErrorClass
 
 EXACT = Propagation(model="exact")
 YAWED = Calibration(groups=(of_rig("yaw", Uniform(low=-4e-3, high=4e-3)),))

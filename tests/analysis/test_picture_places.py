@@ -17,9 +17,8 @@ from tradestudy.cameras.depth_measurement import CORNERS, PicturePlace, place_wo
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.sources import Source
+from tradestudy.uncertainty.sources import ErrorClass, Source
 
 COLUMNS, ROWS, PITCH, BASELINE = 1280, 800, 3e-6, 0.095
 FOCAL_LENGTH = COLUMNS * PITCH / 2.0 / math.tan(math.radians(87.0 / 2.0))

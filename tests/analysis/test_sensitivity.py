@@ -12,8 +12,8 @@ from tests.cameras.builders import stereo
 from tradestudy.analysis.sensitivity import sensitivity_of
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.uncertainty.distributions import Normal, StudentT
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.uncertainty.sources import ErrorClass
 
 YAW = math.radians(0.2)
 AT = np.array([1.0])

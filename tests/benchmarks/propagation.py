@@ -22,8 +22,8 @@ from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.measuring import forget
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.scores import scramble_scores
+from tradestudy.uncertainty.sources import ErrorClass
+from tradestudy.uncertainty.streams import scramble_scores
 
 LIMIT: Final = 0.4  # seconds
 REPEATS: Final = 7

@@ -16,8 +16,7 @@ from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.sources import Group, Source
+from tradestudy.uncertainty.sources import ErrorClass, Group, Source
 
 MEASURED = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 PITCH = 126.5e-6

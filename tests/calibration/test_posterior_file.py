@@ -22,7 +22,7 @@ from tradestudy.calibration.calibration_file import CalibrationCovariance, Calib
 from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
 from tradestudy.calibration.posterior_file import posterior_of_file, write_posterior
 from tradestudy.calibration.posteriors import infer
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 
 DISTANCES = np.array([0.3, 1.0, 5.0])
 

@@ -25,9 +25,8 @@ from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.uncertainty.distributions import StudentT, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.sources import Source
+from tradestudy.uncertainty.sources import ErrorClass, Source
 
 PRIORS = (
     normal("yaw", np.radians(0.2)),

@@ -16,8 +16,7 @@ from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.sources import Source
+from tradestudy.uncertainty.sources import ErrorClass, Source
 
 PITCH = 126.5e-6
 F_MAIN = 12.5e-3

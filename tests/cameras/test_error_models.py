@@ -17,7 +17,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.air import air_refractive_index, focal_length_change_with_medium
 from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.triangulation import plenoptic_depth
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 
 DISTANCES = np.array([0.3, 0.5, 1.0, 3.0, 10.0])
 DEG = math.radians(1.0)

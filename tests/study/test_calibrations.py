@@ -23,7 +23,7 @@ from tradestudy.errors import StudyError
 from tradestudy.loaded_study import Study
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 
 Written = Callable[[str], StudyDefinition]
 BOARD = (

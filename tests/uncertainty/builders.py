@@ -6,9 +6,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.sources import Sources
+from tradestudy.uncertainty.sources import ErrorClass, Sources
 
 
 def of_class(sources: Sources, classes: Collection[ErrorClass]) -> Sources:

@@ -9,12 +9,9 @@ import pytest
 from scipy.stats import norm
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty.acceptability import Acceptability, acceptability, rank_shares
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.streams import point_generator
-from tradestudy.uncertainty.value_scale import ValueScale
-from tradestudy.uncertainty.weights import WeightSpace
+from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
+from tradestudy.uncertainty.trade_off import Acceptability, ValueScale, WeightSpace, acceptability, rank_shares
 
 UNIT = ValueScale(worst=0.0, best=1.0)
 TRIANGLE = np.array([[1.0, 0.0], [0.0, 1.0], [0.6, 0.6]])

@@ -9,11 +9,9 @@ from tradestudy.uncertainty.decision import (
     rank_probability,
 )
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.sources import Source, Sources
-from tradestudy.uncertainty.streams import plain_random
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.streams import plain_random, scrambled_sobol
 
 DRAWS = Draws(draws=2**11, replicates=8, sampler=scrambled_sobol, seed=0, point="decision")
 

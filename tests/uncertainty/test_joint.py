@@ -6,11 +6,9 @@ from scipy.special import ndtri
 from tests.uncertainty.builders import correlated_normal, of_class
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT, Triangular, Uniform
-from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
-from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.sources import Source, Sources
-from tradestudy.uncertainty.streams import plain_random, point_generator
+from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Source, Sources
+from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
 
 RIG = ErrorClass.RIG
 

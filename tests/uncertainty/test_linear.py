@@ -4,12 +4,10 @@ import pytest
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.linear import linear, numerical_tolerance, validity
-from tradestudy.uncertainty.monte_carlo import Sampling, propagate
-from tradestudy.uncertainty.sources import Source, Sources
+from tradestudy.uncertainty.propagation import Sampling, linear, numerical_tolerance, propagate, validity
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
 RIG = ErrorClass.RIG
 FOCAL_LENGTH, BASELINE = 0.0305, 0.1

@@ -8,14 +8,12 @@ from scipy.special import ndtri
 from tests.uncertainty.builders import of_class
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome, alignment_with
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import PROBABILITIES
-from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.sources import Source, Sources
-from tradestudy.uncertainty.streams import plain_random, point_generator
+from tradestudy.uncertainty.propagation import Sampling, propagate
+from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Source, Sources
+from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
 
 ALL = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14)
 

@@ -7,11 +7,10 @@ import warnings
 import numpy as np
 
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.monte_carlo import Sampling
+from tradestudy.uncertainty.propagation import Sampling
 from tradestudy.uncertainty.sensitivity import sobol_indices
-from tradestudy.uncertainty.sources import Source, Sources
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
 DEVIATIONS = {"baseline": 1e-2, "focal_length": 8e-4, "disparity": 4e-5}
 F, B, D = 8e-3, 0.1, 4e-4

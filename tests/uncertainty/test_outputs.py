@@ -3,12 +3,10 @@ import pytest
 
 from tests.uncertainty.published_cases import STEREO_YAW
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome, depth_from_inverse
-from tradestudy.uncertainty.monte_carlo import Sampling, propagate
-from tradestudy.uncertainty.outputs import PROBABILITIES, shortest_interval
-from tradestudy.uncertainty.quantiles import order_quantile
-from tradestudy.uncertainty.sources import Source, Sources
+from tradestudy.uncertainty.outputs import PROBABILITIES, order_quantile, shortest_interval
+from tradestudy.uncertainty.propagation import Sampling, propagate
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 from tradestudy.uncertainty.streams import plain_random
 
 

@@ -20,12 +20,10 @@ from tests.uncertainty.published_cases import (
     NormalInput,
 )
 from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.linear import linear, validity
-from tradestudy.uncertainty.monte_carlo import Sampling, propagate
+from tradestudy.uncertainty.propagation import Sampling, linear, propagate, validity
 from tradestudy.uncertainty.sensitivity import sobol_indices
-from tradestudy.uncertainty.sources import Source, Sources
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
 SAMPLING = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**17)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tradestudy.uncertainty.quantiles import order_quantile, quantiles_of
+from tradestudy.uncertainty.outputs import order_quantile, quantiles_of
 
 WATCHED = (0.025, 0.1586552539314570, 0.5, 0.8413447460685429, 0.975)
 

@@ -7,10 +7,8 @@ import pytest
 from scipy.special import ndtr, ndtri
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty import scores
-from tradestudy.uncertainty.scores import BATCH_DRAWS, each_scramble, scramble_scores
-from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.streams import point_generator
+from tradestudy.uncertainty import streams
+from tradestudy.uncertainty.streams import BATCH_DRAWS, each_scramble, point_generator, scramble_scores, scrambled_sobol
 
 
 def test_scores_are_those_of_one_scrambled_sequence():
@@ -56,7 +54,7 @@ def test_threads_change_nothing_and_results_come_in_order():
         return scramble, np.sum(scramble_scores(3, 4096, seed=7, point="threads", scramble=scramble), axis=1)
 
     found = each_scramble(task, 8)
-    scores._few.cache_clear()
+    streams._few.cache_clear()
     assert [number for number, _ in found] == list(range(8))
     for number, total in found:
         np.testing.assert_array_equal(total, task(number)[1])
@@ -67,7 +65,7 @@ def test_declaring_errors_needs_no_scipy():
 import sys
 import numpy as np
 from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 from tradestudy.uncertainty.evaluation import Model
 from tradestudy.uncertainty.joint import GaussianCopula, JointNormal
 from tradestudy.uncertainty.sources import Source, Sources

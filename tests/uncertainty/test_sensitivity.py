@@ -4,12 +4,11 @@ import pytest
 from tests.uncertainty.builders import correlated_normal, of_class
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws
-from tradestudy.uncertainty.monte_carlo import Sampling
+from tradestudy.uncertainty.propagation import Sampling
 from tradestudy.uncertainty.sensitivity import parameter_tornado, sobol_indices, tornado
-from tradestudy.uncertainty.sources import Source, Sources
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
 RIG = ErrorClass.RIG
 SAMPLING = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14)

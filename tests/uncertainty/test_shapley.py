@@ -5,7 +5,7 @@ import pytest
 from mpmath import mp, mpf
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty.shapley import shapley_shares
+from tradestudy.uncertainty.sensitivity import shapley_shares
 
 
 def covariance_of(deviations, correlation):

@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import qmc
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty.sobol import MOST_DIMENSIONS, scrambled_sobol
-from tradestudy.uncertainty.streams import point_generator
+from tradestudy.uncertainty.streams import MOST_DIMENSIONS, point_generator, scrambled_sobol
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

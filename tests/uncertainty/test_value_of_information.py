@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty.value_of_information import worth_of_all, worth_of_one
+from tradestudy.uncertainty.decision import worth_of_all, worth_of_one
 
 MEAN, PARTS = 0.5, (0.6, 0.8)  # Δ ~ N(0.5, 1), a sum of two independent parts
 

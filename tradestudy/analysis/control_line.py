@@ -10,7 +10,7 @@ import numpy as np
 from tradestudy.analysis.error_radius import without_rounding
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import depth_from_inverse
-from tradestudy.uncertainty.quantiles import quantiles_of
+from tradestudy.uncertainty.outputs import quantiles_of
 
 _FIT_DRAWS: Final = 2**14  # draws used to fit the line
 _ROWS: Final = 512  # quantiles that represent the rows of a posterior

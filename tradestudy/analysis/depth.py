@@ -28,7 +28,7 @@ from tradestudy.cameras.depth_camera import (
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.uncertainty.shapley import shapley_shares
+from tradestudy.uncertainty.sensitivity import shapley_shares
 
 ERROR_SOURCES: Final = ("noise", "calibration", "both")
 _PILOTS: Final = 9  # distances at which a model is compared with draws

@@ -20,12 +20,11 @@ from tradestudy.cameras.depth_measurement import Field, FieldPosition, MeasuredI
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
 from tradestudy.uncertainty.joint import JointDraws
-from tradestudy.uncertainty.quantiles import quantiles_of
-from tradestudy.uncertainty.scores import each_scramble, scramble_scores
-from tradestudy.uncertainty.sources import Group, Source, Sources
+from tradestudy.uncertainty.outputs import quantiles_of
+from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Group, Source, Sources
+from tradestudy.uncertainty.streams import each_scramble, scramble_scores
 
 SCRAMBLES: Final = 8
 """With fewer independent scrambles the standard error would not be trustworthy."""

@@ -14,10 +14,9 @@ from tradestudy.cameras.error_vocabulary import SESSION_PARAMETERS
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.decision import Draws, RankProbability, rank_probability
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome
-from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.sources import Group, Source, Sources
+from tradestudy.uncertainty.sources import ErrorClass, Group, Source, Sources
+from tradestudy.uncertainty.streams import scrambled_sobol
 
 RANK_ERROR_SOURCES: Final = ("calibration", "both")
 """Calibration errors alone, as after averaging all noise away, and single measurements."""

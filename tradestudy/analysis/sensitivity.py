@@ -12,7 +12,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import CORNERS, PicturePlace, towards_corners
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.uncertainty.monte_carlo import Sampling
+from tradestudy.uncertainty.propagation import Sampling
 from tradestudy.uncertainty.sensitivity import SobolIndices, Tornado, parameter_tornado, sobol_indices, tornado
 
 # Readers need bars and shares to two digits.

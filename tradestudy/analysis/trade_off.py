@@ -18,7 +18,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.schema.criteria import weighed_dimension
 from tradestudy.study.schema.trade_off import WeighedPart
-from tradestudy.uncertainty.value_scale import ValueScale
+from tradestudy.uncertainty.trade_off import ValueScale
 from tradestudy.units import parse
 
 

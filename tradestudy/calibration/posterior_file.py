@@ -25,9 +25,8 @@ from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.pair_geometry import PairGeometry
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.sources import Group
+from tradestudy.uncertainty.sources import ErrorClass, Group
 
 
 def write_posterior(path: Path, posterior: CalibrationDraws) -> None:

@@ -27,7 +27,7 @@ from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import require_regular_file
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 
 if TYPE_CHECKING:  # these load scipy, which `check` does not need
     from tradestudy.uncertainty.distributions import Distribution

@@ -29,7 +29,7 @@ from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import Pressure, Temperature, ThermalExpansion, quantity
 from tradestudy.declarations.words import Text
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 
 Correlation = Annotated[float, *quantity(units.NUMBER, at_least=-1.0, at_most=1.0)]
 SquareSizeUncertainty = Annotated[float, *quantity(units.FRACTION, at_least=0.0, at_most=0.1)]

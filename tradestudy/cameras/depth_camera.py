@@ -30,7 +30,7 @@ from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from tradestudy.cameras.error_vocabulary import INTERIOR, NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 
 PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "mla_distance": ErrorParameter(

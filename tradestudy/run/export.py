@@ -18,8 +18,7 @@ from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files.importing import FORMATS
 from tradestudy.study.camera_files.request import Format, UnsupportedLensError
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.sources import Sources
+from tradestudy.uncertainty.sources import ErrorClass, Sources
 from tradestudy.uncertainty.streams import point_generator
 from tradestudy.units import significant
 from tradestudy.wording import listed

@@ -14,12 +14,11 @@ from scipy.special import stdtrit
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Distribution, FloatArray
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome, Replicate, alignment_with
 from tradestudy.uncertainty.joint import GaussianCopula
-from tradestudy.uncertainty.quantiles import order_quantile
-from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.sources import Source, Sources
+from tradestudy.uncertainty.outputs import order_quantile
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.streams import scrambled_sobol
 
 _REPLICATES: Final = 16
 _FIRST_DRAWS: Final = 2**10

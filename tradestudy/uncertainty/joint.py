@@ -17,7 +17,7 @@ import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Distribution, Empirical, FloatArray, Normal, at_scores
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 from tradestudy.uncertainty.streams import fixed_order_product
 
 _ROUNDING_OF_EIGENVALUES = 100.0 * np.finfo(float).eps

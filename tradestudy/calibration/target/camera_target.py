@@ -25,9 +25,8 @@ from tradestudy.cameras.target_declaration import LEAST_CORNERS, TargetPart
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.sources import Group, Source
+from tradestudy.uncertainty.sources import ErrorClass, Group, Source
 from tradestudy.uncertainty.streams import point_generator
 
 _FEWEST_VIEWS = 3

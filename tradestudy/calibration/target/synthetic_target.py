@@ -11,7 +11,7 @@ from scipy.special import ndtr, ndtri
 from tradestudy.calibration.projection import move, rotation_matrix
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.uncertainty.sobol import scrambled_sobol
+from tradestudy.uncertainty.streams import scrambled_sobol
 
 CameraModel = Callable[[FloatArray, FloatArray], FloatArray]
 """Takes parameters (..., P) and points in the camera's frame (..., N, 3) [m]; returns observations (..., N, C), NaN for

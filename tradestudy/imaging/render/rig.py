@@ -7,7 +7,7 @@ import numpy as np
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass
 from tradestudy.uncertainty.streams import point_generator
 
 

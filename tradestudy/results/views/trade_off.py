@@ -10,7 +10,7 @@ import xarray as xr
 
 from tradestudy.results.views.designs import BY_UNIT, path_words, value_words
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
-from tradestudy.uncertainty.value_scale import ValueScale
+from tradestudy.uncertainty.trade_off import ValueScale
 from tradestudy.units import FRACTION, NUMBER, pretty
 from tradestudy.wording import listed
 

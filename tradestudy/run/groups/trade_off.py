@@ -19,8 +19,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.criteria import weighed_dimension
 from tradestudy.study.schema.trade_off import TradeOffPart, WeighedPart
 from tradestudy.study.sweep import sweep_axes
-from tradestudy.uncertainty.acceptability import Acceptability, acceptability
-from tradestudy.uncertainty.value_scale import ValueScale
+from tradestudy.uncertainty.trade_off import Acceptability, ValueScale, acceptability
 from tradestudy.units import LENGTH, pretty
 
 STEP = "trade-off"

@@ -22,8 +22,8 @@ from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.document import Entry
 from tradestudy.study.schema.value_of_information import AssumptionPart, ValueOfInformationPart
 from tradestudy.study.varying import AnyReading, Varying, assumed
-from tradestudy.uncertainty.sobol import scrambled_sobol
-from tradestudy.uncertainty.value_of_information import worth_of_all, worth_of_one
+from tradestudy.uncertainty.decision import worth_of_all, worth_of_one
+from tradestudy.uncertainty.streams import scrambled_sobol
 
 STEP: Final = "value of information"
 NAME: Final = "value_of_information"

@@ -11,7 +11,7 @@ from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import ObjectDistance, QuantityText, Share
 from tradestudy.declarations.words import CameraName, distinct
-from tradestudy.uncertainty.weights import WeightSpace, range_mistake
+from tradestudy.uncertainty.trade_off import WeightSpace, range_mistake
 
 
 class WeighedPart(Part):

@@ -13,14 +13,12 @@ from scipy.special import ndtri
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Empirical, Normal
-from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import CAUSES, Model, Outcome
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.linear import linear
-from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import Propagated
+from tradestudy.uncertainty.propagation import Sampling, linear, propagate
 from tradestudy.uncertainty.sensitivity import sobol_indices
-from tradestudy.uncertainty.sources import Source, Sources
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 from tradestudy.verification.hard_cases.case import Family, Law, NumericCase, OutcomeCase, Stated
 
 Response = Callable[[Mapping[str, FloatArray]], FloatArray]
