@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import Any, Final
 
 import typer.main
 
 from tradestudy.cli import app
 from tradestudy.results import GROUPS, PAPER, Variable
-from tradestudy.results.variable import ESTIMATE
 
 _GROUPS: Final = {
     "cameras": "What each camera is, how it measures, and which properties follow from its declared values.",
@@ -180,8 +178,7 @@ leaves out `cameras` and the name of the camera.
     "contradictions": "Inputs that contradict each other, and the value that the program uses.",
 }
 """What each group holds, and the terms that its variables share."""
-_REPEATED: Final = {"depth_field": "depth", "pictures": "depth_loop"}
-"""Groups with variables of another group, which is the one that describes them."""
+_ESTIMATE: Final = "itself an error estimate"  # needs no explanation beside its own name
 
 
 def command_line_page() -> str:
@@ -222,34 +219,24 @@ def results_page() -> str:
     lines = ["# Results", "", *_RESULTS.strip().splitlines(), ""]
     for group, variables in GROUPS.items():
         lines += [f"(group-{group})=", f"## /{group}", "", _GROUPS[group].strip(), ""]
-        for name, one in _own(group, variables).items():
-            lines += [*_variable(name, one, _described(group, name, one)), ""]
+        for name, variable in variables.items():
+            if group != "depth_at_places":
+                lines += [*_variable(name, variable), ""]
     return "\n".join(lines)
 
 
-def _own(group: str, variables: Mapping[str, Variable]) -> Mapping[str, Variable]:
-    return {} if group == "depth_at_places" else variables
-
-
-def _described(group: str, name: str, one: Variable) -> str:
-    """The group that describes the same variable; empty if this one does."""
-    other = _REPEATED.get(group, "")
-    known = GROUPS[other].get(name) if other else None
-    return other if known is not None and replace(known, dims=one.dims) == one else ""
-
-
-def _variable(name: str, one: Variable, described: str) -> Iterator[str]:
+def _variable(name: str, one: Variable) -> Iterator[str]:
     dims = f" ({', '.join(one.dims)})" if one.dims else ""
     unit = f" [{one.units}]" if one.units not in ("", "1") else ""
     yield f"`{name}`{dims}{unit}"
-    if described:
-        yield f": As in [`/{described}`](#group-{described})."
+    if one.described_in:
+        yield f": As in [`/{one.described_in}`](#group-{one.described_in})."
         return
     yield f": {_sentence(one.long_name)}"
     facts = {
         "Symbol": f"{one.symbol}.",
         "Source": _sentence(one.reference.replace(PAPER, "the paper")) if one.reference else ".",
-        "Error": _sentence(one.error) if one.error not in ("", ESTIMATE) else ".",
+        "Error": _sentence(one.error) if one.error not in ("", _ESTIMATE) else ".",
     }
     reported = " ".join(f"*{title}:* {text}" for title, text in facts.items() if text != ".")
     if reported:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,8 +13,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tradestudy import results
 from tradestudy.errors import NoResultsError, ResultsError
-from tradestudy.results import FORMAT_VERSION, dataset, storage
+from tradestudy.results import FORMAT_VERSION, GROUPS, dataset, storage
 
 COMPLETE = {
     **dict.fromkeys(("study", "study_hash", "code_hash", "file", "started"), ""),
@@ -209,3 +211,17 @@ def test_numbers_in_place_of_text_are_refused(tmp_path: Path) -> None:
     storage.write_finished(storage.encoded(tree), COMPLETE, tmp_path)
     with pytest.raises(ResultsError, match="/cameras/title has numbers in place of text"):
         storage.read_finished(tmp_path)
+
+
+def test_the_table_of_variables_is_complete_and_names_errors_that_exist() -> None:
+    lines = (Path(results.__file__).parent / "variables.tsv").read_text(encoding="utf-8").splitlines()
+    cells = [line.split("\t") for line in lines[1:]]
+    assert all(len(row) == len(lines[0].split("\t")) and all(cell == cell.strip() for cell in row) for row in cells)
+    assert len({(group, variable) for group, variable, *_ in cells}) == len(cells)
+    assert sum(map(len, GROUPS.values())) == len(cells)
+    for group, variables in GROUPS.items():
+        for name, variable in variables.items():
+            assert variable.long_name, f"/{group}/{name}"
+            assert variable.units or not variable.error, f"/{group}/{name} is a text with an error"
+            if see := re.match(r"see (\w+)(?: of /(\w+))?", variable.error):
+                assert see[1] in GROUPS[see[2] or group], f"/{group}/{name}: {variable.error}"

@@ -60,10 +60,10 @@ def values_by_path(tree: Mapping[str, Any]) -> dict[str, str]:
 
 @cache
 def code_hash() -> str:
-    """SHA-256 of the package's own sources, so that results of other code are recognised."""
+    """SHA-256 of the package's own sources and tables, so that results of other code are recognised."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
-    for path in sorted(folder.rglob("*.py")):
+    for path in sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".tsv", ".txt")):
         digest.update(path.relative_to(folder).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()

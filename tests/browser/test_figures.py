@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from tests.browser.conftest import Open, Run
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.depth import where_measured
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty

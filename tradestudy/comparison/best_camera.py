@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy.comparison.difference import Difference, Run, titles_of
 from tradestudy.comparison.stated_errors import SURE, left_out_share
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import answer_title, reported_winners, tied
 from tradestudy.results.views.depth import nominal, nominal_is_declared, of_camera, swept
 from tradestudy.results.views.groups import group, has

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.depth import JUDGED
+from tradestudy.results import JUDGED
 from tradestudy.results.views.groups import FloatArray, group, has
 
 # As in decisions: by chance, over eight scrambles, one difference in a thousand exceeds this many standard errors.

@@ -37,7 +37,7 @@ from tradestudy.figures.style import (
     styled,
     traces,
 )
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_measured, where_usable
 from tradestudy.results.views.groups import FloatArray, group, records

@@ -33,7 +33,7 @@ from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
-from tradestudy.results.depth import JUDGED
+from tradestudy.results import JUDGED
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
 from tradestudy.results.views.depth import (
     field_words,

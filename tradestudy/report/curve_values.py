@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.depth import by_design, nominal, where_measured
 from tradestudy.results.views.groups import FloatArray, has
 from tradestudy.units import FRACTION, pretty

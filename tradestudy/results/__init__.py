@@ -1,66 +1,72 @@
-"""The single table of results: every variable with its dimensions, unit, symbol and source.
+"""The single table of results, `variables.tsv`: every variable with its dimensions, unit, symbol and source.
 
-`results.nc` contains only variables that are declared here, each with a unit ("1" for a plain number).
+`results.nc` contains only variables that are declared there, each with a unit ("1" for a plain number).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-
-from tradestudy.results.calibration import CALIBRATION, RANKS, SENSITIVITY
-from tradestudy.results.cost import COST
-from tradestudy.results.datasheet import DATASHEET
-from tradestudy.results.depth import DEPTH, DEPTH_FIELD, DEPTH_MAP, DISPARITY_CAUSES
-from tradestudy.results.depth_loop import DEPTH_LOOP
-from tradestudy.results.depth_maps import DEPTH_MAPS
-from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
-from tradestudy.results.effects import EFFECTS
-from tradestudy.results.hard_cases import HARD_CASES
-from tradestudy.results.pictures import PICTURES
-from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
-from tradestudy.results.registers import ASSUMPTIONS, CAMERAS, CONTRADICTIONS, CRITERIA
-from tradestudy.results.trade_off import TRADE_OFF
-from tradestudy.results.value_of_information import VALUE_OF_INFORMATION
-from tradestudy.results.variable import PAPER, Variable
-from tradestudy.results.wave_optics import FRESNEL_VALIDITY, IMAGES, POINT_SPREAD
+import numpy.typing as npt
 
 if TYPE_CHECKING:
-    import xarray as xr
-
-__all__ = ["FORMAT_VERSION", "GROUPS", "PAPER", "Variable", "dataset"]
+    import xarray as xr  # only for types here, because plans use only the words of the results
 
 FORMAT_VERSION: Final = 8
+PAPER: Final = "Diffraction model of a plenoptic camera for in-situ space exploration"
+JUDGED: Final = ("depth_uncertainty", "depth_error_radius")
+"""The larger of these variables judges a camera; see `judged_uncertainty`."""
+_ALSO_IN: Final = "as in /"
 
-GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
-    "cameras": CAMERAS,
-    "depth": DEPTH,
-    "depth_at_places": DEPTH,
-    "depth_field": DEPTH_FIELD,
-    "depth_map": DEPTH_MAP,
-    "disparity_causes": DISPARITY_CAUSES,
-    "depth_loop": DEPTH_LOOP,
-    "depth_of_field": DEPTH_OF_FIELD,
-    "criteria": {**CRITERIA, **TRADE_OFF},
-    "decision": {**DECISION, **RANKS},
-    "calibration": CALIBRATION,
-    "sensitivity": SENSITIVITY,
-    "fresnel_validity": FRESNEL_VALIDITY,
-    "images": IMAGES,
-    "point_spread": POINT_SPREAD,
-    "hard_cases": HARD_CASES,
-    "effects": EFFECTS,
-    "cost": COST,
-    "claims": CLAIMS,
-    "datasheet": DATASHEET,
-    "pictures": {**PICTURES, **DEPTH_MAPS},
-    "requirements": REQUIREMENTS,
-    "value_of_information": VALUE_OF_INFORMATION,
-    "assumptions": ASSUMPTIONS,
-    "contradictions": CONTRADICTIONS,
-}
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of the results: a line of `variables.tsv`.
+
+    Parameters
+    ----------
+    dims
+        Dimensions, after those of the study's sweep.
+    units
+        SI unit, "1" for a plain number, "" for text.
+    symbol, reference
+        Its symbol, and the source of its equation.
+    error
+        The variable with its error estimate, or why it is exact. `compare` reads it, and the words "standard error" in
+        the ``long_name`` of that variable.
+    long_name
+        What the variable is.
+    described_in
+        The group whose variable of the same name is the same but for its dimensions, and describes both.
+    """
+
+    dims: tuple[str, ...]
+    units: str
+    symbol: str
+    reference: str
+    error: str
+    long_name: str
+    described_in: str = ""
+
+
+def _declared(table: str) -> Mapping[str, Mapping[str, Variable]]:
+    """The variables of each group; a long name "as in /GROUP" stands for all texts of that group's variable."""
+    groups: dict[str, dict[str, Variable]] = {}
+    for line in table.splitlines()[1:]:
+        group, name, dims, *texts = line.split("\t")
+        variable = Variable(tuple(dims.split(", ")) if dims else (), *texts)
+        if (other := variable.long_name.removeprefix(_ALSO_IN)) in groups:
+            variable = replace(groups[other][name], dims=variable.dims, described_in=other)
+        groups.setdefault(group, {})[name] = variable
+    return groups
+
+
+GROUPS: Final = _declared(Path(__file__).with_name("variables.tsv").read_text(encoding="utf-8"))
+"""The variables of each group of the results, by name."""
 
 
 def dataset(
@@ -86,7 +92,7 @@ def dataset(
     attributes
         Attributes of the group.
     """
-    import xarray as xr  # here, because plans use only the words of the results
+    import xarray as xr
 
     declared = GROUPS[group]
     variables = {}
@@ -105,3 +111,20 @@ def dataset(
     if "distance" in result.coords:
         result["distance"].attrs = {"units": "m", "long_name": "object distance", "symbol": "a"}
     return result
+
+
+def judged_uncertainty(depth: xr.Dataset, of: str = "") -> xr.DataArray:
+    """What judges cameras: the larger of ``depth_uncertainty`` and ``depth_error_radius``.
+
+    ``of`` is the end of the names of both variables: ``_error``, ``_by_error_source`` or ``_by_error_source_error``.
+    """
+    compared = of.removesuffix("_error")
+    half_width, radius = (depth[name + compared] for name in JUDGED)
+    of_half_width, of_radius = (depth[name + of] for name in JUDGED)
+    return of_half_width.where(~(radius > half_width), of_radius)
+
+
+def distances_without_decision(distance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Four of a study's distances [m], from end to end, for tables of studies whose decision declares none."""
+    evenly = np.geomspace(distance[0], distance[-1], 4)
+    return np.asarray(distance[np.unique(np.abs(np.log(distance[:, None] / evenly)).argmin(axis=0))])

@@ -11,7 +11,7 @@ import xarray as xr
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.words import distance_with_error, interval, length, or_dash, share, with_error
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.depth import nominal, shares_at, table_depth, table_distances
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, records, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared

@@ -24,8 +24,8 @@ from tradestudy.report.document import (
     with_subscripts,
 )
 from tradestudy.report.words import or_dash
+from tradestudy.results import PAPER
 from tradestudy.results.storage import CHECKSUM, PICTURES
-from tradestudy.results.variable import PAPER
 from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.results.views.requirement_conclusions import ALL, ANY, VERDICTS, requirement_conclusions

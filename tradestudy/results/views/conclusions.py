@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import answer_title, candidates, reported_winners, solved_questions
 from tradestudy.results.views.depth import least_broken, nominal, nominal_is_declared, where_usable
 from tradestudy.results.views.designs import (

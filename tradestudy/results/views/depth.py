@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from tradestudy.results.depth import distances_without_decision
+from tradestudy.results import distances_without_decision
 from tradestudy.results.views.groups import FloatArray, group, has, ranges_of
 from tradestudy.units import significant
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.depth import field_words, nominal, nominal_is_declared, where_usable
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import candidates, merged_ranges, winners, worth_reporting
 from tradestudy.results.views.depth import by_design, largest_parts, nominal, nominal_is_declared, swept
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, ranges_of

@@ -25,8 +25,7 @@ from tradestudy.analysis.depth import ERROR_SOURCES
 from tradestudy.analysis.inverse_questions import solve
 from tradestudy.analysis.required_values import solve_requirement
 from tradestudy.execution.steps import Progress
-from tradestudy.results import dataset
-from tradestudy.results.depth import judged_uncertainty
+from tradestudy.results import dataset, judged_uncertainty
 from tradestudy.run.groups.depth import depth_as_declared
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import StudyDefinition

@@ -6,8 +6,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.depth_map import depth_map, map_places
-from tradestudy.results import dataset
-from tradestudy.results.depth import distances_without_decision
+from tradestudy.results import dataset, distances_without_decision
 from tradestudy.study.definition import StudyDefinition
 
 

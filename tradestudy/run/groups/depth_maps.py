@@ -13,7 +13,7 @@ from tradestudy.cameras.camera import Camera
 from tradestudy.imaging.estimation.score import VARIANCE_OF_SPREAD, DepthScore, middle_and_spread
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
-from tradestudy.results.depth_maps import COUNTS, ESTIMATES
+from tradestudy.results import GROUPS
 from tradestudy.run.depth_maps import MeasuredDepth, predicted_availability
 from tradestudy.run.groups.reduction import LARGEST, padded
 
@@ -23,16 +23,19 @@ _FILLED: Final = 0.8  # of the share of the largest blocks that contain a depth
 
 
 def score_values(scores: Sequence[DepthScore | None]) -> dict[str, list[float]]:
-    """Variables of `score_variables`, except the predicted availability; NaN without a score, and 0 for counts."""
-    found = {f"depth_{name}": [0.0 if one is None else float(getattr(one, name)) for one in scores] for name in COUNTS}
-    for name in ESTIMATES:
-        found[f"depth_{name}"] = [math.nan if one is None else float(getattr(one, name)) for one in scores]
-        found[f"depth_{name}_error"] = [math.nan if one is None else one.standard_errors[name] for one in scores]
+    """The variables ``depth_…`` of /depth_loop or /pictures; without a score, 0 for counts and NaN for estimates."""
+    found = {}
+    for variable in [key for key in GROUPS["depth_loop"] if key.startswith("depth_") and not key.endswith("_error")]:
+        name, error = variable.removeprefix("depth_"), f"{variable}_error"
+        unknown = math.nan if error in GROUPS["depth_loop"] else 0.0
+        found[variable] = [unknown if one is None else float(getattr(one, name)) for one in scores]
+        if error in GROUPS["depth_loop"]:
+            found[error] = [math.nan if one is None else one.standard_errors[name] for one in scores]
     return found
 
 
 def depth_map_values(depths: Sequence[MeasuredDepth], cameras: Mapping[str, Camera]) -> dict[str, Any]:
-    """Variables of `DEPTH_MAPS`."""
+    """The variables of /pictures about measured depth."""
     blocks = [_block(one) for one in depths]
     maps = [_reduced(one, block) for one, block in zip(depths, blocks, strict=True)]
     shape = tuple(max(one.shape[k] for some in maps for one in some.values()) for k in (0, 1))

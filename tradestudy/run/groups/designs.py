@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.design_verdicts import Curve, best_at, crossings
-from tradestudy.results.depth import distances_without_decision
+from tradestudy.results import distances_without_decision
 from tradestudy.run.groups.depth import DepthTables
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import StudyDefinition

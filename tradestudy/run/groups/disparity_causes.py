@@ -20,8 +20,7 @@ from tradestudy.imaging.passed_texture import matched_window, picture_electrons
 from tradestudy.imaging.picture import CHANGES, ErrorCauses, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.depth import applicable
-from tradestudy.results import dataset
-from tradestudy.results.depth import distances_without_decision
+from tradestudy.results import dataset, distances_without_decision
 from tradestudy.study.applied_models import complete_in_closed_form, in_closed_form, with_models
 from tradestudy.study.definition import StudyDefinition
 

@@ -16,8 +16,7 @@ from tradestudy.analysis.depth import judged_uncertainty
 from tradestudy.analysis.requirements import is_kept
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.results import dataset
-from tradestudy.results.depth import distances_without_decision
+from tradestudy.results import dataset, distances_without_decision
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.document import Entry
 from tradestudy.study.schema.value_of_information import AssumptionPart, ValueOfInformationPart
