@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tradestudy import load
-from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import MistakeAt
 from tradestudy.declarations.quantities import Fraction, PositiveLength
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.study.document import Annotation, Document

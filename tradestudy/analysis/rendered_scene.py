@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.light_cones import Exposure
-from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import MistakeAt
 from tradestudy.imaging.models import Texture
 from tradestudy.imaging.scenes.files import read_depths, read_picture
 from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern

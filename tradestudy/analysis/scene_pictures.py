@@ -11,7 +11,7 @@ from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.light_cones import Exposure
 from tradestudy.cameras.parts import Sensor
-from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import MistakeAt
 from tradestudy.errors import Problem, StudyError
 from tradestudy.imaging.models import Texture
 from tradestudy.imaging.render.rig import drawn_errors

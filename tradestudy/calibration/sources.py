@@ -23,7 +23,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS
 from tradestudy.declarations.distributions import AnyDistribution, LengthOrPixelsDistribution
-from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import require_regular_file

@@ -25,10 +25,8 @@ from tradestudy.declarations.distributions import (
     lowest,
 )
 from tradestudy.declarations.lens_models import FittedLensModel
-from tradestudy.declarations.mistakes import MistakeAt, nearest_name
-from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import Pressure, Temperature, ThermalExpansion, quantity
-from tradestudy.declarations.words import Text
+from tradestudy.declarations.part import MistakeAt, Part, nearest_name
+from tradestudy.declarations.quantities import Pressure, Temperature, Text, ThermalExpansion, quantity
 from tradestudy.uncertainty.sources import ErrorClass
 
 Correlation = Annotated[float, *quantity(units.NUMBER, at_least=-1.0, at_most=1.0)]

@@ -20,8 +20,7 @@ from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
 from tradestudy.cameras.stated_declaration import StatedPart
 from tradestudy.declarations.lens_models import AnyLensModel
 from tradestudy.declarations.matcher import MatcherPart
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     Count,
     FNumber,
@@ -38,9 +37,9 @@ from tradestudy.declarations.quantities import (
     PositivePixels,
     QuantityText,
     SystemGain,
+    Text,
     quantity,
 )
-from tradestudy.declarations.words import Text
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.lens_models.lens_model import LensModel
 from tradestudy.optics.lens_models.rational import IDEAL

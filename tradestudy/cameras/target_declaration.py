@@ -10,8 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from tradestudy import units
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     Angle,
     Length,
@@ -19,9 +18,9 @@ from tradestudy.declarations.quantities import (
     PositiveAngle,
     PositiveLength,
     PositivePixels,
+    Span,
     quantity,
 )
-from tradestudy.declarations.words import Span
 from tradestudy.unit_registry import DEGREE
 from tradestudy.units import ANGLE, pretty
 

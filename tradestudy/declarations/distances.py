@@ -7,8 +7,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import ObjectDistance
 
 MOST_DISTANCES = 100_000

@@ -7,8 +7,7 @@ from typing import Annotated, Any, ClassVar, Final, Generic, Literal, Self, Type
 from pydantic import Field, model_validator
 
 from tradestudy import units
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     Angle,
     InPixels,
@@ -21,9 +20,9 @@ from tradestudy.declarations.quantities import (
     PositiveNumber,
     PressureDifference,
     TemperatureDifference,
+    Text,
     quantity,
 )
-from tradestudy.declarations.words import Text
 
 PositiveTemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE, above=0.0)]
 PositivePressureDifference = Annotated[float, *quantity(units.PRESSURE_DIFFERENCE, above=0.0)]

@@ -7,8 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, WithJsonSchema, model_validator
 
 from tradestudy import units
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import quantity
 
 NoiseFactor = Annotated[float, *quantity(units.NUMBER, at_least=1.0)]

@@ -1,13 +1,48 @@
-"""The base class of every part of a study file."""
+"""The base class of every part of a study file, and the mistakes that its validators find."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
-from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.errors import nearest
+
+
+class MistakeAt(ValueError):  # noqa: N818  a mistake in a file, not an error of the program
+    """A mistake that a validator found in the part that it validates.
+
+    Parameters
+    ----------
+    tail
+        Keys and positions from the validated part to the wrong value; empty for the part itself.
+    what
+        What is wrong, and what is expected.
+    """
+
+    def __init__(self, tail: Sequence[str | int], what: str) -> None:
+        super().__init__(what)
+        self.tail, self.what = tuple(tail), what
+        self.all: tuple[MistakeAt, ...] = (self,)
+
+    @classmethod
+    def several(cls, mistakes: Sequence[MistakeAt]) -> MistakeAt:
+        """Join mistakes into one exception, so that a validator can report all of them."""
+        joined = cls(mistakes[0].tail, mistakes[0].what)
+        joined.all = tuple(single for mistake in mistakes for single in mistake.all)
+        return joined
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """The end of a message: the nearest known name, or all names if there are few, or nothing."""
+    names = list(known)
+    close = nearest(name, names)
+    if close is not None:
+        return f"; nearest: {close!r}"
+    if 0 < len(names) <= 8:
+        return f"; known: {', '.join(repr(known_name) for known_name in names)}"
+    return ""
 
 
 class Part(BaseModel):

@@ -1,16 +1,37 @@
-"""The quantities of a study file as pydantic types: text with a unit outside, an SI float inside."""
+"""The values of a study file as pydantic types: text with a unit outside, SI inside; also names, ranges and texts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, Literal, TypeVar, cast
 
-from pydantic import BeforeValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema
 
 from tradestudy import units
-from tradestudy.units import Dimension, UnitError, parse, pretty
+from tradestudy.declarations.part import MistakeAt
+from tradestudy.units import (
+    ANGLE,
+    DATA,
+    DURATION,
+    ELECTRONS,
+    EXPANSION,
+    FRACTION,
+    INVERSE_LENGTH,
+    LENGTH,
+    MASS,
+    NUMBER,
+    PIXELS,
+    POWER,
+    PRESSURE,
+    SOLID_ANGLE,
+    TEMPERATURE_DIFFERENCE,
+    Dimension,
+    UnitError,
+    parse,
+    pretty,
+)
 
 # Products of a few quantities within these limits stay finite; anything beyond is a typing error.
 _SMALLEST, _LARGEST = 1e-30, 1e30
@@ -214,3 +235,56 @@ QuantityText = Annotated[
 # Whole numbers are strict: 3.0, "3" and true are mistakes where a count belongs.
 Count = Annotated[int, Field(strict=True, ge=0)]
 PositiveCount = Annotated[int, Field(strict=True, ge=1)]
+
+
+# A number without a unit is a plain number; only a percent sign makes it a fraction.
+_DIMENSIONS: tuple[Dimension, ...] = (
+    LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
+    INVERSE_LENGTH, MASS, POWER, DATA, SOLID_ANGLE,
+)  # fmt: skip
+
+
+def common_dimension(*texts: str) -> Dimension | None:
+    """The first dimension in which all texts are valid, or None."""
+    plain = not any("%" in text for text in texts)
+    for dimension in (one for one in _DIMENSIONS if not (plain and one is FRACTION)):
+        try:
+            for text in texts:
+                parse(text, dimension)
+        except UnitError:
+            continue
+        return dimension
+    return None
+
+
+Item = TypeVar("Item", bound=Hashable)
+
+
+def increasing(span: tuple[float, ...]) -> tuple[float, ...]:
+    """Refuse a range that does not go from near to far."""
+    if not span[0] < span[-1]:
+        raise MistakeAt((), "a range must go from near to far")
+    return span
+
+
+def different(pair: tuple[str, ...]) -> tuple[str, ...]:
+    """Refuse to compare a camera with itself."""
+    if len(set(pair)) < len(pair):
+        raise MistakeAt((), "two different cameras are expected")
+    return pair
+
+
+def distinct(values: tuple[Item, ...]) -> tuple[Item, ...]:
+    """Refuse a list with duplicates."""
+    if twice := [MistakeAt((i,), "is listed twice") for i, value in enumerate(values) if value in values[:i]]:
+        raise MistakeAt.several(twice)
+    return values
+
+
+ErrorSources = Literal["noise", "calibration", "both"]
+Span = Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=2), AfterValidator(increasing)]
+Text = Annotated[str, Field(min_length=1, max_length=2000)]
+CameraName = Annotated[str, Field(min_length=1, max_length=80)]
+Pair = Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2), AfterValidator(different)]
+Seed = Annotated[int, Field(ge=0, le=2**64 - 1, strict=True)]
+Scalar = str | int | float | bool | None

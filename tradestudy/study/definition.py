@@ -19,7 +19,7 @@ from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import AttributesPart, DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
-from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import MistakeAt
 from tradestudy.effects.models import OFF, Models
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from tradestudy.declarations.dimensions import common_dimension
+from tradestudy.declarations.quantities import common_dimension
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.schema.questions import (
     ClaimPart,

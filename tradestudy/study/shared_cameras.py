@@ -11,8 +11,7 @@ from pathlib import Path
 from tradestudy.cameras.imported import PICTURE_SIZE
 from tradestudy.cameras.kinds import KINDS
 from tradestudy.declarations.lens_models import FittedLensModel
-from tradestudy.declarations.mistakes import nearest_name
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import Part, nearest_name
 from tradestudy.errors import Problem, StudyError, nearest
 from tradestudy.study import document as tree
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised

@@ -13,7 +13,7 @@ from ruamel.yaml import events as yaml_events
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.reader import ReaderError
 
-from tradestudy.declarations.mistakes import nearest_name
+from tradestudy.declarations.part import nearest_name
 from tradestudy.errors import Problem, nearest
 from tradestudy.study.document import (
     BASES,

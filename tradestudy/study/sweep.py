@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.declarations.dimensions import common_dimension
+from tradestudy.declarations.quantities import common_dimension
 from tradestudy.errors import UnaffordableError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, ScalarEntry, text_of

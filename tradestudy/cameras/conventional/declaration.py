@@ -14,8 +14,7 @@ from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.imported import Imported, ImportedCamera, Stated, camera_stated, conventions_stated
 from tradestudy.cameras.parts import Lens
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     DetailSize,
     FNumber,

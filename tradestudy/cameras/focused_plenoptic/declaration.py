@@ -18,8 +18,7 @@ from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, 
 from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, PlenopticEstimator, UsedLenses
 from tradestudy.cameras.imported import Imported, ImportedPlenoptic, Stated, Value, conventions_stated
 from tradestudy.cameras.parts import MicrolensArray
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FocalLength,
     InverseLength,

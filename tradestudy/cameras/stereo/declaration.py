@@ -21,7 +21,7 @@ from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.geometry import GeometryPart
 from tradestudy.cameras.stereo.imported import stated_by
 from tradestudy.declarations.lens_models import AnyLensModel, fitted_words
-from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import MistakeAt
 from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistanceOrInfinity, PositivePixels
 from tradestudy.optics.lens_models.rational import IDEAL
 

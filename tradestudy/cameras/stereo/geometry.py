@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 
 from tradestudy.cameras.calibrated_pair import RADIAL, CalibratedPair
 from tradestudy.cameras.declaration import CalibratedCameraPart
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import Angle, Length
 
 

@@ -15,8 +15,7 @@ from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.cameras.unfocused_plenoptic.compared_views import ViewEstimator
 from tradestudy.cameras.unfocused_plenoptic.depth_reading import ViewsReader
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FNumber,
     FocalLength,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Final
 
 from tradestudy.cameras.declaration import AttributesPart
-from tradestudy.declarations.dimensions import common_dimension
+from tradestudy.declarations.quantities import common_dimension
 from tradestudy.units import DATA, DURATION, FRACTION, LENGTH, NUMBER, SOLID_ANGLE, Dimension
 
 DERIVED: Final[Mapping[str, Dimension | None]] = {

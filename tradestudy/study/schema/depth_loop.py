@@ -7,10 +7,8 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import ObjectDistance, PositiveElectrons, PositiveFraction
-from tradestudy.declarations.words import distinct
+from tradestudy.declarations.part import MistakeAt, Part
+from tradestudy.declarations.quantities import ObjectDistance, PositiveElectrons, PositiveFraction, distinct
 
 _MOST = 50
 

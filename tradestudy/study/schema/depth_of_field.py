@@ -8,8 +8,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from tradestudy.cameras.focus import BlurCriterion
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import NonNegativeAngle, PositiveLength, PositivePixels
 
 CriterionName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]

@@ -11,8 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from tradestudy import units
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FNumber,
     FocalLength,
@@ -24,9 +23,9 @@ from tradestudy.declarations.quantities import (
     PixelPitch,
     PositiveDuration,
     PositiveWavelength,
+    Seed,
     quantity,
 )
-from tradestudy.declarations.words import Seed
 from tradestudy.effects.models import LENSES
 from tradestudy.light_methods import legs_of
 from tradestudy.study.schema.accuracy import EffectsPart

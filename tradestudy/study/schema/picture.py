@@ -11,8 +11,7 @@ from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 from tradestudy import units
 from tradestudy.cameras.parts import Sensor
 from tradestudy.declarations.matcher import MatcherPart
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     DETAIL,
     DetailSize,

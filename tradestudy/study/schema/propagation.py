@@ -9,8 +9,7 @@ from pydantic import AfterValidator, Field
 from tradestudy import units
 from tradestudy.cameras.calibration import ONE_SIGMA, Propagation
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import ObjectDistance, Share, quantity
-from tradestudy.declarations.words import Seed, distinct
+from tradestudy.declarations.quantities import ObjectDistance, Seed, Share, distinct, quantity
 
 Coverage = Annotated[float, *quantity(units.FRACTION, at_least=0.01, at_most=0.999)]
 _SAME_COVERAGE = 1e-4  # of a standard deviation's, 68.27 %, which studies round to four digits

@@ -8,20 +8,25 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from tradestudy.cameras.depth_camera import UsableCriteria
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
+    CameraName,
+    ErrorSources,
     FNumber,
     ObjectDistance,
+    Pair,
     PositiveFraction,
     PositiveLength,
     PositiveNumber,
     PositivePixels,
     PositiveWavelength,
     QuantityText,
+    Scalar,
     Share,
+    Span,
+    Text,
+    distinct,
 )
-from tradestudy.declarations.words import CameraName, ErrorSources, Pair, Scalar, Span, Text, distinct
 from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
 from tradestudy.study.schema.light_spot import MethodName
 from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, PositiveWaves, PsfMetric

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from tradestudy.cameras.declaration import AttributesPart
-from tradestudy.declarations.mistakes import MistakeAt, nearest_name
+from tradestudy.declarations.part import MistakeAt, nearest_name
 from tradestudy.study.schema.criteria import DERIVED, criterion_dimension, criterion_names
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 from tradestudy.study.schema.requirements import CriterionPart, RequirementPart, SharpPart

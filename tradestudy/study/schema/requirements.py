@@ -6,9 +6,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
+    CameraName,
     ObjectDistance,
     PositiveFraction,
     PositiveLength,
@@ -16,8 +16,9 @@ from tradestudy.declarations.quantities import (
     PositiveShare,
     QuantityText,
     Share,
+    Span,
+    Text,
 )
-from tradestudy.declarations.words import CameraName, Span, Text
 
 Risk = Annotated[PositiveFraction, Field(lt=0.5)]
 

@@ -9,9 +9,8 @@ from pydantic import Field, field_validator, model_validator
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.kinds import CameraPart
-from tradestudy.declarations.mistakes import MistakeAt, nearest_name
-from tradestudy.declarations.part import Part
-from tradestudy.declarations.words import Text
+from tradestudy.declarations.part import MistakeAt, Part, nearest_name
+from tradestudy.declarations.quantities import Text
 from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
 from tradestudy.study.schema.depth_loop import DepthLoopPart
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart, ReliefPart

@@ -8,8 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from tradestudy.declarations.distances import MOST_DISTANCES, DistanceRangePart
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import ObjectDistance, PositiveWavelength
 from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.scene_image import SceneImagePart

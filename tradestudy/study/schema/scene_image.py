@@ -8,8 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from tradestudy import units
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     DetailSize,
     Length,

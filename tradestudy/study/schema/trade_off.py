@@ -7,10 +7,8 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from tradestudy.cameras.declaration import AttributeName
-from tradestudy.declarations.mistakes import MistakeAt, nearest_name
-from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import ObjectDistance, QuantityText, Share
-from tradestudy.declarations.words import CameraName, distinct
+from tradestudy.declarations.part import MistakeAt, Part, nearest_name
+from tradestudy.declarations.quantities import CameraName, ObjectDistance, QuantityText, Share, distinct
 from tradestudy.uncertainty.trade_off import WeightSpace, range_mistake
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from tradestudy.cameras.declaration import AttributesPart
-from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import MistakeAt
 from tradestudy.study.schema.criteria import DERIVED, is_number, weighed_dimension
 from tradestudy.study.schema.requirement_mistakes import criterion_mistake
 from tradestudy.study.schema.trade_off import TradeOffPart, WeighedPart

@@ -10,8 +10,7 @@ from typing import Any, TypeGuard, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from tradestudy.declarations.mistakes import MistakeAt, nearest_name
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.errors import Problem, StudyError, escaped, nearest
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child, dotted, walk
 from tradestudy.study.schema.alignment import (

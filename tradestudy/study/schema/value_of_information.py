@@ -7,10 +7,15 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import ObjectDistance, PositiveFraction, QuantityText
-from tradestudy.declarations.words import CameraName, Text, distinct
+from tradestudy.declarations.part import MistakeAt, Part
+from tradestudy.declarations.quantities import (
+    CameraName,
+    ObjectDistance,
+    PositiveFraction,
+    QuantityText,
+    Text,
+    distinct,
+)
 
 
 class AssumptionPart(Part):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tradestudy.declarations.mistakes import MistakeAt, nearest_name
+from tradestudy.declarations.part import MistakeAt, nearest_name
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.schema.questions import (
     ClaimPart,

@@ -9,8 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from tradestudy import units
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.part import Part
+from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FNumber,
     FocalLength,
