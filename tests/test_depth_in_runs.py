@@ -12,7 +12,7 @@ from tests.test_depth_maps import study_text
 from tradestudy import api, figures
 from tradestudy.cameras.depth_map import DepthMap, TrueDepth
 from tradestudy.execution import Threads
-from tradestudy.imaging.estimation.score import DepthScore, score
+from tradestudy.imaging.estimation import DepthScore, score
 from tradestudy.optics.window_matching import Reason
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text

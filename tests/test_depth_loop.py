@@ -16,7 +16,7 @@ from tradestudy import api, figures
 from tradestudy.errors import StudyError
 from tradestudy.execution import Threads
 from tradestudy.execution.point_progress import heard_by
-from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text
 from tradestudy.results.views.conclusions import terminal_lines

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, cli
 from tradestudy.cameras.depth_map import DepthSearch, FlatPicture
-from tradestudy.imaging.estimation.score import DepthScore
+from tradestudy.imaging.estimation import DepthScore
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
 

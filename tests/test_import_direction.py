@@ -37,7 +37,7 @@ HEAVY = {
     "pydantic": ("declarations", "study", *DECLARATIONS),
     "xarray": ("results", "run", "cost", "comparison", "figures", "report", "result", "loaded_study", "api"),
     "matplotlib": ("figures", "optics.spread_plot"),
-    "PIL": ("imaging.scenes.files", "run.pictures", "run.depth_maps"),
+    "PIL": ("imaging.scenes.pattern", "run.pictures", "run.depth_maps"),
     "typst": ("report",),
     "jinja2": ("report",),
     "ruamel": ("study", "verification.hard_cases.study_files"),

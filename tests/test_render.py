@@ -17,7 +17,7 @@ from tradestudy import api, cli
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.execution import Checkpoints, Executor, Steps, Threads
 from tradestudy.imaging.render import tiles
-from tradestudy.imaging.render.rig import drawn_errors
+from tradestudy.imaging.render.tiles import drawn_errors
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.run import pictures
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tradestudy.execution import Executor
     from tradestudy.execution.steps import Progress
     from tradestudy.figures.drawn import Drawer
-    from tradestudy.imaging.estimation.score import DepthScore
+    from tradestudy.imaging.estimation import DepthScore
 
 
 __all__ = [

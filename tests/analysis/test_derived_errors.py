@@ -17,8 +17,8 @@ from tradestudy.analysis.usable import evaluate_limits, usable_intervals
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.kirchhoff import kirchhoff_correction
+from tradestudy.imaging.optical_transfer import kirchhoff_correction
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.plan.plan import plan_of
 from tradestudy.run import runner
 from tradestudy.run.groups.depth import depth_as_declared

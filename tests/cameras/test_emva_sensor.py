@@ -14,8 +14,8 @@ from tradestudy.cameras.contradictions import digitiser_contradictions, lens_con
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stated_declaration import StatedPart
 from tradestudy.errors import TradestudyError
-from tradestudy.imaging.light import Light, SensorNoise, noise_variance
-from tradestudy.imaging.render.sensor import Recording
+from tradestudy.imaging.models import Light, SensorNoise, noise_variance
+from tradestudy.imaging.render.tiles import Recording
 from tradestudy.study.definition import StudyDefinition
 
 STUDIES = Path(__file__).parents[2] / "studies"

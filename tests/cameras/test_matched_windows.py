@@ -14,10 +14,9 @@ from tests.imaging.scenes import bound_of
 from tests.imaging.test_picture import CLOSED, SETTINGS
 from tradestudy.analysis.depth import evaluate_depth
 from tradestudy.cameras.matched_windows import MatchedPairs, WholePictures, largest_common_square
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.light import Light, field_illumination, radial_pupil_width
+from tradestudy.imaging.models import Light, field_illumination, radial_pupil_width
 from tradestudy.imaging.passed_texture import matched_window, picture_electrons
-from tradestudy.imaging.picture import SMALLEST_WINDOW_PX, disparity_bound_px, disparity_error_px
+from tradestudy.imaging.picture import SMALLEST_WINDOW_PX, PictureDisparityError, disparity_bound_px, disparity_error_px
 from tradestudy.optics.microlens_coverage import least_squares_baseline, least_squares_pairs
 from tradestudy.optics.thin_lens import image_distance
 

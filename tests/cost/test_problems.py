@@ -20,7 +20,7 @@ from tradestudy.api import Study
 from tradestudy.cli import app
 from tradestudy.cost import depth
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.results import GROUPS
 
 pytestmark = pytest.mark.usefixtures("empty_figures")

@@ -13,8 +13,8 @@ from tradestudy.cameras.plenoptic_geometry import ArrayGeometry
 from tradestudy.imaging.render.nodes import lit_area, nodes
 from tradestudy.imaging.render.sight import sight
 from tradestudy.imaging.scenes.pattern import Pattern
-from tradestudy.imaging.scenes.plain_surfaces import Flat
 from tradestudy.imaging.scenes.scene import Scene
+from tradestudy.imaging.scenes.surfaces import Flat
 from tradestudy.optics.arrays import FloatArray
 
 PIXEL, PITCH, APERTURE = 5.5e-6, 126.5e-6, 113.7e-6

@@ -7,8 +7,7 @@ import numpy as np
 from tests.imaging.matcher import Scene
 from tradestudy.cameras.matched_windows import WholePictures
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.imaging.light import Light, SensorNoise
-from tradestudy.imaging.models import PictureModels, PictureSettings, Texture
+from tradestudy.imaging.models import Light, PictureModels, PictureSettings, SensorNoise, Texture
 from tradestudy.imaging.picture import DerivedDisparityError, disparity_error_px
 
 RAYS = PictureModels(

@@ -12,8 +12,7 @@ from tests.cameras.builders import r5
 from tests.imaging.scenes import RAYS, unit_geometry
 from tests.imaging.test_picture import CLOSED, SETTINGS, hand_lens
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.light import Light, SensorNoise
-from tradestudy.imaging.models import Texture
+from tradestudy.imaging.models import Light, SensorNoise, Texture
 from tradestudy.imaging.picture import CHANGES, disparity_error_px, error_causes
 
 FRESNEL = replace(CLOSED, main_lens_diffraction="fresnel")

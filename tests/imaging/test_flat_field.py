@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tradestudy.imaging.estimation.flat_field import WhitePicture, flat_picture
-from tradestudy.imaging.light import Light, SensorNoise, SensorNoiseModel
-from tradestudy.imaging.render.sensor import Recording
+from tradestudy.imaging.estimation import WhitePicture, flat_picture
+from tradestudy.imaging.models import Light, SensorNoise, SensorNoiseModel
+from tradestudy.imaging.render.tiles import Recording
 
 FULL_WELL, READ_NOISE = 10_000.0, 20.0
 

@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.light import Light, SensorNoise, field_illumination, mean_electrons, noise_variance
-from tradestudy.imaging.models import Texture, share_beyond, texture_spectrum
+from tradestudy.imaging.models import (
+    Light,
+    SensorNoise,
+    Texture,
+    field_illumination,
+    mean_electrons,
+    noise_variance,
+    share_beyond,
+    texture_spectrum,
+)
 
 SENSOR = SensorNoise(read_noise_electrons=12.0, full_well_electrons=20_000.0, bits=9)
 

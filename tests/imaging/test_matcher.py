@@ -10,8 +10,8 @@ import pytest
 
 from tests.imaging.test_picture import CLOSED, SETTINGS, hand_lens
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.derived_error import PictureDisparityError, at_bound
-from tradestudy.imaging.matcher import AT_BOUND, Matcher
+from tradestudy.imaging.models import AT_BOUND, Matcher
+from tradestudy.imaging.picture import PictureDisparityError, at_bound
 
 PLACES = np.array([50e-3, 55e-3, 58e-3])
 BOUND = PictureDisparityError(settings=SETTINGS, models=CLOSED)

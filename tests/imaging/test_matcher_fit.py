@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tradestudy.imaging.estimation.matcher_fit import fit_errors
+from tradestudy.imaging.estimation import fit_errors
 
 
 @pytest.mark.parametrize(

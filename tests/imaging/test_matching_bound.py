@@ -8,7 +8,7 @@ from scipy.special import j0
 
 from tests.imaging.matcher import Scene, lucas_kanade, picture_pairs
 from tests.imaging.scenes import bound_of
-from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
+from tradestudy.imaging.passed_texture import band_nodes, matching_bound_px
 
 
 def gaussian_spectrum(x: np.ndarray, y: np.ndarray, width: float, power: float) -> np.ndarray:

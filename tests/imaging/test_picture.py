@@ -17,14 +17,18 @@ from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import declared_disparity_error
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.kirchhoff import kirchhoff_correction
-from tradestudy.imaging.light import Light, SensorNoise
-from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
-from tradestudy.imaging.models import DefocusModel, PictureModels, PictureSettings, Texture, texture_spectrum
-from tradestudy.imaging.optical_transfer import LensTransfers, kirchhoff_points
-from tradestudy.imaging.passed_texture import matched_window
-from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px, disparity_error_px
+from tradestudy.imaging.models import (
+    DefocusModel,
+    Light,
+    PictureModels,
+    PictureSettings,
+    SensorNoise,
+    Texture,
+    texture_spectrum,
+)
+from tradestudy.imaging.optical_transfer import LensTransfers, kirchhoff_correction, kirchhoff_points
+from tradestudy.imaging.passed_texture import band_nodes, matched_window, matching_bound_px
+from tradestudy.imaging.picture import PictureDisparityError, WeighedPicture, disparity_bound_px, disparity_error_px
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
 
 SETTINGS = PictureSettings(

@@ -13,7 +13,7 @@ import pytest
 from tradestudy.calibration.calibration_file import CalibrationFileError, read_calibration
 from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.scenes.files import read_depths, read_picture
+from tradestudy.imaging.scenes.pattern import read_depths, read_picture
 from tradestudy.provenance import file_hash
 
 

@@ -19,13 +19,12 @@ from tradestudy.cameras.light_cones import Exposure
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.imaging.light import Light, SensorNoise
-from tradestudy.imaging.render.sensor import Recording
-from tradestudy.imaging.render.tiles import Tile, expected_electrons
-from tradestudy.imaging.render.wave_set_up import waves_of
+from tradestudy.imaging.models import Light, SensorNoise
+from tradestudy.imaging.render.sight import waves_of
+from tradestudy.imaging.render.tiles import Recording, Tile, expected_electrons
 from tradestudy.imaging.scenes.pattern import Pattern, pattern_of
-from tradestudy.imaging.scenes.plain_surfaces import Flat
 from tradestudy.imaging.scenes.scene import Scene
+from tradestudy.imaging.scenes.surfaces import Flat
 from tradestudy.imaging.transfer import fresnel_transfer
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.two_apertures import Stop, TwoApertures

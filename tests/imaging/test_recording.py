@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.light import Light, SensorNoise
-from tradestudy.imaging.render.sensor import Mosaic, Recording
+from tradestudy.imaging.models import Light, SensorNoise
+from tradestudy.imaging.render.tiles import Mosaic, Recording
 
 READ, WELL, BITS, BLACK = 12.0, 20000.0, 12, 500.0
 

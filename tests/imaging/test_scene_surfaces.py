@@ -10,12 +10,16 @@ from PIL import Image
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.models import Texture
-from tradestudy.imaging.scenes.files import read_depths, read_picture
-from tradestudy.imaging.scenes.height_field import HeightField
-from tradestudy.imaging.scenes.pattern import Pattern, PicturePattern, RandomPattern, pattern_of
-from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
+from tradestudy.imaging.scenes.pattern import (
+    Pattern,
+    PicturePattern,
+    RandomPattern,
+    pattern_of,
+    read_depths,
+    read_picture,
+)
 from tradestudy.imaging.scenes.scene import Rock
-from tradestudy.imaging.scenes.surface import Nearby
+from tradestudy.imaging.scenes.surfaces import Flat, HeightField, Nearby, Sphere
 from tradestudy.optics.arrays import FloatArray
 
 SIDE = 256

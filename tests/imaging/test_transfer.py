@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import UnaffordableError
-from tradestudy.imaging.kirchhoff import correction_at, kirchhoff_correction, kirchhoff_transfers, lattice_points
+from tradestudy.imaging.optical_transfer import correction_at, kirchhoff_correction, kirchhoff_transfers, lattice_points
 from tradestudy.imaging.transfer import (
     airy_transfer,
     disc_transfer,

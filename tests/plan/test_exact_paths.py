@@ -12,7 +12,7 @@ from tests.campaigns.depth_cases import KINDS, base_study, random_study
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.effects.models import Models
 from tradestudy.errors import TradestudyError
-from tradestudy.imaging.kirchhoff import kirchhoff_transfers
+from tradestudy.imaging.optical_transfer import kirchhoff_transfers
 from tradestudy.imaging.transfer import airy_transfer
 from tradestudy.plan.problems.depth import depth_problems
 from tradestudy.plan.problems.depth_variant import DepthVariant

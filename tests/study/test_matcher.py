@@ -17,7 +17,7 @@ from tradestudy.api import Result
 from tradestudy.cameras.depth_camera import disparity_error_at
 from tradestudy.errors import StudyError
 from tradestudy.execution.fingerprint import fingerprint
-from tradestudy.imaging.derived_error import at_bound
+from tradestudy.imaging.picture import at_bound
 from tradestudy.plan.plan import plan_of
 from tradestudy.plan.problems.depth import depth_problems
 from tradestudy.report.contents import compose_report

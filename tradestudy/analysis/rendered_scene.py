@@ -12,10 +12,9 @@ import numpy as np
 from tradestudy.cameras.light_cones import Exposure
 from tradestudy.declarations.part import MistakeAt
 from tradestudy.imaging.models import Texture
-from tradestudy.imaging.scenes.files import read_depths, read_picture
-from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern
-from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
+from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern, read_depths, read_picture
 from tradestudy.imaging.scenes.scene import DepthMapSurface, Plain, Rock, SceneSource, SurfaceSource
+from tradestudy.imaging.scenes.surfaces import Flat, Sphere
 from tradestudy.provenance import file_hash
 from tradestudy.study.schema.scene_image import (
     DepthMapPart,

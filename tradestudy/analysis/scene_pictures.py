@@ -14,9 +14,7 @@ from tradestudy.cameras.parts import Sensor
 from tradestudy.declarations.part import MistakeAt
 from tradestudy.errors import Problem, StudyError
 from tradestudy.imaging.models import Texture
-from tradestudy.imaging.render.rig import drawn_errors
-from tradestudy.imaging.render.sensor import Mosaic, Recording
-from tradestudy.imaging.render.tiles import Tile
+from tradestudy.imaging.render.tiles import Mosaic, Recording, Tile, drawn_errors
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.optics.arrays import FloatArray

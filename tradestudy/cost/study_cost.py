@@ -18,7 +18,7 @@ from tradestudy.cost.spot import spot_problem
 from tradestudy.effects.models import Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
-from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.plan.plan import Plan
 from tradestudy.plan.problems import light_spot
 from tradestudy.results import dataset

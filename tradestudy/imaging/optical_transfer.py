@@ -1,21 +1,254 @@
-"""Combined transfer function of all lenses of a camera, each by its chosen model, over the chosen spectrum."""
+"""Combined transfer function of all lenses of a camera, each by its chosen model, over the chosen spectrum.
+
+The correction to Fresnel's transfer function is computed on a lattice and interpolated: over defocus if the plane is
+fixed, over the logarithm of the plane's distance if it follows the image. The lattice does not depend on the requested
+distances, so the result at one distance does not depend on the others.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.imaging.kirchhoff import kirchhoff_transfers, lattice_points
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
 from tradestudy.imaging.transfer import airy_transfer, disc_transfer, fresnel_transfer
 from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.axial_spot import axial_fresnel_spot, axial_kirchhoff_spot
+from tradestudy.optics.quadrature import gauss_legendre
 
 if TYPE_CHECKING:
-    from tradestudy.imaging.kirchhoff import LatticePoint
+    from tradestudy.optics.propagation import LensPhase
+
+    LatticePoint = tuple[float, float, float, float, float, LensPhase]  # arguments of `kirchhoff_correction`
+
+
+# A point source beyond this distance [m] is as good as at infinity, and paths are still exact.
+FARTHEST = 1e6
+_PERIODS = 12
+_PERIODS_PER_PANEL = 4
+_NODES_PER_PANEL = 16
+_FREQUENCIES = 97
+# Settings of the lattice.
+_POINTS = 4
+_WAVES = 0.1
+_LOG_PLANE = 0.05
+_IN_FOCUS_WAVES = 1e-6
+
+
+def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
+    """Interpolate corrections of `kirchhoff_correction` at fractions of the cut-off; 0 above it, within the error.
+
+    One correction, shape (97,), is evaluated at fractions of any shape; of several, shape (n, 97), each is evaluated at
+    its own row of fractions. The cubic spline is that of `scipy.interpolate.CubicSpline`, which takes longer to load
+    than most plans to make.
+    """
+    corrections = np.atleast_2d(correction)
+    bends = corrections @ _bends()
+    place = np.minimum(share, 1.0) * (_FREQUENCIES - 1)
+    interval = np.minimum(place.astype(np.intp), _FREQUENCIES - 2)
+    row = np.arange(len(corrections))[:, np.newaxis]
+    b = place - interval
+    a = 1.0 - b
+    cubic = a * corrections[row, interval] + b * corrections[row, interval + 1]
+    cubic += (a**3 - a) * bends[row, interval] + (b**3 - b) * bends[row, interval + 1]
+    return np.where(share < 1.0, cubic, 0.0).reshape(share.shape)
+
+
+@cache
+def _bends() -> FloatArray:
+    """Matrix, applied from the right, from corrections to h²/6 times the second derivatives of their splines.
+
+    At spacing h, Dᵢ₋₁ + 4 Dᵢ + Dᵢ₊₁ is the second difference of the correction; the first two intervals, and the last
+    two, share one cubic.
+    """
+    neighbours = np.eye(_FREQUENCIES, k=1) + np.eye(_FREQUENCIES, k=-1)
+    of_bends, of_values = neighbours + 4.0 * np.eye(_FREQUENCIES), neighbours - 2.0 * np.eye(_FREQUENCIES)
+    of_bends[0, :3] = of_bends[-1, -3:] = 1.0, -2.0, 1.0
+    of_values[[0, -1]] = 0.0
+    return np.asarray(np.linalg.solve(of_bends, of_values).T, np.float64)
+
+
+@lru_cache(maxsize=2**15)  # a kilobyte each
+def kirchhoff_correction(
+    wavelength: float, aperture: float, focal_length: float, distance: float, plane: float, lens_phase: LensPhase
+) -> tuple[FloatArray, float]:
+    """Kirchhoff's transfer function minus Fresnel's at 97 evenly spaced fractions of the cut-off, and its error.
+
+    The transfer function is ``2π ∫ I(r) J₀(2π ν r) r dr`` over the spot of a point on the axis. The spot falls off as
+    1/r³, so its transform converges slowly; but Fresnel's spot has the same tail, and its transform is one smooth
+    integral. Therefore only the difference of the two spots is transformed, over the geometric blur and 12 periods λ N.
+    The error is that of the spot plus the larger of two: the contribution of its outer half, and the change due to
+    normalisation.
+    """
+    from scipy.special import j0
+
+    N, waves = plane / aperture, aperture**2 / 8.0 * abs(1.0 / focal_length - 1.0 / distance - 1.0 / plane) / wavelength
+    period, blur = wavelength * N, 8.0 * wavelength * N * waves
+    frequency = np.linspace(0.0, 1.0 / period, _FREQUENCIES)
+    fresnel = fresnel_transfer(frequency, wavelength, N, blur)
+    periods = math.ceil(0.6 * blur / period) + _PERIODS
+    panels = math.ceil(periods / _PERIODS_PER_PANEL)
+    panel = periods / panels * period
+    t, w = gauss_legendre(_NODES_PER_PANEL)
+    r = (np.arange(panels)[:, np.newaxis] + t).ravel() * panel
+    weight = 2.0 * np.pi * r * np.tile(w, panels) * panel
+    spot, of_spot = axial_kirchhoff_spot(
+        r,
+        wavelength=wavelength,
+        aperture_diameter=aperture,
+        focal_length=focal_length,
+        object_distance=distance,
+        plane_distance=plane,
+        lens_phase=lens_phase,
+    )
+    difference = spot - axial_fresnel_spot(
+        r, wavelength=wavelength, aperture_diameter=aperture, plane_distance=plane, defocus_waves=waves
+    )
+    terms = j0(2.0 * np.pi * np.outer(frequency, r)) * (weight * difference)
+    correction = terms.sum(axis=1)
+    outer = float(np.max(np.abs(terms[:, r > r[-1] / 2.0].sum(axis=1))))
+    at_zero = 1.0 + float(correction[0])
+    normalised = (fresnel + correction) / at_zero - fresnel
+    normalised.setflags(write=False)
+    return normalised, max(outer, abs(at_zero - 1.0)) + of_spot
+
+
+def kirchhoff_transfers(
+    frequency: FloatArray,
+    *,
+    wavelength: float,
+    aperture_diameter: float,
+    focal_length: FloatArray,
+    plane_distance: FloatArray,
+    defocus_waves: FloatArray,
+    lens_phase: LensPhase,
+    interpolated: bool = True,
+) -> tuple[FloatArray, FloatArray]:
+    """Transfer function by Kirchhoff's integral, ``2π ∫ I(r) J₀(2π ν r) r dr``, interpolated between planes or defoci.
+
+    Parameters
+    ----------
+    frequency
+        ν ≥ 0 [cycles/m] in the plane, shape (distances, frequencies).
+    wavelength, aperture_diameter
+        λ, and the diameter of the lens [m].
+    lens_phase
+        ``perfect`` or ``parabolic``; see `CircularLens`.
+    focal_length, plane_distance
+        [m], shape (distances,).
+    defocus_waves
+        Path error at the rim ``A²/8 (1/a + 1/b − 1/f)/λ``, signed; 0 is the point on which the plane is focused. A
+        negative object distance a means light that converges towards a point behind the lens; a point beyond 1000 km
+        counts as infinitely far away.
+    interpolated
+        Whether to interpolate on the lattice, which many distances share; a few distances are faster one by one.
+
+    Returns
+    -------
+    tuple
+        Transfer function, 1 at frequency 0, shape (distances, frequencies), and its error, shape (distances,): that of
+        the lattice points plus the difference of cubic and parabolic interpolation. NaN where a length is NaN.
+
+    Raises
+    ------
+    TradestudyError
+        The lens phase is unknown, or a point needs more nodes than are allowed.
+    """
+    value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
+    lengths = np.stack(np.broadcast_arrays(focal_length, plane_distance, defocus_waves))
+    known = np.isfinite(lengths).all(axis=0)
+    if not known.any():
+        return value, error
+    nu, (_, plane, waves) = frequency[known], lengths[:, known]
+    N = plane[:, np.newaxis] / aperture_diameter
+    fresnel = fresnel_transfer(nu, wavelength, N, 8.0 * wavelength * N * np.abs(waves)[:, np.newaxis])
+    share = wavelength * N * nu
+    if not interpolated:
+        own = [
+            kirchhoff_correction(*_point(wavelength, aperture_diameter, f, b, w, lens_phase))
+            for f, b, w in lengths[:, known].T.tolist()
+        ]
+        value[known] = fresnel + correction_at(np.array([table for table, _ in own]), share)
+        error[known] = [off for _, off in own]
+        return value, error
+    found = [
+        [kirchhoff_correction(*point) for point in _points_around(wavelength, aperture_diameter, f, b, w, lens_phase)]
+        for f, b, w in lengths[:, known].T.tolist()
+    ]
+    tables = np.array([[table for table, _ in around] for around in found])
+    place = _place(plane, waves)
+    since_first = place - np.floor(place) + 1.0
+    cubic = np.einsum("dp,dps->ds", _lagrange(since_first, _POINTS), tables)
+    parabola = np.einsum("dp,dps->ds", _lagrange(since_first, _POINTS - 1), tables[:, :-1])
+    value[known] = fresnel + correction_at(cubic, share)
+    error[known] = np.array([max(off for _, off in around) for around in found]) + np.max(
+        np.abs(cubic - parabola), axis=1
+    )
+    return value, error
+
+
+def lattice_points(
+    *,
+    wavelength: float,
+    aperture_diameter: float,
+    focal_length: FloatArray,
+    plane_distance: FloatArray,
+    defocus_waves: FloatArray,
+    lens_phase: LensPhase,
+) -> tuple[LatticePoint, ...]:
+    """Arguments of every `kirchhoff_correction` that `kirchhoff_transfers` needs for one lens, without duplicates."""
+    lengths = np.stack(np.broadcast_arrays(focal_length, plane_distance, defocus_waves), axis=1)
+    found = {
+        point: None
+        for f, plane, waves in lengths[np.isfinite(lengths).all(axis=1)].tolist()
+        for point in _points_around(wavelength, aperture_diameter, f, plane, waves, lens_phase)
+    }
+    return tuple(found)
+
+
+def _points_around(
+    wavelength: float, aperture: float, focal_length: float, plane: float, waves: float, lens_phase: LensPhase
+) -> tuple[LatticePoint, ...]:
+    """The lattice points between which a transfer function is interpolated, in order."""
+    first = math.floor(_place(np.asarray(plane), np.asarray(waves))) - 1
+    found = []
+    for j in range(first, first + _POINTS):
+        b, w = (plane, j * _WAVES) if _is_fixed(np.asarray(waves)) else (math.exp(j * _LOG_PLANE), 0.0)
+        found.append(_point(wavelength, aperture, focal_length, b, w, lens_phase))
+    return tuple(found)
+
+
+def _point(
+    wavelength: float, aperture: float, focal_length: float, plane: float, waves: float, lens_phase: LensPhase
+) -> LatticePoint:
+    """Arguments of `kirchhoff_correction` for a plane out of focus by a number of waves."""
+    inverse = 1.0 / focal_length - 1.0 / plane + 8.0 * wavelength * waves / aperture**2
+    distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
+    return wavelength, aperture, focal_length, distance, plane, lens_phase
+
+
+def _is_fixed(defocus_waves: FloatArray) -> BoolArray:
+    """Whether the plane is fixed and out of focus, instead of following the image."""
+    return np.asarray(np.abs(defocus_waves) > _IN_FOCUS_WAVES)
+
+
+def _place(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
+    """Position on the lattice, in lattice steps."""
+    along_plane = np.log(plane_distance) / _LOG_PLANE
+    return np.asarray(np.where(_is_fixed(defocus_waves), defocus_waves / _WAVES, along_plane))
+
+
+def _lagrange(place: FloatArray, count: int) -> FloatArray:
+    """Lagrange weights of the values at 0, 1 … count − 1, shape (places, count)."""
+    nodes = range(count)
+    return np.stack([np.prod([(place - m) / (n - m) for m in nodes if m != n], axis=0) for n in nodes], axis=-1)
+
 
 _MOST_BLUR_OF_WAVES = 200.0
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tradestudy.cameras.depth_measurement import CORNERS
 from tradestudy.effects.models import OFF
-from tradestudy.imaging.derived_error import kirchhoff_lattice
+from tradestudy.imaging.picture import kirchhoff_lattice
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.sweep import calibrations_to_infer, sweep_axes

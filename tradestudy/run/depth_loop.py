@@ -17,12 +17,10 @@ from tradestudy.cameras.depth_map import DepthMap, DepthReaderOfKind, DepthSearc
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.execution.point_progress import part_of_point
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
-from tradestudy.imaging.estimation.score import DepthScore, score
+from tradestudy.imaging.estimation import DepthScore, flat_picture, score, white_picture
 from tradestudy.imaging.models import PictureSettings, Texture
-from tradestudy.imaging.render.sensor import Recording
-from tradestudy.imaging.render.tiles import Tile
+from tradestudy.imaging.picture import PictureDisparityError
+from tradestudy.imaging.render.tiles import Recording, Tile
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
 from tradestudy.run.depth_maps import predicted_availability, window_at

@@ -20,12 +20,10 @@ from tradestudy.cameras.light_cones import Description, Exposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.execution.point_progress import part_of_point, tell
-from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
-from tradestudy.imaging.estimation.matcher_fit import fit_matcher
-from tradestudy.imaging.estimation.score import DepthScore, score
+from tradestudy.imaging.estimation import DepthScore, fit_matcher, flat_picture, score, white_picture
 from tradestudy.imaging.models import PictureSettings
-from tradestudy.imaging.render.sensor import Recording
-from tradestudy.imaging.render.wave_set_up import waves_of
+from tradestudy.imaging.render.sight import waves_of
+from tradestudy.imaging.render.tiles import Recording
 from tradestudy.imaging.render.waves import Waves
 from tradestudy.optics.arrays import FloatArray, Samples
 from tradestudy.optics.window_matching import REASONS

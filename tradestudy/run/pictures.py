@@ -15,8 +15,8 @@ from tradestudy.analysis.scene_pictures import Taken, declared_image, recording_
 from tradestudy.effects.models import OFF
 from tradestudy.errors import UnaffordableError
 from tradestudy.execution import Steps
+from tradestudy.imaging.render.sight import waves_of
 from tradestudy.imaging.render.tiles import WORKER_BYTES, Recorded, Rendered, Tile, record_tile, render_tile, tiles_of
-from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.machine import available_memory

@@ -10,8 +10,8 @@ from tradestudy.analysis.scene_pictures import declared_image, extent_and_camera
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_map import DepthSearch
 from tradestudy.errors import OutOfRangeError, Problem, StudyError
-from tradestudy.imaging.light import mean_electrons
-from tradestudy.imaging.render.sensor import Recording
+from tradestudy.imaging.models import mean_electrons
+from tradestudy.imaging.render.tiles import Recording
 from tradestudy.run.depth_loop import NOISE, loop_points
 from tradestudy.run.depth_maps import set_up_readers
 from tradestudy.run.pictures import refuse_too_large

@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.effects.models import Models, SlotName
-from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels, closed_form_models
+from tradestudy.imaging.picture import PictureDisparityError
 
 
 def with_models(models: PictureModels, chosen: Models) -> PictureModels:

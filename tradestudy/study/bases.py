@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.matcher import AT_BOUND
+from tradestudy.imaging.models import AT_BOUND
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
 from tradestudy.wording import with_article

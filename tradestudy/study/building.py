@@ -8,9 +8,8 @@ from typing import Final
 
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.matcher import Matcher
-from tradestudy.imaging.models import closed_form_models
+from tradestudy.imaging.models import Matcher, closed_form_models
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.study.schema.scene import ScenePart
 
 # Parts of a camera that affect no posterior: texts, measurement noise, and changes after the calibration.

@@ -14,7 +14,7 @@ from tradestudy.cameras.contradictions import Contradiction, digitiser_contradic
 from tradestudy.cameras.declaration import CalibratedCameraPart, DepthCameraDeclaration, SensorPart
 from tradestudy.cameras.imported import FITTED_LENS, NOMINAL_PITCH, PICTURE_SIZE
 from tradestudy.errors import Problem
-from tradestudy.imaging.light import mean_electrons
+from tradestudy.imaging.models import mean_electrons
 from tradestudy.study.camera_files.libpleno import IGNORED
 from tradestudy.study.camera_files.pairs import (
     FOLDING_LENS,

@@ -1,23 +1,165 @@
-"""Render pictures tile by tile; tiles are independent, so it does not matter which worker renders them."""
+"""Pictures of one camera as built, rendered in independent tiles and recorded by its sensor."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.light_cones import Exposure
+from tradestudy.cameras.parts import Sensor
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.models import Light, SensorNoise, SensorNoiseModel, mean_electrons
 from tradestudy.imaging.render.nodes import fewer, lit_area, nodes
-from tradestudy.imaging.render.sensor import Recording
 from tradestudy.imaging.render.sight import sight
 from tradestudy.imaging.render.waves import Waves
 from tradestudy.imaging.scenes.pattern import GREY
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.sources import ErrorClass
 from tradestudy.uncertainty.streams import point_generator
+
+MosaicPattern = Literal["RGGB", "BGGR", "GRBG", "GBRG"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mosaic:
+    """A Bayer mosaic.
+
+    Parameters
+    ----------
+    pattern
+        Colours of the first two pixels of the first row, then of the second.
+    response
+        Electrons of red, green and blue pixels relative to a pixel without a filter.
+    """
+
+    pattern: MosaicPattern
+    response: tuple[float, float, float]
+
+    def colors(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Colour of pixels: 0 red, 1 green, 2 blue."""
+        numbers = np.array(["RGB".index(letter) for letter in self.pattern])
+        return np.asarray(numbers[2 * (rows % 2) + columns % 2])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """How the sensor records light.
+
+    Parameters
+    ----------
+    light
+        Light and exposure of the scene.
+    noise
+        Read noise, full well and bits.
+    model
+        Which noise terms to include; with quantisation the output is digital numbers, otherwise electrons.
+    black_level
+        Electrons added before digitising, so that noise in dark areas is not clipped.
+    pixel_fill
+        Width of the light-sensitive square relative to the pitch; the declared electrons of a pixel include it.
+    mosaic
+        Mosaic of colour filters, or None.
+
+    Raises
+    ------
+    OutOfRangeError
+        The black level is negative or not below the full well.
+    """
+
+    light: Light
+    noise: SensorNoise
+    model: SensorNoiseModel
+    black_level: float = 0.0
+    pixel_fill: float = 1.0
+    mosaic: Mosaic | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.black_level < self.noise.full_well_electrons:
+            raise OutOfRangeError(
+                "black level",
+                value=f"{self.black_level:g} e",
+                limit=f"0 e to below the full well, {self.noise.full_well_electrons:g} e",
+            )
+
+    @property
+    def electrons_per_number(self) -> float:
+        """One step of the digitiser [electrons]."""
+        return self.noise.step_electrons
+
+    @property
+    def saturation_electrons(self) -> float:
+        """Mean electrons at which a pixel saturates: its full well, or fewer if digital numbers end earlier."""
+        if not self.is_digital:
+            return self.noise.full_well_electrons
+        top = 2.0**self.noise.bits * self.electrons_per_number - self.black_level
+        return min(self.noise.full_well_electrons, top)
+
+    @property
+    def is_digital(self) -> bool:
+        """Whether the output is digital numbers."""
+        return self.model == "shot+read+quantisation"
+
+    def electrons_at_f1(self, sensor: Sensor) -> float:
+        """Mean electrons of a pixel at f/1 on the axis."""
+        return float(mean_electrons(self.light, 1.0, sensor.pixel_pitch))
+
+    def record(self, expected: FloatArray, rng: np.random.Generator) -> NDArray[Any]:
+        """The output of pixels for expected electrons: float32 electrons, or unsigned digital numbers.
+
+        A pixel holds at most its full well, which is also the top of the digitised range; the bottom is 0.
+        """
+        noise = self.noise
+        electrons = expected if self.model == "off" else rng.poisson(expected).astype(float)
+        electrons = np.minimum(electrons, noise.full_well_electrons)
+        if "read" in self.model:
+            electrons = electrons + rng.normal(0.0, noise.read_noise_electrons, expected.shape)
+        if not self.is_digital:
+            return np.asarray(electrons, np.float32)
+        numbers = np.rint((electrons + self.black_level) / self.electrons_per_number)
+        kind = np.uint16 if noise.bits <= 16 else np.uint32
+        return np.asarray(np.clip(numbers, 0, 2.0**noise.bits - 1), kind)
+
+
+def drawn_errors(camera: DepthCamera, name: str, seed: int) -> dict[str, FloatArray]:
+    """Draw the errors of a camera: a number for each parameter, or a pair for each element.
+
+    Parameters
+    ----------
+    camera
+        The camera with its calibration.
+    name
+        Name of the camera, which selects its random numbers.
+    seed
+        Seed of the study.
+
+    Raises
+    ------
+    OutOfRangeError
+        The calibration has its own model, whose parameters are not those of the camera.
+    """
+    calibration = camera.calibration
+    if calibration.vocabulary is not None or not calibration.inferred:
+        raise OutOfRangeError(
+            f"scene.image.rig for {name}, whose calibration has its own parameters",
+            value="drawn",
+            limit="as-designed for such a camera",
+            remedy="declare errors under calibration, or render the camera as designed",
+        )
+    values: dict[str, FloatArray] = {}
+    for group in calibration.groups:
+        rng = point_generator(seed=seed, point=f"rig {name}/{group.name}", replicate=0)
+        elements = camera.elements if group.error_class is ErrorClass.ELEMENT else 0
+        drawn = group.draw(rng.standard_normal((group.dimensions, 2 * elements or 1)))
+        for parameter, row in zip(group.parameters, drawn, strict=True):
+            values[parameter] = row.reshape(elements, 2) if elements else np.asarray(row[0])
+    return calibration.errors(values)
+
 
 TILE: Final = (256, 1024)
 """Rows and columns. Random numbers are drawn for each tile, so another size would change the noise."""

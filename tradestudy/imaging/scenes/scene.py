@@ -12,10 +12,8 @@ from typing import Final, Protocol
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.scenes.height_field import HeightField
 from tradestudy.imaging.scenes.pattern import Pattern
-from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
-from tradestudy.imaging.scenes.surface import PatternSource, Surface
+from tradestudy.imaging.scenes.surfaces import Flat, HeightField, PatternSource, Sphere, Surface
 from tradestudy.uncertainty.streams import point_generator
 
 ROCK_SIDE: Final = 1024
@@ -231,7 +229,7 @@ def _rock(rock: Rock) -> HeightField:
 
 @lru_cache(maxsize=4)
 def _depth_map(source: DepthMapSurface) -> HeightField:
-    from tradestudy.imaging.scenes.files import read_depths
+    from tradestudy.imaging.scenes.pattern import read_depths
 
     depths = read_depths(source.file, source.unit)
     if not source.from_top:

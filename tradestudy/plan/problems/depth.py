@@ -17,7 +17,7 @@ from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_erro
 from tradestudy.cameras.depth_measurement import towards_corners
 from tradestudy.effects.choice import Change, Changes, Evidence, SimulationProblem, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
-from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.depth_variant import DepthVariant
 from tradestudy.plan.problems.variants import every_variant

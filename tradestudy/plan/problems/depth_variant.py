@@ -16,9 +16,8 @@ from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usabl
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, false_match_share
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.effects.models import OFF, Models
-from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
-from tradestudy.imaging.picture import LARGEST_ERROR_PX, WeighedPicture
+from tradestudy.imaging.picture import LARGEST_ERROR_PX, PictureDisparityError, WeighedPicture
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.plan.problems.failed_fraction import (
     missed_by_the_line,

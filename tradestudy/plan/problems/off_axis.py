@@ -11,8 +11,8 @@ from tradestudy.analysis.linear_depth import has_covariance, linearised_depth
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.effects.models import OFF, Models
-from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.applied_models import in_closed_form, with_models
 

@@ -17,8 +17,8 @@ from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, models_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.fingerprint import fingerprint
+from tradestudy.imaging.render.sight import waves_of
 from tradestudy.imaging.render.tiles import Tile, electrons_at
-from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.imaging.render.waves import Waves
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.wording import NO_MICROLENSES

@@ -13,7 +13,7 @@ from tradestudy.analysis.decision import is_usable
 from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, judged_uncertainty
 from tradestudy.analysis.usable import usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, disparity_error_at
-from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition

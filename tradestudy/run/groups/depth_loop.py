@@ -11,7 +11,7 @@ import xarray as xr
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
-from tradestudy.imaging.estimation.matcher_fit import MatcherFit, fit_errors, require_windows, true_matches
+from tradestudy.imaging.estimation import MatcherFit, fit_errors, require_windows, true_matches
 from tradestudy.results import dataset
 from tradestudy.run.depth_loop import LoopFinding, loop_points, measure_loop
 from tradestudy.run.groups.depth_maps import score_values

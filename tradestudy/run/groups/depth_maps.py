@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.camera import Camera
-from tradestudy.imaging.estimation.score import VARIANCE_OF_SPREAD, DepthScore, middle_and_spread
+from tradestudy.imaging.estimation import VARIANCE_OF_SPREAD, DepthScore, middle_and_spread
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
 from tradestudy.results import GROUPS

@@ -13,11 +13,17 @@ import xarray as xr
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.execution.steps import Progress
-from tradestudy.imaging.derived_error import PictureDisparityError, kirchhoff_lattice
-from tradestudy.imaging.kirchhoff import kirchhoff_correction
-from tradestudy.imaging.matcher import AT_BOUND
+from tradestudy.imaging.models import AT_BOUND
+from tradestudy.imaging.optical_transfer import kirchhoff_correction
 from tradestudy.imaging.passed_texture import matched_window, picture_electrons
-from tradestudy.imaging.picture import CHANGES, ErrorCauses, error_causes, filled_share
+from tradestudy.imaging.picture import (
+    CHANGES,
+    ErrorCauses,
+    PictureDisparityError,
+    error_causes,
+    filled_share,
+    kirchhoff_lattice,
+)
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.depth import applicable
 from tradestudy.results import dataset, distances_without_decision

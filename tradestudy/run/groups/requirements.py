@@ -18,7 +18,7 @@ from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import ALL, ANY, Judge
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
-from tradestudy.imaging.derived_error import at_bound
+from tradestudy.imaging.picture import at_bound
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import Case, StudyDefinition

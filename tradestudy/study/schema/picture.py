@@ -27,8 +27,7 @@ from tradestudy.declarations.quantities import (
     quantity,
 )
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.light import Light, SensorNoise
-from tradestudy.imaging.models import PictureSettings, Texture
+from tradestudy.imaging.models import Light, PictureSettings, SensorNoise, Texture
 from tradestudy.unit_registry import DEGREE
 from tradestudy.units import UnitError, parse, pretty
 

@@ -19,7 +19,7 @@ from tradestudy.declarations.quantities import (
     Share,
     quantity,
 )
-from tradestudy.imaging.light import SensorNoiseModel
+from tradestudy.imaging.models import SensorNoiseModel
 from tradestudy.unit_registry import DEGREE
 
 Tilt = Annotated[float, *quantity(units.ANGLE, at_least=-80.0 * DEGREE, at_most=80.0 * DEGREE)]

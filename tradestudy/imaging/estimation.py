@@ -1,19 +1,100 @@
-"""Compare a measured depth map with the true one, and its errors with the camera's predicted uncertainty."""
+"""Depth maps from pictures: flat-fielding, comparison with the truth, and the matcher that their errors suggest."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tradestudy.cameras.depth_map import DepthMap, TrueDepth
+from tradestudy.cameras.depth_map import DepthMap, FlatPicture, TrueDepth
+from tradestudy.cameras.light_cones import Exposure
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.models import Matcher
+from tradestudy.imaging.render.nodes import LEAST_NODES, lit_area
+from tradestudy.imaging.render.tiles import Recording
+from tradestudy.imaging.render.waves import Waves
 from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 from tradestudy.optics.window_matching import Reason, odd_window
 from tradestudy.units import FRACTION, LENGTH, PIXELS, pretty, significant
+
+_ROWS_AT_ONCE: Final = 16
+_FULL_WITHIN: Final = 4.0  # of the full well, in standard deviations of the read noise
+_LEAST_LIGHT: Final = 0.3  # relative to the brightest pixels; below it, flat-fielding mainly amplifies noise
+_LEAST_SHARE: Final = 0.9  # fraction of a pixel's light that must come through one lens
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WhitePicture:
+    """The picture of a uniform white scene.
+
+    Parameters
+    ----------
+    electrons
+        Expected electrons of every pixel, shape (rows, columns).
+    share
+        Fraction of each pixel's light that comes through the lens contributing most.
+    """
+
+    electrons: Samples
+    share: Samples
+
+
+def white_picture(exposure: Exposure, recording: Recording, waves: Waves | None = None) -> WhitePicture:
+    """The white picture that a calibration of the designed camera would record; by waves if they are given."""
+    sensor = exposure.sensor
+    gain = recording.electrons_at_f1(sensor)
+    width = sensor.pixel_pitch * recording.pixel_fill
+    electrons, share = (np.empty((sensor.rows, sensor.columns), np.float32) for _ in range(2))
+    for top in range(0, sensor.rows, _ROWS_AT_ONCE):
+        rows, columns = np.mgrid[top : min(top + _ROWS_AT_ONCE, sensor.rows), : sensor.columns]
+        x = (columns.ravel() + 0.5 - sensor.columns / 2.0) * sensor.pixel_pitch
+        y = (rows.ravel() + 0.5 - sensor.rows / 2.0) * sensor.pixel_pitch
+        if waves is None:
+            cones = exposure.cones(x, y)
+            lit = lit_area(cones, width) / (np.pi * cones.lens_radius**2) * cones.light
+        else:
+            cones = exposure.cones(x, y, waves.beyond)
+            lit = waves.tables(LEAST_NODES)[LEAST_NODES].passed_pixel(cones, width) * cones.light
+        total, most = np.bincount(cones.pixel, weights=lit, minlength=x.size), np.zeros(x.size)
+        np.maximum.at(most, cones.pixel, lit)
+        electrons[rows[:, 0]] = (gain * total).reshape(rows.shape)
+        share[rows[:, 0]] = np.divide(most, total, out=np.zeros(x.size), where=total > 0.0).reshape(rows.shape)
+    return WhitePicture(electrons=electrons, share=share)
+
+
+def flat_picture(values: NDArray[Any], white: WhitePicture, recording: Recording) -> FlatPicture:
+    """Flat-field recorded digital numbers or electrons; saturated and dim pixels become NaN."""
+    noise = recording.noise
+    if recording.is_digital:
+        electrons = values * recording.electrons_per_number - recording.black_level
+        full = values >= 2**noise.bits - 1
+        rounding = recording.electrons_per_number / 2.0
+    else:
+        electrons = np.asarray(values, np.float64)
+        full, rounding = np.zeros(electrons.shape, bool), 0.0
+    # The read noise of a full pixel may be negative.
+    noise_of_full = _FULL_WITHIN * noise.read_noise_electrons if "read" in recording.model else 0.0
+    full |= electrons >= noise.full_well_electrons - noise_of_full - rounding
+    bright = white.electrons > _LEAST_LIGHT * float(np.percentile(white.electrons, 99.0))
+    variance = np.zeros_like(electrons)
+    if recording.model != "off":
+        variance = np.maximum(electrons, 0.0)
+    if "read" in recording.model:
+        variance = variance + noise.read_noise_electrons**2
+    if recording.is_digital:
+        variance = variance + recording.electrons_per_number**2 / 12.0
+    usable = bright & ~full
+    flat = np.where(usable, white.electrons, np.nan)
+    return FlatPicture(
+        values=(electrons / flat).astype(np.float32),
+        variance=(variance / np.square(flat)).astype(np.float32),
+        pure=usable & (white.share >= _LEAST_SHARE),
+    )
+
 
 _CENTRAL: Final = (15.865, 50.0, 84.135)  # percentiles; for normal errors, a standard deviation apart
 VARIANCE_OF_SPREAD: Final = 0.5 * (0.15865 * 0.84135 - 0.15865**2) / 0.24197**2
@@ -273,3 +354,117 @@ def middle_and_spread(values: Samples) -> tuple[float, float]:
 def _most(reasons: Mapping[str, int]) -> str:
     """The most frequent reason."""
     return max(reasons, key=lambda name: reasons[name])
+
+
+_FALSE: Final = 6.0  # a match is false beyond this many spreads from the median
+_BINS: Final = 8
+LEAST_WINDOWS: Final = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatcherFit:
+    """A matcher fitted to measured errors, with standard errors.
+
+    Parameters
+    ----------
+    matcher
+        The matcher, as a study may declare it under ``matcher``.
+    factor_error, floor_error, false_matches_error
+        Standard errors of its factor, its floor [samples] and its fraction of false matches.
+    windows
+        Number of non-overlapping windows to which the errors are equivalent.
+    """
+
+    matcher: Matcher
+    factor_error: float
+    floor_error: float
+    false_matches_error: float
+    windows: float
+
+    @property
+    def declaration(self) -> str:
+        """The matcher as a line of a study file, with its standard errors as a comment."""
+        one = self.matcher
+        return (
+            f"matcher: {{factor: {one.factor:.3g}, floor: {one.floor:.2g} px, "
+            f"false_matches: {one.false_matches * 100.0:.2g} %}}  # ± {self.factor_error:.2g}, "
+            f"± {self.floor_error:.1g} px, ± {self.false_matches_error * 100.0:.1g} %, from {self.windows:.0f} windows"
+        )
+
+
+def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherFit:
+    """Compare the errors of a map with the bound that follows from the texture of each window.
+
+    Depth errors are scaled to disparity errors; the bound b of each window is the standard deviation that the map
+    states (`match_windows`). The variance of the errors in classes of equal b is fitted with ``k² b² + f²``, k ≥ 1 and
+    f ≥ 0.
+
+    Parameters
+    ----------
+    found, truth
+        Measured and true depth in the same pixels.
+    window_px
+        Side of the windows, which overlap.
+
+    Raises
+    ------
+    OutOfRangeError
+        There are too few windows, or the map has no disparities.
+    """
+    both = (found.reason == Reason.MEASURED) & truth.measurable & (found.deviation > 0.0)
+    bound = found.disparity_deviation[both]
+    windows = bound.size / window_px**2
+    if not np.all(np.isfinite(bound)):
+        raise OutOfRangeError("this camera measures no disparity")
+    require_windows(windows)
+    return fit_errors((found.depth - truth.depth)[both] / found.deviation[both] * bound, bound, windows)
+
+
+def require_windows(windows: float) -> None:
+    """Refuse to fit a matcher to too few non-overlapping windows.
+
+    Raises
+    ------
+    OutOfRangeError
+        There are fewer than 50.
+    """
+    if not windows >= LEAST_WINDOWS:
+        raise OutOfRangeError(
+            "independent matching windows",
+            value=f"{windows:.0f}",
+            limit=f"{LEAST_WINDOWS} or more",
+            remedy="render a larger sensor or more texture",
+        )
+
+
+def true_matches(error: Samples) -> BoolArray:
+    """Which errors are close enough to their median for a true match."""
+    middle, spread = middle_and_spread(error)
+    return np.asarray(np.abs(error - middle) <= _FALSE * spread)
+
+
+def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
+    """Fit a matcher to disparity errors [samples] of independent windows and their bounds; see `fit_matcher`."""
+    from scipy.optimize import nnls
+
+    false, b2, variance = 0, np.empty(_BINS), np.empty(_BINS)
+    for k, one in enumerate(np.array_split(np.argsort(bound), _BINS)):
+        true = one[true_matches(error[one])]
+        false += one.size - true.size
+        b2[k], variance[k] = np.mean(np.square(bound[true])), np.var(error[true])
+    share = false / bound.size
+    spread = variance * np.sqrt(2.0 * _BINS / windows)
+    # k² = 1 + an excess; neither the excess nor f² may be negative.
+    design = np.stack([b2, np.ones(_BINS)], axis=-1) / spread[:, np.newaxis]
+    scale = np.linalg.norm(design, axis=0)
+    (more, floor2), _ = nnls(design / scale, (variance - b2) / spread)
+    more, floor2 = more / scale[0], floor2 / scale[1]
+    errors = np.sqrt(np.diag(np.linalg.pinv(design.T @ design)))
+    factor, floor = float(np.sqrt(1.0 + more)), float(np.sqrt(floor2))
+    return MatcherFit(
+        matcher=Matcher(factor=factor, floor=floor, false_matches=share),
+        factor_error=float(errors[0] / (2.0 * factor)),
+        floor_error=float(errors[1] / (2.0 * floor)) if floor2 > errors[1] else float(np.sqrt(errors[1])),
+        false_matches_error=float(np.sqrt(max(share * (1.0 - share), 1.0 / windows) / windows)),
+        windows=windows,
+    )

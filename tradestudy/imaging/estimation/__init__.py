@@ -1,1 +1,0 @@
-"""Depth maps from pictures, and their comparison with the truth."""
