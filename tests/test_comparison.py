@@ -19,7 +19,7 @@ import tradestudy
 from tradestudy import api
 from tradestudy.cli import app
 from tradestudy.comparison import Comparison, compare_runs
-from tradestudy.comparison.words import values_in_words
+from tradestudy.comparison.results import values_in_words
 from tradestudy.errors import OutOfRangeError
 from tradestudy.results import dataset, storage
 from tradestudy.units import PIXELS

@@ -12,8 +12,8 @@ import xarray as xr
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.comparison.answers import compare_ranks
-from tradestudy.comparison.difference import Run
+from tradestudy.comparison.comparison import Run
+from tradestudy.comparison.conclusions import compare_ranks
 from tradestudy.errors import StudyError
 from tradestudy.report.contents import compose_report
 from tradestudy.results import GROUPS

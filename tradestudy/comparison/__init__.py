@@ -2,8 +2,257 @@
 
 from __future__ import annotations
 
-from tradestudy.comparison.comparing import compare_runs
-from tradestudy.comparison.comparison import Comparison
-from tradestudy.comparison.difference import Difference
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePath
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.comparison.comparison import Comparison, Difference, Run, common_cameras, titles_of
+from tradestudy.comparison.conclusions import (
+    best_is_compared,
+    common_range,
+    compare_best,
+    compare_claims,
+    compare_questions,
+    compare_ranks,
+    compare_requirements,
+    compare_sharp,
+    compare_usable,
+)
+from tradestudy.comparison.results import ChangedResult, Results, compare_results
+from tradestudy.effects.words import EFFECT, MODEL
+from tradestudy.errors import OutOfRangeError
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.overlay import FEW, overlay_drawing
+from tradestudy.results.views.designs import path_words
+from tradestudy.results.views.groups import group, has
+from tradestudy.units import ANGLE, DURATION, ELECTRONS, FRACTION, LENGTH, PIXELS, UnitError, parse
+from tradestudy.wording import counted, in_words, listed, span
 
 __all__ = ["Comparison", "Difference", "compare_runs"]
+
+NOT_SET: Final = "not set"
+_ROUNDING: Final = 1e-12  # relative, of values converted from calibration files
+_NAMES: Final = ("study", "title", "question")
+_NUMBER: Final = re.compile(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?")
+_QUANTITY: Final = re.compile(r"([+-]?[\d.]+(?:e[+-]?\d+)?)\s*([^\W\d]+|%)")
+_DIMENSIONS: Final = (LENGTH, ANGLE, FRACTION, PIXELS, ELECTRONS, DURATION)
+
+
+def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
+    """Declared values that differ, for cameras that every run has, and the number of compared values.
+
+    Values that are written differently but mean the same, such as 50mm and 0.05 m, count as equal; so do values that
+    differ only by rounding, such as a rotation that one file writes as a vector and another as a matrix.
+    """
+    shared = set(common_cameras(runs, "cameras"))
+    every = [run.record.get("inputs", {}) for run in runs]
+    declared = [one if isinstance(one, Mapping) else {} for one in every]
+    is_one_study = len({str(run.record.get("study", "")) for run in runs}) == 1
+    paths = [
+        path
+        for path in dict.fromkeys(path for one in declared for path in one)
+        if (is_one_study or path not in _NAMES) and (not path.startswith("cameras.") or path.split(".")[1] in shared)
+    ]
+    titles, found = titles_of(runs), []
+    for path in paths:
+        texts = [str(one[path]) if path in one else NOT_SET for one in declared]
+        if not all(_are_alike(texts[0], text) for text in texts[1:]):
+            what = path_words(runs[0].tree, path) if path.startswith("cameras.") else _words(path, titles)
+            found.append(Difference(what=what, values=tuple(_shown(text, titles) for text in texts)))
+    return tuple(found), len(paths)
+
+
+def _are_alike(one: str, other: str) -> bool:
+    """Whether two values mean the same, up to rounding relative to the largest number of a list or to 1 rad."""
+    meanings = [[_meaning(part) for part in _parts(text)] for text in (one, other)]
+    if [what for what, _ in meanings[0]] != [what for what, _ in meanings[1]]:
+        return False
+    numbers = [[number for _, number in meaning] for meaning in meanings]
+    largest = max((abs(number) for number in (*numbers[0], *numbers[1]) if math.isfinite(number)), default=0.0)
+    scale = max(largest, 1.0) if meanings[0][0][0] == ANGLE.name else largest
+    return all(a == b or abs(a - b) <= _ROUNDING * scale for a, b in zip(*numbers, strict=True))
+
+
+def _parts(text: str) -> list[str]:
+    """The values of a list, or the only one."""
+    is_list = text.startswith("[") and text.endswith("]")
+    return [one.strip("' ") for one in text[1:-1].split(",")] if is_list else [text]
+
+
+def _meaning(text: str) -> tuple[str, float]:
+    """The meaning of a value for comparisons: its dimension and SI value if it is a quantity, else the text itself."""
+    if _NUMBER.fullmatch(text):
+        return "", float(text)
+    for dimension in _DIMENSIONS:
+        try:
+            return dimension.name, parse(text, dimension)
+        except UnitError:
+            continue
+    return text, 0.0
+
+
+def _words(path: str, titles: Mapping[str, str]) -> str:
+    return " › ".join(titles.get(part, in_words(part)) for part in path.split("."))
+
+
+def _shown(text: str, titles: Mapping[str, str]) -> str:
+    """A value as declared, with a space before its unit; lists without brackets, cameras by their titles."""
+    if text.startswith("[") and text.endswith("]"):
+        return ", ".join(_shown(one, titles) for one in _parts(text))
+    return titles.get(text, _QUANTITY.sub(r"\1 \2", text) if _QUANTITY.fullmatch(text) else text)
+
+
+def differing_models(runs: Sequence[Run]) -> Iterator[Difference]:
+    """Models that were chosen differently, for problems that every run solves."""
+    if not all(has(run.tree, "effects", "problem_of", "slot", "model", "chosen", "problem_title") for run in runs):
+        return
+    chosen = [_chosen(run) for run in runs]
+    titles = titles_of(runs) | {
+        str(key): str(title)
+        for run in runs
+        for key, title in zip(
+            *(group(run.tree, "effects")[name].values for name in ("problem", "problem_title")), strict=True
+        )
+    }
+    for place in chosen[0]:
+        if all(place in one for one in chosen) and len({one[place] for one in chosen}) > 1:
+            problem, slot = place
+            values = tuple(_model_words(slot, one[place]) for one in chosen)
+            yield Difference(what=titles.get(problem, problem), values=values)
+
+
+def _chosen(run: Run) -> dict[tuple[str, str], str]:
+    effects = group(run.tree, "effects")
+    rows = zip(*(effects[name].values for name in ("problem_of", "slot", "model", "chosen")), strict=True)
+    return {(str(problem), str(slot)): str(model) for problem, slot, model, acts in rows if np.equal(acts, 1)}
+
+
+def _model_words(slot: str, model: str) -> str:
+    words = {str(name): text for name, text in EFFECT.items()}[slot]
+    known = {(str(name), which): text for (name, which), text in MODEL.items()}
+    return known.get((slot, model), f"{words} left out" if model == "off" else f"{words}: {model}")
+
+
+_CHECKSUM: Final = "results_sha256"
+
+
+def compare_runs(
+    names: Sequence[str], records: Sequence[Mapping[str, Any]], trees: Sequence[xr.DataTree]
+) -> Comparison:
+    """Compare runs by their records and results.
+
+    Parameters
+    ----------
+    names
+        Name of each run.
+    records
+        Content of each ``run.json``.
+    trees
+        Results of each run.
+
+    Raises
+    ------
+    OutOfRangeError
+        If there are fewer than two runs.
+    """
+    if len(names) < 2:
+        raise OutOfRangeError("runs to compare", value=str(len(names)), limit="at least 2")
+    runs = [Run(name=name, record=record, tree=tree) for name, record, tree in zip(names, records, trees, strict=True)]
+    conclusions, unchanged = _conclusions(runs)
+    inputs, compared = differing_inputs(runs)
+    results = compare_results(runs)
+    labels = _labels(runs)
+    overlay, without = _overlay(runs, labels, inputs, results)
+    return Comparison(
+        names=tuple(names),
+        labels=labels,
+        notes=tuple(_notes(runs, results)),
+        conclusions=conclusions,
+        unchanged=unchanged,
+        inputs=inputs,
+        same_inputs=compared - len(inputs),
+        models=tuple(differing_models(runs)),
+        results=tuple(one.difference for one in results.moved),
+        same_results=results.within_error,
+        overlay=overlay,
+        without_overlay=without,
+    )
+
+
+def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str, ...]]:
+    """The conclusions that changed, and those that did not, in words."""
+    if not all("cameras" in run.tree.children for run in runs):
+        return (), ()
+    found = (
+        (compare_requirements(runs), "requirement", "requirements"),
+        (compare_ranks(runs), "ranking by criteria", "rankings by criteria"),
+        (compare_claims(runs), "claim", "claims"),
+        (compare_questions(runs), "answer to a question", "answers to questions"),
+    )
+    changed = [difference for answers, _, _ in found for difference in answers.changed]
+    unchanged = [counted(one.unchanged, word, words) for one, word, words in found if one.unchanged]
+    if best_is_compared(runs):
+        best = compare_best(runs)
+        changed += best.changed
+        within = ", within the error of its switch distances" if best.has_explained else ""
+        unchanged += [] if best.changed else [f"the best camera from {span(*common_range(runs))}{within}"]
+    for ranges, word in ((compare_usable(runs), "usable"), (compare_sharp(runs), "sharp")):
+        changed += ranges.changed
+        unchanged += [f"the {word} range of {counted(ranges.unchanged, 'camera')}"] if ranges.unchanged else []
+    return tuple(changed), tuple(unchanged)
+
+
+def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
+    """Sentences on what is not compared, because the runs do not share it."""
+    checksums = {str(run.record.get(_CHECKSUM, run.name)) for run in runs}
+    if len(checksums) == 1:
+        yield "The results are identical, to the last bit."
+        return
+    studies = list(dict.fromkeys(str(run.record.get("study", "")) for run in runs))
+    if len(studies) > 1:
+        yield f"The runs belong to different studies, {listed(studies)}; only what they share is compared."
+    if len({str(run.record.get("code_hash", "")) for run in runs}) > 1:
+        yield "Different versions of the program computed the runs, so results can differ even where no input does."
+    shared = set(common_cameras(runs, "cameras"))
+    for run in runs:
+        alone = [title for key, title in titles_of([run]).items() if key not in shared]
+        if alone:
+            yield f"Not in every run, so not compared: {'; '.join(alone)} ({run.name})."
+    if results.apart:
+        yield f"Not compared, because the runs share no distance or design: {listed(results.apart)}."
+
+
+def _labels(runs: Sequence[Run]) -> tuple[str, ...]:
+    """The shortest ends of the runs' paths that distinguish them; numbered where the whole paths are the same."""
+    parts = [PurePath(run.name).parts for run in runs]
+    for length in range(1, max(map(len, parts)) + 1):
+        ends = tuple("/".join(one[-length:]) for one in parts)
+        if len(set(ends)) == len(ends):
+            return ends
+    return tuple(f"{run.name} ({number})" for number, run in enumerate(runs, start=1))
+
+
+def _overlay(
+    runs: Sequence[Run], labels: Sequence[str], inputs: Sequence[Difference], results: Results
+) -> tuple[Drawing | None, str]:
+    """The figure of depth uncertainty, or why there is none."""
+    cameras = common_cameras(runs, "depth")
+    if not cameras:
+        return None, "No figure: the runs share no camera with a depth uncertainty."
+    moved = [one for one in results.moved if (one.group, one.variable) == ("depth", "depth_uncertainty")]
+    if not moved:
+        return None, "No figure: no curve of depth uncertainty differs by more than its error."
+    changed = {one.camera for one in moved}
+    shown = cameras if len(cameras) <= FEW else tuple(key for key in cameras if key in changed)
+    legend = labels if len(inputs) != 1 else [f"{inputs[0].what}: {value}" for value in inputs[0].values]
+    return overlay_drawing([run.tree for run in runs], legend, shown, moved[0].design, _alternative_text(moved)), ""
+
+
+def _alternative_text(moved: Sequence[ChangedResult]) -> str:
+    """What differs most, for readers who do not see the figure."""
+    return "; ".join(str(one.difference) for one in moved)

@@ -1,17 +1,80 @@
-"""A comparison of runs, as text and as a page."""
+"""A comparison of runs, as text and as a page: its runs, and each difference between them as one line."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
-from tradestudy.comparison.difference import ARROW, Difference
+import xarray as xr
+
 from tradestudy.errors import escaped
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Paragraph, Picture, Report, Table
+from tradestudy.results.views.groups import camera_titles
 from tradestudy.wording import counted
+
+ARROW = " → "
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A finished run: its name, the content of its ``run.json``, and its results."""
+
+    name: str
+    record: Mapping[str, Any]
+    tree: xr.DataTree
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """One thing that differs between runs.
+
+    Parameters
+    ----------
+    what
+        What differs, in words.
+    values
+        Its value in each run, in words.
+    where
+        Distances and details, in words; may be empty.
+    """
+
+    what: str
+    values: tuple[str, ...]
+    where: str = ""
+
+    @property
+    def change(self) -> str:
+        """The values one after the other, and where they differ."""
+        return " ".join(filter(None, (ARROW.join(self.values), self.where)))
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.change}"
+
+
+def same_or_each(texts: Sequence[str]) -> str:
+    """The text if all are the same, else each different one once."""
+    return " / ".join(dict.fromkeys(texts))
+
+
+def titles_of(runs: Sequence[Run]) -> dict[str, str]:
+    """Titles of the cameras of all runs by key; a camera with different titles has all of them."""
+    found = [camera_titles(run.tree) if "cameras" in run.tree.children else {} for run in runs]
+    return {
+        key: same_or_each([titles[key] for titles in found if key in titles])
+        for key in dict.fromkeys(key for titles in found for key in titles)
+    }
+
+
+def common_cameras(runs: Sequence[Run], group: str) -> tuple[str, ...]:
+    """Keys of the cameras that a group contains in every run, in the order of the first run."""
+    if not all(group in run.tree.children and "camera" in run.tree[group].coords for run in runs):
+        return ()
+    keys = [[str(key) for key in run.tree[group].to_dataset()["camera"].values] for run in runs]
+    return tuple(key for key in keys[0] if all(key in others for others in keys[1:]))
+
 
 _MOST_LINES: Final = 10
 _MOST_ROWS: Final = 40

@@ -1,8 +1,9 @@
-"""Results that differ by more than their error, the largest difference first."""
+"""Results that differ by more than their error, the largest difference first, and these errors."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -10,26 +11,190 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.comparison.difference import Difference, Run, titles_of
-from tradestudy.comparison.stated_errors import (
-    ROUNDING,
-    beyond,
-    error_name,
-    left_out_share,
-    standard_errors,
-    stated_error,
-)
-from tradestudy.comparison.words import (
-    changes_in_words,
-    group_words,
-    known_dimension,
-    place_in_words,
-    result_words,
-    values_in_words,
-    varies,
-)
-from tradestudy.results.views.groups import FloatArray, group, records
-from tradestudy.units import FRACTION
+from tradestudy.comparison.comparison import Difference, Run, titles_of
+from tradestudy.results import JUDGED
+from tradestudy.results.views.depth import field_words
+from tradestudy.results.views.designs import path_words
+from tradestudy.results.views.groups import FloatArray, group, has, records
+from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty, significant
+from tradestudy.wording import distance, fewest_digits, in_words
+
+# As in decisions: by chance, over eight scrambles, one difference in a thousand exceeds this many standard errors.
+SURE: Final = 5.4
+ROUNDING: Final = 1e-9
+"""Relative change of a value that another machine or library may cause."""
+_CLOSED_FORM: Final = ("rounding", "exact")
+_FROM_DRAWS: Final = "standard error"
+_DRAWN_OR_LINEAR: Final = "depth_uncertainty_error"
+
+
+def error_name(data: xr.Dataset, name: str) -> str | None:
+    """The variable that contains the error of another; empty for rounding alone, None if no number states the error."""
+    if f"{name}_error" in data:
+        return f"{name}_error"
+    says = str(data[name].attrs.get("error", ""))
+    named: list[str] = [word for word in re.findall(r"\w+", says) if word in data and word != name]
+    if named:
+        return named[0]
+    return "" if any(word in says for word in _CLOSED_FORM) else None
+
+
+def stated_error(tree: xr.DataTree, name: str, variable: str) -> xr.DataArray | None:
+    """The error of each value of a variable, in its unit; None if no number states it.
+
+    Standard errors count `SURE` times, measured and estimated errors once; the change due to everything that the
+    applied models leave out is added where the run knows it. As in decisions, an error that could not be estimated
+    counts as zero.
+    """
+    data = group(tree, name)
+    error_variable = error_name(data, variable)
+    if error_variable is None:
+        return None
+    values = abs(data[variable].astype(float))
+    known = values.where(np.isfinite(values), 0.0)
+    # Far below the largest value, numbers differ by rounding alone.
+    error = ROUNDING * xr.ones_like(known) * (known.max() if known.size else 0.0)
+    if error_variable:
+        stored = data[error_variable].astype(float).fillna(0.0)
+        stored = stored.max([dim for dim in stored.dims if dim not in values.dims])  # if it has more dimensions
+        error = error + stored * _standard_errors(tree, data, error_variable)
+    return error + _left_out(tree, data, variable) * known
+
+
+def _standard_errors(tree: xr.DataTree, data: xr.Dataset, error_variable: str) -> xr.DataArray | float:
+    """Factor by which a stored error counts; by camera where it depends on how the depth errors were propagated."""
+    says = str(data[error_variable].attrs.get("long_name", ""))
+    if error_variable != _DRAWN_OR_LINEAR and _DRAWN_OR_LINEAR not in says:
+        return SURE if _FROM_DRAWS in says else 1.0
+    keys = data["camera"].values
+    counts = [standard_errors(tree, str(key)) for key in keys]
+    return xr.DataArray(counts, coords={"camera": keys}, dims="camera")
+
+
+def standard_errors(tree: xr.DataTree, camera: str) -> float:
+    """Factor by which the error of a depth uncertainty counts: `SURE` if draws give it, 1 if a linear model does."""
+    if not has(tree, "effects", "problem_of", "slot", "model", "chosen"):
+        return SURE
+    effects = group(tree, "effects")
+    drawn = (effects["slot"] == "calibration") & (effects["model"] == "exact") & (effects["chosen"] == 1)
+    return SURE if camera in effects["problem_of"].values[drawn.values] else 1.0
+
+
+def _left_out(tree: xr.DataTree, data: xr.Dataset, variable: str) -> xr.DataArray | float:
+    if "camera" not in data[variable].dims:
+        return 0.0
+    keys = data["camera"].values
+    shares = [left_out_share(tree, str(key), variable) for key in keys]
+    return xr.DataArray(shares, coords={"camera": keys}, dims="camera")
+
+
+def left_out_share(tree: xr.DataTree, camera: str, quantity: str) -> float:
+    """Relative change of a camera's quantity due to everything that its models leave out; 0 where it is unknown."""
+    if not has(tree, "effects", "joint_change"):
+        return 0.0
+    changes = group(tree, "effects")["joint_change"]
+    quantity = JUDGED[0] if quantity in JUDGED else quantity  # the plan knows the change of the larger of them
+    if camera not in changes["problem"].values or quantity not in changes["quantity"].values:
+        return 0.0
+    return float(np.nan_to_num(changes.sel(problem=camera, quantity=quantity).item()))
+
+
+def beyond(values: tuple[FloatArray, FloatArray], errors: tuple[FloatArray, FloatArray]) -> np.ndarray:
+    """Where two arrays differ by more than both errors; a value known in only one of them differs."""
+    first, other = values
+    alike = (first == other) | (np.isnan(first) & np.isnan(other))
+    with np.errstate(invalid="ignore"):  # ∞ − ∞, which counts as equal
+        apart = np.abs(other - first) > np.hypot(*errors)
+    known = np.isfinite(first) & np.isfinite(other)
+    return np.asarray(~alike & np.where(known, apart, True))
+
+
+_BY_UNIT: Final[Mapping[str, Dimension]] = {
+    "m": LENGTH, "rad": ANGLE, "px": PIXELS, "1": NUMBER, "electrons": ELECTRONS,
+}  # fmt: skip
+_LABELS: Final[Mapping[tuple[str, str], str]] = {
+    ("side", "nearer"): "to the nearer side",
+    ("side", "farther"): "to the farther side",
+    ("error_source", "noise"): "noise only",
+    ("error_source", "calibration"): "calibration only",
+    ("error_source", "both"): "noise and calibration",
+}
+_UNNAMED_GROUPS: Final = ("depth", "depth_at_places", "disparity_causes")
+_MOST_PERCENT: Final = 1000.0
+
+
+def group_words(name: str) -> str:
+    """The group of a variable in brackets, where the variable's name alone is ambiguous."""
+    return "" if name in _UNNAMED_GROUPS else f" ({name.replace('_', ' ')})"
+
+
+def known_dimension(array: xr.DataArray) -> Dimension | None:
+    """The dimension of an array; None if its unit is not a known one."""
+    return _BY_UNIT.get(str(array.attrs.get("units", "")))
+
+
+def values_in_words(values: Sequence[float], dimension: Dimension | None) -> tuple[str, ...]:
+    """Values with their unit and the digits that distinguish different ones; "none" for NaN."""
+    different = len({value for value in values if not math.isnan(value)}) + any(map(math.isnan, values))
+
+    def written(digits: int) -> tuple[str, ...]:
+        return tuple(_written(value, dimension, digits) for value in values)
+
+    return written(fewest_digits(lambda digits: len(set(written(digits))) >= different))
+
+
+def _written(value: float, dimension: Dimension | None, digits: int) -> str:
+    if math.isnan(value):
+        return "none"
+    return significant(value, digits) if dimension is None else pretty(value, dimension, digits)
+
+
+def changes_in_words(values: Sequence[float]) -> str:
+    """How much each value differs from the first, in brackets."""
+    return f"({', '.join(_percent(values[0], value) for value in values[1:])})"
+
+
+def _percent(before: float, after: float) -> str:
+    """A change in per cent; beyond 1000 %, as a factor."""
+    percent = 100.0 * (after / before - 1.0)
+    if abs(percent) > _MOST_PERCENT:
+        return f"{significant(after / before)} times"
+    text = f"{percent:+.0f}" if abs(percent) >= 100.0 else f"{percent:+.2g}"
+    return f"{text.replace('-', '−')} %"
+
+
+def place_in_words(tree: xr.DataTree, values: xr.DataArray, at: tuple[int, ...], titles: Mapping[str, str]) -> str:
+    """A place in an array, in words, without coordinates that do not matter: "at 2 m, noise only", "for f number 2"."""
+    parts = [
+        _coordinate(tree, dim, values[dim], at[axis], titles)
+        for axis, dim in enumerate(map(str, values.dims))
+        if dim.endswith("distance") or varies(values, axis, at)
+    ]
+    parts.sort(key=lambda part: not part.startswith("at "))
+    return ("" if not parts or parts[0].startswith("at ") else "for ") + ", ".join(parts)
+
+
+def varies(values: xr.DataArray, axis: int, at: tuple[int, ...]) -> bool:
+    """Whether the values at a place vary along an axis."""
+    here = np.moveaxis(np.asarray(values.values, dtype=np.float64), axis, -1)[(*at[:axis], *at[axis + 1 :])]
+    return len(set(here[~np.isnan(here)].tolist())) > 1
+
+
+def _coordinate(tree: xr.DataTree, dim: str, coordinate: xr.DataArray, position: int, titles: Mapping[str, str]) -> str:
+    if dim not in coordinate.coords:
+        return f"{dim.replace('_', ' ')} {position + 1}"
+    label: Any = coordinate.values[position]
+    if dim == "field":
+        return field_words(float(label))
+    if dim == "corner":
+        return f"towards the {label} corner"
+    name = path_words(tree, dim) if "." in dim else in_words(dim)  # swept
+    if isinstance(label, str):
+        return _LABELS.get((dim, label), f"{name} {titles.get(label, label)}")
+    if dim.endswith("distance"):
+        return f"at {distance(float(label))}"
+    return f"{name} {values_in_words((float(label),), known_dimension(coordinate))[0]}"
+
 
 # Declared values, conclusions, or computing times, which other parts of the comparison cover.
 _COVERED_ELSEWHERE: Final = (
@@ -92,7 +257,7 @@ def compare_results(runs: Sequence[Run]) -> Results:
     for name, variable in _variables(runs):
         aligned = _aligned(runs, name, variable)
         if aligned is None:
-            apart += [f"{result_words(variable)}{group_words(name)}"] * (variable != _RADIUS)
+            apart += [f"{in_words(variable)}{group_words(name)}"] * (variable != _RADIUS)
             continue
         for camera in _cameras(aligned.values[0]):
             found = _largest(runs, titles, name, variable, camera, aligned.of(camera))
@@ -231,7 +396,7 @@ def _largest(
         return None
     values = [float(array[at]) for array in arrays]
     dimension = FRACTION if is_share else known_dimension(first)
-    what = result_words(variable) + (f" of {titles[camera]}" if camera in titles else "") + group_words(name)
+    what = in_words(variable) + (f" of {titles[camera]}" if camera in titles else "") + group_words(name)
     change = "" if is_share or not math.isfinite(size) else changes_in_words(values)
     return ChangedResult(
         group=name,
