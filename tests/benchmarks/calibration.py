@@ -30,9 +30,9 @@ from tests.calibration.rig_draws import depth_of_draws
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig, observe_pair
-from tradestudy.calibration.corners.rig_posterior import sample_rig
-from tradestudy.calibration.posterior.laplace import LaplaceFit
-from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid
+from tradestudy.calibration.laplace import LaplaceFit
+from tradestudy.calibration.posteriors import sample_rig
+from tradestudy.calibration.synthetic_target import SyntheticTarget, flat_grid
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from tests.data.simulate_corners import FILE as SIMULATED
+from tradestudy.calibration.camera_target import TargetToInfer
 from tradestudy.calibration.posteriors import CornersToInfer
-from tradestudy.calibration.target.camera_target import TargetToInfer
 from tradestudy.cameras.calibration_declaration import CornersPart, TargetPart
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic

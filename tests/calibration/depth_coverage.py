@@ -20,16 +20,15 @@ from tests.calibration.random_poses import tilted_poses
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tests.data.simulate_corners import NOISE_PX, pictures, true_rig
 from tradestudy.calibration.calibration_file import CalibrationDraws
+from tradestudy.calibration.camera_target import fit_target, observer, sample_target
 from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.corners.real_rig import fit_rig
-from tradestudy.calibration.corners.rig_posterior import sample_rig
-from tradestudy.calibration.posterior.laplace import LaplaceFit
+from tradestudy.calibration.laplace import LaplaceFit
 from tradestudy.calibration.posterior_file import posterior_of_file, rig_calibration, write_posterior
+from tradestudy.calibration.posteriors import sample_rig
 from tradestudy.calibration.projection import move
 from tradestudy.calibration.sources import CALIBRATION, group_of_draws
-from tradestudy.calibration.target.camera_target import observer
-from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid
-from tradestudy.calibration.target.target_inference import fit_target, sample_target
+from tradestudy.calibration.synthetic_target import SyntheticTarget, flat_grid
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import BoolArray, FloatArray

@@ -11,7 +11,7 @@ import numpy as np
 
 from tests.calibration.noisy_corners import COLUMNS, ROWS, SQUARE, TRUTH, SimulatedCorners
 from tradestudy.calibration.projection import move, project
-from tradestudy.calibration.target.synthetic_target import flat_grid
+from tradestudy.calibration.synthetic_target import flat_grid
 from tradestudy.optics.arrays import FloatArray
 
 SHARED, WARP, POSE, MOTION = slice(18), slice(18, 21), slice(21, 27), slice(27, 30)

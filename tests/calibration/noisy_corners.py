@@ -12,7 +12,7 @@ import numpy as np
 
 from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.projection import move, project
-from tradestudy.calibration.target.synthetic_target import flat_grid
+from tradestudy.calibration.synthetic_target import flat_grid
 from tradestudy.optics.arrays import FloatArray
 
 TRUTH = np.array([460, 462, 320, 180, 0.1, -0.2, 463, 461, 325, 182, 0.1, -0.15, 0.01, 0.02, 0.01, -0.094, -1e-3, 2e-3])

@@ -16,17 +16,17 @@ from tradestudy.calibration.corners.bundle_adjustment import (
     marginal_information,
 )
 from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners, read_corners
-from tradestudy.calibration.corners.initial_values import first_intrinsics
 from tradestudy.calibration.corners.view_blocks import (
     RELATIVE,
     board_points,
     camera_blocks,
     cameras_of,
+    first_intrinsics,
     pair_blocks,
 )
-from tradestudy.calibration.posterior.laplace import covariance_from_information
+from tradestudy.calibration.laplace import covariance_from_information
 from tradestudy.calibration.projection import move, project
-from tradestudy.calibration.target.synthetic_target import flat_grid
+from tradestudy.calibration.synthetic_target import flat_grid
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 IMAGE_SIZE = (640, 360)

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm, rankdata
 
-from tradestudy.calibration.posterior.chain_diagnostics import (
+from tradestudy.calibration.sampling import (
     bulk_effective_size,
     rank_normalised_split_r_hat,
     tail_effective_size,

@@ -10,7 +10,7 @@ from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tradestudy.calibration.corners.real_rig import observe_pair
-from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid
+from tradestudy.calibration.synthetic_target import SyntheticTarget, flat_grid
 from tradestudy.errors import OutOfRangeError
 
 DISTANCES = np.array([0.3, 1.0, 3.0, 10.0])

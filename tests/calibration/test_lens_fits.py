@@ -12,16 +12,17 @@ import pytest
 
 from tests.calibration.cameras import stereo
 from tests.calibration.noisy_corners import COLUMNS, ROWS, SQUARE
-from tradestudy.calibration.corners import lens_comparison, rig_posterior
+from tradestudy.calibration import posteriors
+from tradestudy.calibration.corners import trust
 from tradestudy.calibration.corners.bundle_adjustment import fit_camera, fit_pair
 from tradestudy.calibration.corners.corner_file import StereoCorners
-from tradestudy.calibration.corners.lens_comparison import compare_lenses
 from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
+from tradestudy.calibration.corners.trust import compare_lenses
 from tradestudy.calibration.corners.view_blocks import board_points, shared_names
 from tradestudy.calibration.posterior_file import posterior_of_file, write_posterior
 from tradestudy.calibration.posteriors import infer, to_infer
 from tradestudy.calibration.projection import FreeLens, move, project
-from tradestudy.calibration.target.synthetic_target import flat_grid
+from tradestudy.calibration.synthetic_target import flat_grid
 from tradestudy.cameras.calibration_declaration import calibration_part
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import NotConvergedError
@@ -201,14 +202,14 @@ def test_the_corners_reveal_their_lens_model(monkeypatch: pytest.MonkeyPatch) ->
     lens, free = TRUE["fisheye"]
     corners, z = seen_by_both(lens), np.array([0.3, 1.0])
     right, impossible = start_of(lens, free), start_of(ExtendedUnified(alpha=0.5, beta=1.0), ("alpha", "beta"))
-    fitted = lens_comparison._fitted
+    fitted = trust._fitted
 
     def refusing(fit: RigFit, lens: FreeLens, seen: FloatArray) -> object:
         if lens is impossible:
             raise NotConvergedError("the views do not determine alpha")
         return fitted(fit, lens, seen)
 
-    monkeypatch.setattr(lens_comparison, "_fitted", refusing)
+    monkeypatch.setattr(trust, "_fitted", refusing)
     *_, failed, called_for = compare_lenses(fit_rig(corners), z, [impossible, right]).values()
     assert failed.failure == "the views do not determine alpha"
     assert np.isnan([failed.support, *failed.depth_change]).all()
@@ -224,7 +225,7 @@ def test_a_calibration_with_a_declared_lens_model_is_saved_and_read_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From a declaration to the depth that is read: the draws of all coefficients, and the file of them."""
-    monkeypatch.setattr(rig_posterior, "CHECKED_POINTS", 20)  # test_relative_pose_posterior.py is about that check
+    monkeypatch.setattr(posteriors, "CHECKED_POINTS", 20)  # test_relative_pose_posterior.py is about that check
     lens, free = TRUE["fisheye"]
     corners = seen_by_both(lens)
     with (tmp_path / "corners.csv").open("w") as file:

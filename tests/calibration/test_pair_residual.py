@@ -10,7 +10,7 @@ from tests.calibration import noisy_corners
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tradestudy.calibration.corners.corner_file import StereoCorners
-from tradestudy.calibration.corners.marginal_views import (
+from tradestudy.calibration.corners.pair_residual import (
     ViewStates,
     compress_views,
     exact_log_likelihood,
@@ -19,7 +19,7 @@ from tradestudy.calibration.corners.marginal_views import (
 from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.corners.view_blocks import motion_columns, pair_blocks
 from tradestudy.calibration.projection import move, project, rotation_matrix
-from tradestudy.calibration.target.synthetic_target import flat_grid
+from tradestudy.calibration.synthetic_target import flat_grid
 
 TRUTH = np.array([460, 462, 320, 180, 0.1, -0.2, 463, 461, 325, 182, 0.1, -0.15, 0.01, 0.02, 0.01, -0.094, -1e-3, 2e-3])
 

@@ -16,10 +16,15 @@ from tests.calibration.cameras import board, focused, normal, shown, stereo
 from tradestudy.analysis.depth import distribution
 from tradestudy.analysis.inverse_questions import solve
 from tradestudy.analysis.required_values import solve_requirement
+from tradestudy.calibration.camera_target import (
+    TargetProblem,
+    TargetToInfer,
+    expected_fit,
+    fit_target,
+    planned_calibration,
+)
 from tradestudy.calibration.projection import project
-from tradestudy.calibration.target.camera_target import TargetToInfer, planned_calibration
-from tradestudy.calibration.target.synthetic_target import Priors, SyntheticTarget, flat_grid, observe_target
-from tradestudy.calibration.target.target_inference import TargetProblem, expected_fit, fit_target
+from tradestudy.calibration.synthetic_target import Priors, SyntheticTarget, flat_grid, observe_target
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps

@@ -19,7 +19,7 @@ from tests.calibration.cameras import (
 from tests.calibration.radial_rig import SHARED_NAMES
 from tests.data.simulate_corners import true_rig
 from tradestudy.calibration.calibration_file import CalibrationCovariance, CalibrationDraws, CalibrationFileError
-from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
+from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
 from tradestudy.calibration.posterior_file import posterior_of_file, write_posterior
 from tradestudy.calibration.posteriors import infer
 from tradestudy.uncertainty.sources import ErrorClass

@@ -16,8 +16,7 @@ from tests.calibration.cameras import (
 )
 from tests.calibration.radial_rig import SHARED_NAMES
 from tradestudy.calibration.corners.corner_file import CornerFileError
-from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError, check_geometry
-from tradestudy.calibration.corners.rig_measurement import rig_parameters
+from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError, check_geometry, rig_parameters
 from tradestudy.calibration.posteriors import MOST_DRAWS, infer, to_infer
 from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.calibration_declaration import calibration_part

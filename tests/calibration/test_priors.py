@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm, truncnorm, uniform
 
-from tradestudy.calibration.posterior.laplace import (
+from tradestudy.calibration.laplace import (
     LaplaceFit,
     compare_log_posteriors,
     covariance_from_information,
 )
-from tradestudy.calibration.target.synthetic_target import Priors
+from tradestudy.calibration.synthetic_target import Priors
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 
 NAMES = ("free", "cut", "flat")

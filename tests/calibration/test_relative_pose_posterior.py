@@ -9,7 +9,7 @@ from tests.calibration.rig_draws import depth_of_draws
 from tests.data.simulate_corners import FILE as SIMULATED
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig
-from tradestudy.calibration.corners.rig_posterior import (
+from tradestudy.calibration.posteriors import (
     check_marginalisation,
     linearised_rig,
     log_posterior,

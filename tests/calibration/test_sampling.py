@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from tradestudy.calibration.posterior.laplace import LaplaceFit
-from tradestudy.calibration.posterior.sampling import diagnose, sample_posterior
+from tradestudy.calibration.laplace import LaplaceFit
+from tradestudy.calibration.sampling import diagnose, sample_posterior
 from tradestudy.errors import OutOfRangeError
 
 NAMES = ("first", "second")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tradestudy.calibration.corners.shared_area import shared_area
+from tradestudy.calibration.corners.rig_measurement import shared_area
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL
 
 PIXELS = (640, 480)

@@ -7,20 +7,20 @@ from tests.calibration.radial_rig import SHARED_NAMES
 from tests.calibration.random_poses import tilted_poses
 from tests.calibration.rig_draws import depth_of_draws
 from tests.calibration.trials import normal_priors
+from tradestudy.calibration.camera_target import (
+    TargetProblem,
+    exact_log_posterior,
+    fit_target,
+    sample_target,
+)
 from tradestudy.calibration.corners.real_rig import observe_pair
 from tradestudy.calibration.projection import move
-from tradestudy.calibration.target.synthetic_target import (
+from tradestudy.calibration.synthetic_target import (
     Priors,
     SyntheticTarget,
     faces,
     flat_grid,
     observe_target,
-)
-from tradestudy.calibration.target.target_inference import (
-    TargetProblem,
-    exact_log_posterior,
-    fit_target,
-    sample_target,
 )
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.calibration.target.synthetic_target import CameraModel, Priors, SyntheticTarget, observe_target
-from tradestudy.calibration.target.target_inference import TargetProblem, fit_target, sample_target
+from tradestudy.calibration.camera_target import TargetProblem, fit_target, sample_target
+from tradestudy.calibration.synthetic_target import CameraModel, Priors, SyntheticTarget, observe_target
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 

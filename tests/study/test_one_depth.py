@@ -18,7 +18,7 @@ from tests.data.simulate_corners import Numbers, pictures
 from tests.study.conftest import STUDIES
 from tradestudy import load
 from tradestudy.api import Result
-from tradestudy.calibration.corners import rig_posterior
+from tradestudy.calibration import posteriors
 from tradestudy.cli import app
 
 pytestmark = pytest.mark.usefixtures("empty_figures", "fewer_checks")
@@ -42,7 +42,7 @@ CALIBRATED = (
 def fewer_checks() -> Iterator[None]:
     """Poses are refitted at fewer draws: tests/calibration/test_relative_pose_posterior.py is about that check."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rig_posterior, "CHECKED_POINTS", 20)
+        patch.setattr(posteriors, "CHECKED_POINTS", 20)
         yield
 
 

@@ -23,7 +23,7 @@ def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
     asked = definition.calibrations_to_infer()
     if not asked:
         return definition
-    from tradestudy.calibration.target.camera_target import TargetToInfer, planned_calibration
+    from tradestudy.calibration.camera_target import TargetToInfer, planned_calibration
 
     return definition.with_posteriors(
         {key: planned_calibration(one, plan) for key, one in asked.items() if isinstance(one, TargetToInfer)}
@@ -46,7 +46,7 @@ def varied_calibrations(definition: StudyDefinition, varying: Varying) -> set[st
 
 def plans(definition: StudyDefinition) -> range:
     """The arrangements of the views to try: only the first if nothing needs planning or every pose is given."""
-    from tradestudy.calibration.target.camera_target import TargetToInfer
+    from tradestudy.calibration.camera_target import TargetToInfer
 
     asked = definition.calibrations_to_infer().values()
     is_spread = any(isinstance(one, TargetToInfer) and one.part.poses is None for one in asked)

@@ -15,8 +15,7 @@ from tradestudy.calibration.calibration_file import (
     CalibrationFileError,
     read_calibration,
 )
-from tradestudy.calibration.corners.rig_geometry import check_geometry
-from tradestudy.calibration.corners.rig_measurement import RigMeasurement, pair_found, rig_parameters
+from tradestudy.calibration.corners.rig_measurement import RigMeasurement, check_geometry, pair_found, rig_parameters
 from tradestudy.calibration.corners.view_blocks import shared_names
 from tradestudy.calibration.projection import text_of_lens
 from tradestudy.calibration.sources import CALIBRATION, group_of_draws

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,12 +27,14 @@ from tradestudy.declarations.part import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import require_regular_file
-from tradestudy.uncertainty.sources import ErrorClass
+from tradestudy.uncertainty.sources import ErrorClass, Group
+from tradestudy.units import LENGTH, pretty
 
 if TYPE_CHECKING:  # these load scipy, which `check` does not need
     from tradestudy.uncertainty.distributions import Distribution
     from tradestudy.uncertainty.joint import JointDraws
     from tradestudy.uncertainty.sources import Group, Source
+
 
 CALIBRATION = "calibration"
 """Name of the group of parameters that a source determines."""
@@ -269,3 +271,48 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
             remedy="add draws, or remove those that are not finite",
         )
     return draws
+
+
+def impossible_errors(camera: DepthCamera, distance: FloatArray) -> Iterator[str]:
+    """Parameters of which a deviation by one standard deviation leaves no camera that measures depth, in words.
+
+    Parameters
+    ----------
+    camera
+        The camera with its calibration.
+    distance
+        Distances [m] at which it is tried.
+    """
+    calibration = camera.calibration
+    sizes = {
+        name: size
+        for group in calibration.groups
+        for name, size in zip(group.parameters, _deviations(group), strict=True)
+    }
+    if not sizes:
+        return
+    # The first row has no deviation; each other row has that of one parameter, down or up.
+    moved = np.concatenate([np.zeros((1, len(sizes))), *(sign * np.diag([*sizes.values()]) for sign in (-1.0, 1.0))])
+    drawn = {name: calibration.means[name] + moved[:, k : k + 1] for k, name in enumerate(sizes)}
+    found = camera.measured_depth(distance, 0.0, drawn)
+    measures = np.isfinite(found.inverse_depth) & ~found.no_overlap & ~found.out_of_range
+    known = np.any(np.broadcast_to(measures, (len(moved), distance.size)), axis=1)
+    if not known[0]:
+        return
+    for number, (name, size) in enumerate(sizes.items(), start=1):
+        if not (known[number] and known[number + len(sizes)]):
+            unit = camera.parameter(name).unit
+            words = pretty(size, LENGTH) if unit == "m" else f"{size:g} {unit}"
+            yield (
+                f"a deviation of {name} by one standard deviation, {words}, leaves no camera that measures depth; "
+                "check its unit"
+            )
+
+
+def _deviations(group: Group) -> FloatArray:
+    """Standard deviation of each parameter; 0 where it does not exist or cannot be computed."""
+    try:
+        covariance = group.covariance
+    except OutOfRangeError:
+        covariance = None
+    return np.zeros(len(group.parameters)) if covariance is None else np.sqrt(np.diag(covariance))

@@ -11,7 +11,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.sweep import calibrations_to_infer
 
 if TYPE_CHECKING:
-    from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
+    from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
     from tradestudy.calibration.posteriors import InferredCalibration
 
 
@@ -35,7 +35,7 @@ def infer_calibrations(
     asked = calibrations_to_infer(definition)
     if not asked:
         return definition, {}
-    from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
+    from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
     from tradestudy.calibration.posteriors import infer
 
     names = [one.name for one in asked.values()]
@@ -59,7 +59,7 @@ def refuse_corners(definition: StudyDefinition) -> None:
     asked = {key: request for form in forms for key, request in form.calibrations_to_infer().items()}
     if not asked:
         return
-    from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
+    from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
     from tradestudy.calibration.posteriors import CornersToInfer, check_corners
 
     problems = []

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
-from tradestudy.calibration.possible_errors import impossible_errors
-from tradestudy.calibration.sources import calibration_of, given_twice, mistakes_of_files
+from tradestudy.calibration.sources import calibration_of, given_twice, impossible_errors, mistakes_of_files
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import AttributesPart, DepthCameraDeclaration
@@ -35,8 +34,8 @@ from tradestudy.study.schema.validation import validate
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
 if TYPE_CHECKING:  # inference itself loads these
+    from tradestudy.calibration.camera_target import TargetToInfer
     from tradestudy.calibration.posteriors import CornersToInfer
-    from tradestudy.calibration.target.camera_target import TargetToInfer
 
 _JUDGED: Final = 9  # distances of a study at which the draws must converge
 

@@ -17,8 +17,8 @@ from tradestudy.study.schema.questions import SweepRangePart
 from tradestudy.units import Dimension, UnitError, parse
 
 if TYPE_CHECKING:  # heavy, and only some studies infer calibrations
+    from tradestudy.calibration.camera_target import TargetToInfer
     from tradestudy.calibration.posteriors import CornersToInfer
-    from tradestudy.calibration.target.camera_target import TargetToInfer
 
 MOST_POINTS = 20_000
 _NO_PART_OF_THE_SCENE = "scene.picture.matcher."  # describes the matching of pictures, not the scene

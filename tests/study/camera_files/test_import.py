@@ -14,7 +14,7 @@ from tests.data import simulate_corners
 from tests.study.camera_files import written
 from tests.study.camera_files.written import D1, D2, K1, K2, SIZE, R, T, study
 from tradestudy.calibration.projection import move, project
-from tradestudy.calibration.target.synthetic_target import faces, flat_grid
+from tradestudy.calibration.synthetic_target import faces, flat_grid
 from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.stereo.declaration import StereoDeclaration

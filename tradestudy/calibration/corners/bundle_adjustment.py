@@ -8,17 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners
-from tradestudy.calibration.corners.initial_values import first_values
-from tradestudy.calibration.corners.triangular_factor import triangular_factor
 from tradestudy.calibration.corners.view_blocks import (
     ROTATION,
     TRANSLATION,
     ViewBlocks,
     camera_blocks,
+    first_values,
     pair_blocks,
     shared_names,
 )
-from tradestudy.calibration.posterior.laplace import covariance_from_information
+from tradestudy.calibration.laplace import covariance_from_information, triangular_factor
 from tradestudy.calibration.projection import (
     LARGEST_ROLL,
     RADIAL_LENS,

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
 from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair, points_midway
-from tradestudy.calibration.corners.shared_area import shared_area
 from tradestudy.calibration.corners.view_blocks import (
+    RELATIVE,
     RELATIVE_POSE_NAMES,
     ROTATION,
     TRANSLATION,
@@ -18,9 +18,13 @@ from tradestudy.calibration.corners.view_blocks import (
     shared_names,
 )
 from tradestudy.calibration.projection import (
+    RADIAL_LENS,
     FreeLens,
     coefficient_of,
     intrinsic_names,
+    move,
+    project,
+    ray_slopes,
     rotation_matrix,
     rotation_vector,
 )
@@ -28,9 +32,201 @@ from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, CalibratedPair,
 from tradestudy.cameras.depth_measurement import Errors, Field, MeasuredInverseDepth, require_known, shares_of, value_of
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
+from tradestudy.cameras.pair_geometry import PairGeometry
+from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_models.families import ANGLES
 from tradestudy.optics.lens_models.lens_model import slopes
+from tradestudy.units import significant
+
+_NODES: Final = (33, 25)  # nodes across and down
+_OUTSIDE: Final = -1.0  # px from the edge, for nodes that show no point or whose point has no image
+
+
+def shared_area(
+    rig: FloatArray, lenses: Lenses, free: Sequence[str], pixels: tuple[int, int], distance: FloatArray
+) -> FloatArray:
+    """Share of the area of a picture whose points the other camera also sees; the smaller of both pictures' shares.
+
+    Points lie in a plane perpendicular to the left camera's axis. Between nodes in the picture, the distance of a
+    point's image from the edge of the other picture is interpolated linearly; the share errs by about 1e-3.
+
+    Parameters
+    ----------
+    rig : array (P,)
+        Parameters in the order of ``view_blocks.shared_names`` [px, 1, rad, m].
+    lenses, free
+        Lens models, and names of their free coefficients.
+    pixels
+        Columns and rows of each picture.
+    distance : array (D,)
+        Z [m] from the left camera.
+
+    Returns
+    -------
+    array (D,)
+        ``1 − B/W`` for parallel pinholes whose pictures are W wide at the distance.
+    """
+    of_left, of_right = cameras_of(rig)
+    turn, translation = rotation_matrix(rig[ROTATION]), rig[TRANSLATION]
+    nodes = np.stack(
+        np.meshgrid(*(np.linspace(-0.5, n - 0.5, k) for n, k in zip(pixels, _NODES, strict=True))), axis=-1
+    )
+    flat = nodes.reshape(-1, 2)
+    from_left = _to_plane(ray_slopes(of_left, flat, lenses[0], free), np.zeros(3), np.eye(3), distance)
+    rays = ray_slopes(of_right, flat, lenses[1], free)
+    from_right = _to_plane(rays, -turn.T @ translation, turn.T, distance)
+    in_right = project(of_right, move(rig[RELATIVE], from_left), lenses[1], free)
+    in_left = project(of_left, from_right, lenses[0], free)
+    both = [_share_inside(seen, pixels).reshape(distance.shape) for seen in (in_right, in_left)]
+    return np.minimum(*both)
+
+
+def _to_plane(rays: FloatArray, centre: FloatArray, rotation: FloatArray, distance: FloatArray) -> FloatArray:
+    """Where rays of a camera meet the planes at given distances, shape (D, N, 3); NaN for rays that do not."""
+    directions = np.concatenate([rays, np.ones_like(rays[:, :1])], axis=-1) @ rotation.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (distance[:, None] - centre[2]) / directions[:, 2]
+    return centre + np.where(along > 0.0, along, np.nan)[..., None] * directions
+
+
+def _share_inside(seen: FloatArray, pixels: tuple[int, int]) -> FloatArray:
+    """Share of a picture's area, shape (D,), that another picture shows; (D, N, 2) [px] are the nodes' images there."""
+    low, high = seen + 0.5, np.array(pixels) - 0.5 - seen
+    inside = np.nan_to_num(np.minimum(low, high).min(axis=-1), nan=_OUTSIDE).reshape(-1, *_NODES[::-1])
+    a, b, c, d = inside[:, :-1, :-1], inside[:, :-1, 1:], inside[:, 1:, :-1], inside[:, 1:, 1:]
+    triangles = np.stack([np.stack([a, b, d]), np.stack([a, c, d])])
+    return np.asarray(_positive_part(np.sort(triangles, axis=1)).mean(axis=(0, 2, 3)))
+
+
+def _positive_part(corners: FloatArray) -> FloatArray:
+    """Share of triangles in which a linear function is positive, from ascending values (2, 3, ...) at their corners."""
+    low, middle, high = np.moveaxis(corners, 1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one = high**2 / ((high - low) * (high - middle))
+        two = 1.0 - low**2 / ((middle - low) * (high - low))
+    return np.where(low >= 0.0, 1.0, np.where(high <= 0.0, 0.0, np.where(middle <= 0.0, one, two)))
+
+
+LENGTH_LIMIT = 0.05  # of a declared focal length or baseline
+ANGLE_LIMIT = 0.05  # of the field of view
+CENTRE_LIMIT = 0.15  # of the sensor, for the principal point
+_DEVIATIONS = 5.0
+Says = Literal["corners say", "the posterior says"]
+
+
+class GeometryContradictionError(TradestudyError):
+    """The declared geometry of a rig contradicts the one fitted to its corners."""
+
+    exit_status = 2
+
+
+def check_geometry(
+    name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, *, says: Says, lens: FreeLens = RADIAL_LENS
+) -> None:
+    """Refuse a declared pair that contradicts the fitted one, listing all contradictions.
+
+    Parameters
+    ----------
+    name
+        Name of the camera in its study.
+    rig
+        The declared pair.
+    best : array (P,)
+        Best parameters, in the order of ``view_blocks.shared_names``.
+    draws : array (K, P)
+        Joint draws, whose spread is the uncertainty of these parameters.
+    says
+        Subject and verb that introduce the parameters in messages.
+    lens
+        Lens model of the free coefficients.
+
+    Raises
+    ------
+    GeometryContradictionError
+        The focal length or baseline differs by more than 5 %, the angle between the axes differs by more than 5 % of
+        the field of view, or the principal point lies farther from the centre of the sensor than 15 % of its size.
+        Where five standard deviations are larger than one of these limits, they replace it.
+    """
+    if found := tuple(_contradictions(name, rig, best, draws, says, lens)):
+        raise GeometryContradictionError("\n".join(found))
+
+
+def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
+    """Refuse corners (N, 2) [px] outside the declared sensor, which mean that the pictures have another size.
+
+    Raises
+    ------
+    GeometryContradictionError
+        A corner lies outside.
+    """
+    size = np.array([rig.sensor.columns, rig.sensor.rows])
+    if np.all((seen >= -0.5) & (seen <= size - 0.5)):
+        return
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    raise GeometryContradictionError(
+        f"declared sensor {size[0]} × {size[1]} px, but corners lie between ({low[0]:.0f}, {low[1]:.0f}) and "
+        f"({high[0]:.0f}, {high[1]:.0f}) px; correct cameras.{name}.sensor.pixels or use another corner file"
+    )
+
+
+def _contradictions(
+    name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, says: Says, lens: FreeLens
+) -> Iterator[str]:
+    """One line for each quantity that differs by more than the limit."""
+    focal, baseline, angle = _geometry(best)
+    deviation = np.std(np.stack(_geometry(draws)), axis=-1)
+    instead = "another corner file" if says == "corners say" else "another posterior"
+    # The scale of the image on the axis makes focal lengths of different lens models comparable.
+    fitted = np.mean([lens.at(camera[4:]).scale_on_axis for camera in cameras_of(best)])
+    focal, deviation[0] = focal * fitted, deviation[0] * fitted
+    declared = rig.principal_distance / rig.sensor.pixel_pitch * rig.distortion.scale_on_axis
+    rows = (
+        ("focal length", "lenses", "px", 1.0, declared, focal, LENGTH_LIMIT * declared),
+        ("baseline", "baseline", "mm", 1e3, rig.baseline, baseline, LENGTH_LIMIT * rig.baseline),
+        (
+            "angle between the axes",
+            "convergence_distance",
+            "°",
+            np.degrees(1.0),
+            rig.convergence_angle,
+            angle,
+            ANGLE_LIMIT * rig.field_of_view,
+        ),
+    )
+    for (what, key, unit, per_unit, said, found, allowed), spread in zip(rows, deviation, strict=True):
+        if abs(said - found) > max(allowed, _DEVIATIONS * spread):
+            label = unit if unit == "°" else f" {unit}"
+            yield (
+                f"declared {what} {significant(said * per_unit, 4)}{label}, {says} "
+                f"{_with_spread(float(found) * per_unit, float(spread) * per_unit)}{label}; "
+                f"correct cameras.{name}.{key} or use {instead}"
+            )
+    for side, own, drawn in zip(("left", "right"), cameras_of(best), cameras_of(draws), strict=True):
+        size = np.array([rig.sensor.columns, rig.sensor.rows])
+        centre, spread = own[2:4], drawn[:, 2:4].std(axis=0)
+        if np.any(np.abs(centre - (size - 1) / 2.0) > np.maximum(CENTRE_LIMIT * size, _DEVIATIONS * spread)):
+            yield (
+                f"declared sensor {size[0]} × {size[1]} px, {says} that the {side} optical axis meets it at "
+                f"({centre[0]:.0f}, {centre[1]:.0f}) px; correct cameras.{name}.sensor.pixels or use {instead}"
+            )
+
+
+def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean focal length [px], baseline [m], and angle by which the axes converge [rad], each of shape (...,)."""
+    right_axis = rotation_matrix(shared[..., ROTATION])[..., 2, :]  # in the frame of the left camera
+    return (
+        np.concatenate([camera[..., :2] for camera in cameras_of(shared)], axis=-1).mean(axis=-1),
+        np.linalg.norm(shared[..., TRANSLATION], axis=-1),
+        np.arctan2(-right_axis[..., 0], right_axis[..., 2]),
+    )
+
+
+def _with_spread(value: float, spread: float) -> str:
+    """A value with its standard deviation, both rounded to the first digit of the latter: "60.1 ± 0.1"."""
+    digits = max(0, -int(np.floor(np.log10(spread)))) if spread > 0.0 else 3
+    return f"{value:.{digits}f} ± {spread:.{digits}f}".replace("-", "−")
+
 
 SIDES: Final = ("left", "right")
 _FARTHEST: Final = 1e12  # m; disparity there differs from that of infinity by less than rounding

@@ -1,5 +1,9 @@
 """How far to trust a pair fitted to corners, judged by halves of the views, by residuals and by other lens models.
 
+Leave-one-out cross-validation measures support: the pair is fitted to all views but one, and the log likelihood of that
+view is computed with its pose and motion integrated out. Everything is linearised about a fit, with the noise and the
+left–right term of the fit in use.
+
 All depths are those of points midway between the cameras and between their axes. Inverse depth is linearised about the
 fit, with its noise and left–right term.
 """
@@ -7,17 +11,180 @@ fit, with its noise and left–right term.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from tradestudy.calibration.corners.lens_comparison import ComparedLens, compare_lenses, compressed_fit, depth_slopes
-from tradestudy.calibration.corners.marginal_views import CompressedViews
-from tradestudy.calibration.corners.pair_residual import inverse_information
-from tradestudy.calibration.corners.real_rig import RigFit
+from tradestudy.calibration.corners.bundle_adjustment import fit_camera, fit_pair
+from tradestudy.calibration.corners.pair_residual import (
+    CompressedViews,
+    ViewStates,
+    compress_views,
+    fit_pair_residual,
+    inverse_information,
+)
+from tradestudy.calibration.corners.real_rig import RigFit, inverse_depth, observe_pair, points_midway
+from tradestudy.calibration.corners.view_blocks import RELATIVE, cameras_of
 from tradestudy.calibration.projection import FreeLens
+from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.wording import lens_in_words
+
+EXTENSIONS: Final[Sequence[tuple[str, ...]]] = (("k3",), ("p1", "p2"), ("k3", "p1", "p2"), ("s1", "s2", "s3", "s4"))
+"""Additional coefficients of the models with which a rational model is compared."""
+_STEP: Final = 1e-2  # standard deviations of a parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedLens:
+    """Another lens model compared with the one in use.
+
+    Parameters
+    ----------
+    support, support_deviation
+        Log likelihood of the views left out in turn, minus that for the model in use, and its standard error over
+        views. If it is well above zero, the corners favour the other model.
+    depth_change, depth_change_deviation : array (D,)
+        Depth from the other model minus depth from the one in use, for the same pictures [m], and its jackknife
+        standard error over views.
+    failure
+        Why the corners do not fit the other model; all numbers are then NaN.
+    """
+
+    support: float
+    support_deviation: float
+    depth_change: FloatArray
+    depth_change_deviation: FloatArray
+    failure: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _LeaveOneOut:
+    """A model fitted to all views, and to all but each one: inverse depths (D,) and (V, D), log likelihoods (V,)."""
+
+    inverse: FloatArray
+    inverses: FloatArray
+    log_likelihoods: FloatArray
+
+
+def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Mapping[str, ComparedLens]:
+    """Compare the lens model of a fit with others; keys are their names in reports.
+
+    Parameters
+    ----------
+    fit
+        From `fit_rig`.
+    z
+        Distances at which depth is compared, midway between the cameras and their axes [m].
+    others
+        Models to fit; a rational model is also compared with `EXTENSIONS`. A model that cannot be fitted is compared
+        by NaN, with the reason.
+    """
+    explained, lens = fit.explained, fit.corners.lens
+    seen = _seen(fit, z)
+    own = _leave_one_out(fit, lens, explained.shared, explained.states, explained.lever, seen)
+    found = {}
+    for names in EXTENSIONS if isinstance(lens.model, Rational) else ():
+        if more := tuple(name for name in names if name not in lens.free):
+            wider = FreeLens(model=lens.model, free=(*lens.free, *more))
+            start = _with_more(explained.shared, lens.model, more)
+            other = _leave_one_out(fit, wider, start, explained.states, explained.lever, seen)
+            found[lens_in_words(lens.model.name, wider.free)] = _compared(own, other, z)
+    for other_lens in others:
+        name = lens_in_words(other_lens.model.name, other_lens.free)
+        try:
+            found[name] = _compared(own, _fitted(fit, other_lens, seen), z)
+        except TradestudyError as error:
+            nothing = np.full_like(z, np.nan)
+            found[name] = ComparedLens(
+                support=np.nan,
+                support_deviation=np.nan,
+                depth_change=nothing,
+                depth_change_deviation=nothing,
+                failure=str(error),
+            )
+    return found
+
+
+def _fitted(fit: RigFit, lens: FreeLens, seen: FloatArray) -> _LeaveOneOut:
+    """Another lens model, fitted anew to the same corners."""
+    corners = replace(fit.corners, lens=lens)
+    white = replace(corners, noise=None)
+    cameras = [fit_camera(white.board, side, white.present, lens=lens) for side in (white.left, white.right)]
+    anew = fit_pair_residual(fit_pair(white, *cameras), corners)
+    return _leave_one_out(fit, lens, anew.shared, anew.states, anew.lever, seen)
+
+
+def depth_slopes(fit: RigFit, z: FloatArray) -> FloatArray:
+    """Derivatives of inverse depth with respect to the shared parameters, shape (D, P)."""
+    deviation = np.sqrt(np.diag(fit.covariance))
+    return _slopes(fit.corners.lens, fit.explained.shared, deviation, _seen(fit, z))
+
+
+def compressed_fit(fit: RigFit) -> CompressedViews:
+    """The views of a fit, linearised about it."""
+    return compress_views(fit.explained.shared, fit.explained.states, fit.corners, fit.explained.lever)
+
+
+def _seen(fit: RigFit, z: FloatArray) -> FloatArray:
+    """Image coordinates of points midway between the cameras in both pictures, shape (D, 4) [px]."""
+    lens, shared = fit.corners.lens, fit.explained.shared
+    return observe_pair(shared, points_midway(shared, z), (lens.model, lens.model), lens.free)
+
+
+def _read(lens: FreeLens, shared: FloatArray, seen: FloatArray) -> FloatArray:
+    return inverse_depth(shared, seen, (lens.model, lens.model), lens.free)
+
+
+def _slopes(lens: FreeLens, shared: FloatArray, deviation: FloatArray, seen: FloatArray) -> FloatArray:
+    step = _STEP * deviation
+    up, down = (_read(lens, shared + sign * np.diag(step), seen) for sign in (1.0, -1.0))
+    return np.asarray(((up - down) / (2.0 * step[:, None])).T)
+
+
+def _with_more(shared: FloatArray, model: LensModel, names: Sequence[str]) -> FloatArray:
+    """The parameters, with these coefficients of both cameras added at their values in the model."""
+    more = [getattr(model, name) for name in names]
+    left, right = cameras_of(shared)
+    return np.array([*left, *more, *right, *more, *shared[RELATIVE]])
+
+
+def _leave_one_out(
+    fit: RigFit, lens: FreeLens, shared: FloatArray, states: ViewStates, lever: float, seen: FloatArray
+) -> _LeaveOneOut:
+    """Fits to all views, and to all but each one, by linear steps from the given parameters."""
+    noise, scale = fit.explained.noise_px, fit.explained.motion_scale
+    compressed = compress_views(shared, states, replace(fit.corners, lens=lens), lever)
+    information, gradient = compressed.information(noise, scale)
+    covariance = inverse_information(information)
+    best = shared + covariance @ gradient
+    slopes = _slopes(lens, best, np.sqrt(np.diag(covariance)), seen)
+    inverses, log_likelihoods = [], []
+    for view in range(len(states.poses)):
+        one = compressed.of(np.array([view]))
+        own_information, own_gradient = one.information(noise, scale)
+        step = inverse_information(information - own_information) @ (gradient - own_gradient)
+        inverses.append(slopes @ (shared + step - best))
+        log_likelihoods.append(float(one.log_likelihood(shared + step, np.asarray(noise), np.asarray(scale))))
+    inverse = _read(lens, best, seen)
+    return _LeaveOneOut(
+        inverse=inverse, inverses=inverse + np.array(inverses), log_likelihoods=np.array(log_likelihoods)
+    )
+
+
+def _compared(own: _LeaveOneOut, other: _LeaveOneOut, z: FloatArray) -> ComparedLens:
+    gains = other.log_likelihoods - own.log_likelihoods
+    jackknife = (len(gains) - 1) * np.var(other.inverses - own.inverses, axis=0)
+    return ComparedLens(
+        support=float(gains.sum()),
+        support_deviation=float(np.sqrt(len(gains)) * np.std(gains, ddof=1)),
+        depth_change=1.0 / other.inverse - 1.0 / own.inverse,
+        depth_change_deviation=z**2 * np.sqrt(jackknife),
+    )
+
 
 DISTANCES: Final = (0.3, 0.5, 1.0, 2.0, 5.0)
 _HALVES: Final = 200

@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from tradestudy.calibration.corners.lens_comparison import ComparedLens
 from tradestudy.calibration.corners.real_rig import RigFit
-from tradestudy.calibration.corners.trust import CalibrationTrust
+from tradestudy.calibration.corners.trust import CalibrationTrust, ComparedLens
 from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
 from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.calibration.projection import intrinsic_names

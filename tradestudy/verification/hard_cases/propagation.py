@@ -317,7 +317,7 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
         return drawn
 
     def stuck() -> str:
-        from tradestudy.calibration.posterior.sampling import diagnose
+        from tradestudy.calibration.sampling import diagnose
 
         found = diagnose(chains(), np.full(4, 0.3), ("p0",))
         return f"not converged: {'; '.join(found.failures)}; stuck ensembles: {list(found.stuck_ensembles)}"

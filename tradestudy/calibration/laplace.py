@@ -141,3 +141,8 @@ def _undetermined(culprits: list[str], condition: float) -> NotConvergedError:
         limit=f"<= {CONDITION_LIMIT:.0e}",
         remedy="add views with other tilts and distances, declare priors, or fix a parameter",
     )
+
+
+def triangular_factor(matrices: FloatArray) -> FloatArray:
+    """R of ``A = QR`` for one matrix or a stack of matrices, in a fraction of the time that Q and R take together."""
+    return np.asarray(np.linalg.qr(matrices, mode="r"))

@@ -1,1 +1,0 @@
-"""Calibration of a designed camera from a simulated target."""
