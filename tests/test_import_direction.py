@@ -40,7 +40,7 @@ HEAVY = {
     "PIL": ("imaging.scenes.pattern", "run.pictures", "run.depth_maps"),
     "typst": ("report",),
     "jinja2": ("report",),
-    "ruamel": ("study", "verification.hard_cases.study_files"),
+    "ruamel": ("study", "verification.study_files"),
     "pint": ("unit_registry",),
     "typer": ("cli",),
     "rich": ("shown_progress",),

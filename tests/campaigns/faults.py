@@ -35,7 +35,7 @@ import xarray as xr
 from tests.campaigns import record
 from tests.execution.execution_points import keys_on_disk
 from tradestudy.execution.checkpoints import FOLDER as UNFINISHED
-from tradestudy.verification.hard_cases.study_files import study
+from tradestudy.verification.study_files import study
 
 PATIENCE = 240.0  # s, for one run on a busy machine
 STUDY = study(scene="{distances: {from: 1 m, to: 4 m, points: 30}, wavelength: 550 nm}", name="faults")

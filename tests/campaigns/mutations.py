@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tradestudy.study.starter import starter
-from tradestudy.verification.hard_cases.study_files import study
+from tradestudy.verification.study_files import study
 
 STUDIES = Path(__file__).parents[2] / "studies"
 TOKEN = re.compile(r"[^\s{}\[\],:]+")

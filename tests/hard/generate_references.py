@@ -14,11 +14,10 @@ from pathlib import Path
 import mpmath as mp
 
 from tests.hard.field_reference import ANGLES, RINGS, intensity
-from tradestudy.verification.hard_case_families import all_families
-from tradestudy.verification.hard_cases import depth_of_field, equation_27, fields, phases, thin_lens, triangulation
-from tradestudy.verification.hard_cases.case import Law, NumericCase
+from tradestudy.verification import all_families, geometry, wave_optics
+from tradestudy.verification.case import Law, NumericCase
 
-FILE = Path(__file__).parents[2] / "tradestudy" / "verification" / "hard_cases" / "references.json"
+FILE = Path(__file__).parents[2] / "tradestudy" / "verification" / "references.json"
 DIGITS = 90
 STEPS = (mp.mpf(10) ** -30, mp.mpf(10) ** -33)  # a quotient that grows between them belongs to a jump or a root
 LARGEST = mp.mpf(2) ** 1024  # rounds to infinity as a double
@@ -126,30 +125,30 @@ def spread(x: int, y: int) -> Exact:
 
 
 LAWS: Mapping[str, Exact] = {
-    thin_lens.IMAGE_DISTANCE.name: image,
-    thin_lens.FOCUS_SHIFT.name: shift,
-    thin_lens.ROUND_TRIP.name: lambda a, f: a,
-    thin_lens.BLUR.name: blur,
-    thin_lens.RELAY_DISTANCE.name: lambda a, z, f: z - image(a, f),
-    thin_lens.RELAY_DISTANCE_TO_SCALE.name: lambda a, z, f: z - image(a, f),
-    thin_lens.MICRO_IMAGE.name: micro_image,
-    thin_lens.EQUATION_8.name: equation_8,
-    triangulation.DEPTH.name: stereo_depth,
-    triangulation.TURNED_DEPTH.name: stereo_depth,
-    triangulation.TURNED_DISPARITY.name: disparity,
-    triangulation.MIDPOINT.name: midpoint,
-    phases.PHASE.name: phase,
-    phases.SINGLE_PRECISION.name: phase,
-    phases.DROPPED_PATH.name: dropped,
-    phases.AXIS.name: axis,
-    equation_27.FRACTIONAL_PART.name: fractional_part,
-    equation_27.FIRST_ZERO.name: lambda f, a, wavelength: zero(f, a, wavelength, 0),
-    equation_27.SECOND_ZERO.name: lambda f, a, wavelength: zero(f, a, wavelength, 2),
-    fields.INTENSITY.name: intensity(RINGS, ANGLES, DIGITS),
-    depth_of_field.NEAR.name: near,
-    depth_of_field.FAR.name: far,
-    depth_of_field.EXTENT.name: lambda **inputs: far(**inputs) - near(**inputs),
-    depth_of_field.ALLOWANCE.name: lambda criterion, spot: mp.sqrt(criterion**2 - spot**2),
+    geometry.IMAGE_DISTANCE.name: image,
+    geometry.FOCUS_SHIFT.name: shift,
+    geometry.ROUND_TRIP.name: lambda a, f: a,
+    geometry.BLUR.name: blur,
+    geometry.RELAY_DISTANCE.name: lambda a, z, f: z - image(a, f),
+    geometry.RELAY_DISTANCE_TO_SCALE.name: lambda a, z, f: z - image(a, f),
+    geometry.MICRO_IMAGE.name: micro_image,
+    geometry.EQUATION_8.name: equation_8,
+    geometry.DEPTH.name: stereo_depth,
+    geometry.TURNED_DEPTH.name: stereo_depth,
+    geometry.TURNED_DISPARITY.name: disparity,
+    geometry.MIDPOINT.name: midpoint,
+    wave_optics.PHASE.name: phase,
+    wave_optics.SINGLE_PRECISION.name: phase,
+    wave_optics.DROPPED_PATH.name: dropped,
+    wave_optics.AXIS.name: axis,
+    wave_optics.FRACTIONAL_PART.name: fractional_part,
+    wave_optics.FIRST_ZERO.name: lambda f, a, wavelength: zero(f, a, wavelength, 0),
+    wave_optics.SECOND_ZERO.name: lambda f, a, wavelength: zero(f, a, wavelength, 2),
+    wave_optics.INTENSITY.name: intensity(RINGS, ANGLES, DIGITS),
+    geometry.NEAR.name: near,
+    geometry.FAR.name: far,
+    geometry.EXTENT.name: lambda **inputs: far(**inputs) - near(**inputs),
+    geometry.ALLOWANCE.name: lambda criterion, spot: mp.sqrt(criterion**2 - spot**2),
     "2.5 % quantile of stereo depth": depth_quantile("0.025"),
     "50 % quantile of stereo depth": depth_quantile("0.5"),
     "97.5 % quantile of stereo depth": depth_quantile("0.975"),
@@ -159,14 +158,14 @@ LAWS: Mapping[str, Exact] = {
     "u(x + y + z)": spread(2, 2),  # z is x + y
     "u(x + y − z), error relative to u(x)": spread(0, 0),
 }
-COARSE: Mapping[str, Exact] = {fields.INTENSITY.name: intensity(40, 130, DIGITS)}
+COARSE: Mapping[str, Exact] = {wave_optics.INTENSITY.name: intensity(40, 130, DIGITS)}
 # Errors of differences that pass through zero are relative to what is subtracted.
 SCALES: Mapping[str, Exact] = {
-    thin_lens.RELAY_DISTANCE_TO_SCALE.name: lambda a, z, f: z - f,
-    depth_of_field.EXTENT.name: lambda focus, **_: focus,
+    geometry.RELAY_DISTANCE_TO_SCALE.name: lambda a, z, f: z - f,
+    geometry.EXTENT.name: lambda focus, **_: focus,
     **{f"u(x {signs}), error relative to u(x)": lambda xx, **_: mp.sqrt(xx) for signs in ("− y", "+ y", "+ y − z")},
 }
-DECIMAL = (equation_27.FRACTIONAL_PART, equation_27.FIRST_ZERO, equation_27.SECOND_ZERO)
+DECIMAL = (wave_optics.FRACTIONAL_PART, wave_optics.FIRST_ZERO, wave_optics.SECOND_ZERO)
 
 
 def row(case: NumericCase, *, quick: bool = False) -> dict[str, str]:

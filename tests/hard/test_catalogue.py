@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from tests.hard.generate_references import FILE, table
 from tradestudy.optics.propagation.paths import SphericalPath
 from tradestudy.optics.thin_lens import focus_shift, image_distance, object_distance
-from tradestudy.verification.hard_case_families import all_families
-from tradestudy.verification.hard_cases.case import (
+from tradestudy.verification import all_families
+from tradestudy.verification.case import (
     Family,
     NumericCase,
     OutcomeCase,

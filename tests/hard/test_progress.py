@@ -6,7 +6,7 @@ import pytest
 
 from tradestudy.run.groups import hard_cases as group
 from tradestudy.study.schema.hard_cases import HardCasesPart
-from tradestudy.verification.hard_cases.case import Family, OutcomeCase
+from tradestudy.verification.case import Family, OutcomeCase
 
 
 def case(name: str) -> OutcomeCase:

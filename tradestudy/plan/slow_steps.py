@@ -176,7 +176,7 @@ def _wave_optics(definition: StudyDefinition) -> Iterator[Work]:
         count = 2 * len(part.elements) * sum(map(len, varied))
         yield _work("point spread", "point spread", count, counted(count, "point spread"))
     if file.hard_cases is not None:
-        from tradestudy.verification.hard_case_families import all_families
+        from tradestudy.verification import all_families
 
         count = sum(len(family.cases) for family in all_families() if family.name in file.hard_cases.families)
         yield _work("hard cases", "hard case", count, counted(count, "case"))

@@ -7,8 +7,8 @@ import xarray as xr
 from tradestudy.execution.steps import Progress, mixed
 from tradestudy.results import dataset
 from tradestudy.study.schema.hard_cases import HardCasesPart
-from tradestudy.verification.hard_case_families import all_families
-from tradestudy.verification.hard_cases.case import OutcomeCase, Verdict, judge, references
+from tradestudy.verification import all_families
+from tradestudy.verification.case import OutcomeCase, Verdict, judge, references
 
 
 def hard_cases_group(asked: HardCasesPart, progress: Progress) -> xr.Dataset:

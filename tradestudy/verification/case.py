@@ -254,7 +254,7 @@ def _shortened(digits: str) -> str:
 @cache
 def references() -> Mapping[str, Mapping[str, Reference]]:
     """References by family and case."""
-    text = files("tradestudy.verification.hard_cases").joinpath("references.json").read_text(encoding="utf-8")
+    text = files("tradestudy.verification").joinpath("references.json").read_text(encoding="utf-8")
     return {
         family: {
             name: Reference(

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from tradestudy.errors import StudyError
 from tradestudy.study.loading import load_definition
-from tradestudy.verification.hard_cases.case import Family, OutcomeCase
+from tradestudy.verification.case import Family, OutcomeCase
 from tradestudy.wording import counted
 
 LONGEST_SECONDS: Final = 10.0

@@ -19,7 +19,7 @@ from tradestudy.uncertainty.outputs import Propagated
 from tradestudy.uncertainty.propagation import Sampling, linear, propagate
 from tradestudy.uncertainty.sensitivity import sobol_indices
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
-from tradestudy.verification.hard_cases.case import Family, Law, NumericCase, OutcomeCase, Stated
+from tradestudy.verification.case import Family, Law, NumericCase, OutcomeCase, Stated
 
 Response = Callable[[Mapping[str, FloatArray]], FloatArray]
 """Parameters of shape (draws, 1) → outputs (draws, 1)."""
