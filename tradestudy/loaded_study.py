@@ -17,7 +17,7 @@ from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Value
 from tradestudy.study.loading import load_definition
-from tradestudy.study.options import options
+from tradestudy.study.reader import options
 from tradestudy.wording import counted
 
 if TYPE_CHECKING:
@@ -321,7 +321,7 @@ class Study:
             "seed": self.file.propagation.seed,
             "inputs": provenance.values_by_path(self.definition.under_tolerance.tree),
             "file": self.definition.document.locate(()).file,
-            "options": list(options(self.definition)),
+            "options": list(options(self.definition.document, self.definition.tolerance)),
             "started": started.isoformat(timespec="seconds"),
             "versions": provenance.versions(),
             "machine": provenance.machine(),

@@ -22,7 +22,7 @@ from tradestudy.results.views.designs import common_ranges
 from tradestudy.run.groups.ranks import ranks_group
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.schema.requirements import GuardBandPart, RequirementPart
-from tradestudy.study.sweep import sweep_axes, sweep_points
+from tradestudy.study.varying import sweep_axes, sweep_points
 from tradestudy.wording import limit_words
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -356,7 +356,7 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     from types import SimpleNamespace
 
     from tradestudy.run.groups.requirements import _stretches
-    from tradestudy.study.sweep import SweepAxis, quantity_entry
+    from tradestudy.study.varying import SweepAxis, quantity_entry
     from tradestudy.units import NUMBER
 
     labels = tuple(float(k) for k in range(1, 11))
@@ -387,7 +387,7 @@ def test_nothing_lies_between_two_neighbouring_whole_numbers() -> None:
     from types import SimpleNamespace
 
     from tradestudy.run.groups.requirements import _root
-    from tradestudy.study.sweep import SweepAxis, quantity_entry
+    from tradestudy.study.varying import SweepAxis, quantity_entry
     from tradestudy.units import NUMBER
 
     def refuse(_values: object) -> None:
@@ -474,7 +474,7 @@ def test_whole_numbers_are_searched_in_whole_numbers() -> None:
     from types import SimpleNamespace
 
     from tradestudy.run.groups.requirements import _root
-    from tradestudy.study.sweep import SweepAxis, quantity_entry
+    from tradestudy.study.varying import SweepAxis, quantity_entry
     from tradestudy.units import NUMBER
 
     def images(values: dict[str, Any]) -> SimpleNamespace:

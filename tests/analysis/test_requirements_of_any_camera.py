@@ -18,7 +18,7 @@ from tradestudy.report.contents import compose_report
 from tradestudy.report.document import PageBreak
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.plausibility import implausible
-from tradestudy.study.sweep import sweep_axes, sweep_points
+from tradestudy.study.varying import sweep_axes, sweep_points
 from tradestudy.wording import plain_span
 
 STUDIES = Path(__file__).parents[2] / "studies"

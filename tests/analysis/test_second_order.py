@@ -13,7 +13,7 @@ from tradestudy.analysis.depth import distribution, model_error
 from tradestudy.analysis.depth_draws import exact_distribution
 from tradestudy.analysis.second_order import second_order
 from tradestudy.cameras.calibration import ONE_SIGMA
-from tradestudy.study.applied_models import apply_models
+from tradestudy.study.building import apply_models
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.schema.wave_optics import LightSpotPart
 
 PHASES = ("parabolic", "stigmatic", "perfect")
 _MOST_POINTS = 4  # resolved points across the source

@@ -31,7 +31,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, spot_models
 from tradestudy.plan.slow_steps import picture_seconds
-from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 METHODS: tuple[MethodName, ...] = ("exact-rays", "fresnel", "fresnel-kirchhoff", "kirchhoff")
 ADDED = 0.1  # seconds that nobody notices

@@ -22,7 +22,7 @@ from tradestudy.errors import StudyError
 from tradestudy.plan.choice import choose_models
 from tradestudy.plan.problems.depth import depth_problems
 from tradestudy.plan.problems.depth_variant import DepthVariant
-from tradestudy.study.applied_models import apply_models
+from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 

@@ -22,7 +22,7 @@ from tradestudy.optics.propagation import PointSource
 from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
 from tradestudy.plan.problems.light_trial import LightTrial, _lit_part, probes
 from tradestudy.plan.problems.point_spread import PointSpreadProblem
-from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 SMALL = [

@@ -14,7 +14,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Override
 from tradestudy.study.reader import validate, with_values
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.sweep import sweep_axes, sweep_points
+from tradestudy.study.varying import sweep_axes, sweep_points
 
 
 def variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:

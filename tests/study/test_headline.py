@@ -10,7 +10,7 @@ import pytest
 from tests.study.conftest import STUDIES
 from tradestudy.api import Result, Study, load
 from tradestudy.errors import StudyError
-from tradestudy.study.sweep import sweep_axes
+from tradestudy.study.varying import sweep_axes
 
 # A study that is asked for nothing but depth and its decision.
 ALONE = dict.fromkeys(("readings", "claims", "solve", "requirements"))

@@ -27,7 +27,7 @@ from tradestudy.optics.chain import (
 )
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.plan.problems.light_spot import LightSpotProblem
-from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.schema.wave_optics import LightSpotPart
 
 STUDY = """
 format: 2

@@ -19,7 +19,7 @@ from tradestudy.analysis.usable import boundaries, evaluate_limits, margin
 from tradestudy.execution.steps import mixed
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case
-from tradestudy.study.schema.questions import (
+from tradestudy.study.schema.claims import (
     ClaimPart,
     DepthOfFieldClaim,
     DepthOfFieldRatioClaim,

@@ -9,7 +9,7 @@ import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
 from tradestudy.study.definition import Case
-from tradestudy.study.schema.questions import DepthOfFieldClaim, DepthOfFieldRatioClaim
+from tradestudy.study.schema.claims import DepthOfFieldClaim, DepthOfFieldRatioClaim
 from tradestudy.units import LENGTH, PIXELS, pretty
 
 

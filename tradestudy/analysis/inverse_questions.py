@@ -17,9 +17,8 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.expectations import question_ends
 from tradestudy.study.schema.questions import SolvePart
-from tradestudy.study.varying import Varying
+from tradestudy.study.varying import Varying, question_ends
 from tradestudy.units import FRACTION, LENGTH, Dimension, pretty, pretty_with_error, significant
 from tradestudy.wording import DECLARED_VALUE, listed
 

@@ -16,7 +16,7 @@ from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern, rea
 from tradestudy.imaging.scenes.scene import DepthMapSurface, Plain, Rock, SceneSource, SurfaceSource
 from tradestudy.imaging.scenes.surfaces import Flat, Sphere
 from tradestudy.provenance import file_hash
-from tradestudy.study.schema.scene_image import (
+from tradestudy.study.schema.scene import (
     DepthMapPart,
     PlanePart,
     RockPart,

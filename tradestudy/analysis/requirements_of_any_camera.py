@@ -13,8 +13,7 @@ from tradestudy.analysis.trade_criteria import criterion_of
 from tradestudy.cameras.focus import SharpRange
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case
-from tradestudy.study.schema.criteria import criterion_dimension
-from tradestudy.study.schema.requirements import CriterionPart, SharpPart
+from tradestudy.study.schema.requirements import CriterionPart, SharpPart, criterion_dimension
 from tradestudy.units import LENGTH, parse, pretty
 from tradestudy.wording import listed, range_words
 

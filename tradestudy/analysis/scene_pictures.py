@@ -20,7 +20,7 @@ from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.picture import PicturePart
-from tradestudy.study.schema.scene_image import Rig, SceneImagePart
+from tradestudy.study.schema.scene import Rig, SceneImagePart
 
 _WHERE: Final = ("scene", "image")
 

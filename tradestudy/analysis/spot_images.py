@@ -45,7 +45,7 @@ from tradestudy.optics.propagation import (
     TargetGrid,
     aperture_field,
 )
-from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 _LEGS: Final[Mapping[str, LegMethod]] = {
     "geometric": "geometric",

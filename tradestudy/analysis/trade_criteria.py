@@ -13,8 +13,8 @@ from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus
 from tradestudy.optics.occlusion import foreshortening_ratio, hidden_strip_width
 from tradestudy.optics.thin_lens import image_distance
 from tradestudy.study.definition import Case
-from tradestudy.study.schema.criteria import DERIVED as DIMENSIONS
-from tradestudy.study.schema.criteria import criterion_dimension, is_number
+from tradestudy.study.schema.requirements import DERIVED as DIMENSIONS
+from tradestudy.study.schema.requirements import criterion_dimension, is_number
 from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, parse, pretty, significant
 
 DERIVED: Final = "derived"

@@ -16,8 +16,7 @@ from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import Problem, StudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.schema.criteria import weighed_dimension
-from tradestudy.study.schema.trade_off import WeighedPart
+from tradestudy.study.schema.requirements import WeighedPart, weighed_dimension
 from tradestudy.uncertainty.trade_off import ValueScale
 from tradestudy.units import parse
 

@@ -15,15 +15,14 @@ from tradestudy.analysis.fresnel_errors import (
 )
 from tradestudy.analysis.spot_images import image_difference, lit_pixels, spot_image
 from tradestudy.light_methods import short_title
-from tradestudy.study.schema.light_spot import LightSpotPart
-from tradestudy.study.schema.questions import (
+from tradestudy.study.schema.claims import (
     CriterionFNumberClaim,
     FresnelFNumberClaim,
     ImageDifferenceClaim,
     LitPixelsClaim,
     PsfErrorClaim,
 )
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, listed
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, listed
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 WaveClaim = PsfErrorClaim | FresnelFNumberClaim | CriterionFNumberClaim | ImageDifferenceClaim | LitPixelsClaim

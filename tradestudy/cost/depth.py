@@ -19,7 +19,7 @@ from tradestudy.cost.measuring import Candidate, CostProblem, Reference
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName
 from tradestudy.effects.words import MODEL
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.applied_models import apply_models
+from tradestudy.study.building import apply_models
 from tradestudy.study.definition import Case
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import listed

@@ -14,7 +14,7 @@ from tradestudy.cost.measuring import Candidate, CostProblem, Reference
 from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainImage, DiscSource
-from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.schema.wave_optics import LightSpotPart
 from tradestudy.units import FRACTION, pretty
 
 _COARSEST, _FINEST = 0.2, 1e-6  # possible tolerances of a picture

@@ -13,8 +13,8 @@ from tradestudy.cameras.depth_measurement import CORNERS
 from tradestudy.effects.models import OFF
 from tradestudy.imaging.picture import kirchhoff_lattice
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.light_spot import LightSpotPart
-from tradestudy.study.sweep import calibrations_to_infer, sweep_axes
+from tradestudy.study.schema.wave_optics import LightSpotPart
+from tradestudy.study.varying import calibrations_to_infer, sweep_axes
 from tradestudy.wording import counted
 
 # On one core of a laptop; good to a factor of about five, which suffices to tell seconds from minutes and hours.

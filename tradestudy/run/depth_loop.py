@@ -26,7 +26,7 @@ from tradestudy.optics.window_matching import Reason
 from tradestudy.run.depth_maps import predicted_availability, window_at
 from tradestudy.run.pictures import take_picture
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.depth_loop import DepthLoopPart
+from tradestudy.study.schema.scene import DepthLoopPart
 
 STEP: Final = "depth loop"
 _SEARCHED_PX: Final = 8.0  # of disparity, on either side of the plane

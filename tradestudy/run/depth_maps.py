@@ -30,7 +30,7 @@ from tradestudy.optics.window_matching import REASONS
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.run.pictures import Rendering
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.scene_image import Rig
+from tradestudy.study.schema.scene import Rig
 from tradestudy.wording import json_text
 
 STEP: Final = "depth maps"

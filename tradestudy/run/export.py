@@ -16,7 +16,7 @@ from tradestudy.cameras.imported import ImportedCamera, ImportedRig
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.lens_models.families import FAMILIES
 from tradestudy.study.camera_files.importing import FORMATS
-from tradestudy.study.camera_files.request import Format, UnsupportedLensError
+from tradestudy.study.camera_files.located import Format, UnsupportedLensError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.uncertainty.sources import ErrorClass, Sources
 from tradestudy.uncertainty.streams import point_generator

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.sweep import calibrations_to_infer
+from tradestudy.study.varying import calibrations_to_infer
 
 if TYPE_CHECKING:
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError

@@ -24,7 +24,7 @@ from tradestudy.plan.choice import chosen
 from tradestudy.plan.problems.scene_pictures import picture_problems
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.scene_image import Rig, SceneImagePart
+from tradestudy.study.schema.scene import Rig, SceneImagePart
 from tradestudy.wording import json_text
 
 STEP: Final = "rendering"

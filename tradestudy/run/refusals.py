@@ -16,7 +16,7 @@ from tradestudy.run.depth_loop import NOISE, loop_points
 from tradestudy.run.depth_maps import set_up_readers
 from tradestudy.run.pictures import refuse_too_large
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.scene_image import Rig
+from tradestudy.study.schema.scene import Rig
 from tradestudy.units import ELECTRONS, pretty
 
 _SEARCHED = 1.1  # times the distance of a plane, and divided by it: any range would do

@@ -32,7 +32,7 @@ from tradestudy.run.groups.registers import assumptions_group, cameras_group, co
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.run.inference import infer_calibrations
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.sweep import sweep_axes, sweep_points
+from tradestudy.study.varying import sweep_axes, sweep_points
 
 NOMINAL = "as declared"
 

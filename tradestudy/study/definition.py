@@ -22,16 +22,13 @@ from tradestudy.declarations.part import MistakeAt
 from tradestudy.effects.models import OFF, Models
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.applied_models import apply_models
-from tradestudy.study.building import camera_of, posterior_key
+from tradestudy.study.building import apply_models, camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
 from tradestudy.study.reader import with_values
-from tradestudy.study.schema.changes import validate_changes
-from tradestudy.study.schema.depth_of_field import PROBLEM, DepthOfFieldPart, ReliefPart
-from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
+from tradestudy.study.schema.questions import PROBLEM, DepthOfFieldPart, ReliefPart
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.schema.validation import validate
-from tradestudy.study.schema.wave_optics import FresnelValidityPart
+from tradestudy.study.schema.validation import validate, validate_changes
+from tradestudy.study.schema.wave_optics import LOOSEST_PICTURE, FresnelValidityPart, LightSpotPart
 
 if TYPE_CHECKING:  # inference itself loads these
     from tradestudy.calibration.camera_target import TargetToInfer

@@ -12,11 +12,10 @@ from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.study.camera_files.importing import ONE_CAMERA
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Document, Entry, Place, Value, dotted
-from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
-from tradestudy.study.schema.value_of_information import AssumptionPart
-from tradestudy.study.sweep import sweep_axes
-from tradestudy.study.varying import Varying
+from tradestudy.study.schema.claims import expectation_bounds
+from tradestudy.study.schema.questions import AssumptionPart
+from tradestudy.study.varying import Varying, question_ends, sweep_axes
 
 _FREE_TEXT = ("title", "note", "says", "question")
 _INFERRED_ANEW = (

@@ -15,9 +15,8 @@ from tradestudy.declarations.part import Part, nearest_name
 from tradestudy.errors import Problem, StudyError, nearest
 from tradestudy.study import document as tree
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised
-from tradestudy.study.camera_files.located import CameraFile, CameraFileError
+from tradestudy.study.camera_files.located import CameraFile, CameraFileError, NoLengthUnitError, Request, wrong_request
 from tradestudy.study.camera_files.pairs import size_words
-from tradestudy.study.camera_files.request import NoLengthUnitError, Request, wrong_request
 from tradestudy.study.document import (
     Document,
     Entry,
@@ -31,8 +30,7 @@ from tradestudy.study.document import (
     merged,
     plain,
 )
-from tradestudy.study.schema.alignment import key_names
-from tradestudy.study.schema.validation import validate
+from tradestudy.study.schema.validation import key_names, validate
 from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
 
 MOST_BYTES = 1_000_000

@@ -21,7 +21,7 @@ from tradestudy.cameras.stereo.exported import rig_of_calibration
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files import kalibr, mrcal, opencv, ros
 from tradestudy.study.camera_files.importing import recognised
-from tradestudy.study.camera_files.request import Format, Request, UnsupportedLensError
+from tradestudy.study.camera_files.located import Format, Request, UnsupportedLensError
 
 BROWN = {"k1": -0.25, "k2": 0.125, "p1": 1.5e-3, "p2": -2.5e-3}
 RATIONAL = {**BROWN, "k3": 0.01, "k4": 0.2, "k5": -0.03, "k6": 0.004}

@@ -24,7 +24,7 @@ from tradestudy.errors import StudyError
 from tradestudy.optics.lens_models.double_sphere import DoubleSphere
 from tradestudy.study.camera_files import kalibr
 from tradestudy.study.camera_files.importing import recognised
-from tradestudy.study.camera_files.request import Request
+from tradestudy.study.camera_files.located import Request
 
 ERRORS = "calibration: {errors: {yaw: {standard_deviation: 0.02 deg}, baseline: {standard_deviation: 0.1 mm}}}"
 

@@ -22,7 +22,7 @@ from tradestudy.cameras.imported import LensModelName
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.optics.lens_models.double_sphere import DoubleSphere
 from tradestudy.optics.lens_models.families import FAMILIES
-from tradestudy.study.camera_files.request import Format
+from tradestudy.study.camera_files.located import Format
 
 FOREIGN = {"stereographic", "longitude-latitude"}
 RADTAN = (np.array([-0.25, 0.125, 1.5e-3, -2.5e-3]), np.array([-0.24, 0.09, -1e-3, 5e-4]))

@@ -21,7 +21,7 @@ from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.depth_variant import DepthVariant
 from tradestudy.plan.problems.variants import every_variant
-from tradestudy.study.applied_models import complete_in_closed_form
+from tradestudy.study.building import complete_in_closed_form
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.wording import NO_MICROLENSES

@@ -12,7 +12,7 @@ from tradestudy.cameras.focus import BlurCriterion, Focus
 from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
 from tradestudy.effects.models import OFF, Models, models_of
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.schema.depth_of_field import PROBLEM
+from tradestudy.study.schema.questions import PROBLEM
 
 
 class DepthOfFieldProblem(SimulationProblem):

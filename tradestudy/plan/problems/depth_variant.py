@@ -27,7 +27,7 @@ from tradestudy.plan.problems.failed_fraction import (
 )
 from tradestudy.plan.problems.kirchhoff_rule import change_by_exact_paths, places_to_try, tried_change
 from tradestudy.plan.problems.off_axis import closed_form_of, moved_off_axis
-from tradestudy.study.applied_models import apply_models, complete_in_closed_form, in_closed_form, with_models
+from tradestudy.study.building import apply_models, complete_in_closed_form, in_closed_form, with_models
 
 _ENDS_ARE_KNOWN_TO: Final = 1e-3  # of their distance: at 1e-2, a steep limit would seem not to decide its end
 _BESIDE_AN_END: Final = 1e-2  # of its distance, for that slope

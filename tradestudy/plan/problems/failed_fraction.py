@@ -15,7 +15,7 @@ from tradestudy.analysis.depth import DepthErrors, model_error
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.effects.models import OFF
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.study.applied_models import apply_models
+from tradestudy.study.building import apply_models
 
 _SLOPE_STEP: Final = 1e-2  # of the distance of an end, for the slope there
 _AT_AN_END: Final = 0.05  # closer to an end than this share of its distance, a fraction counts as being at its limit

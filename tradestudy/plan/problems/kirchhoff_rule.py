@@ -14,7 +14,7 @@ from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.optical_transfer import is_by_rays
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.optics.arrays import FloatArray, IndexArray
-from tradestudy.study.applied_models import with_models
+from tradestudy.study.building import with_models
 
 ErrorPx = Callable[[Models], FloatArray]
 """Disparity error [samples] over distances, with some models replaced."""

@@ -19,7 +19,7 @@ from tradestudy.optics.chain.sources import source_nodes
 from tradestudy.optics.chain.spot_image import followed_points
 from tradestudy.optics.chain.spot_parts import source_density
 from tradestudy.plan.problems.light_trial import TOLERANCE, LightTrial
-from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 NAME: Final = "light-spot"
 TOLERANCES: Final = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)

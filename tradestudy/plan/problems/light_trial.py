@@ -29,7 +29,7 @@ from tradestudy.optics.chain.sources import source_nodes
 from tradestudy.optics.chain.spot_parts import source_density
 from tradestudy.optics.chain.spot_points import Spot, point_light, prepare_spot, tables_at
 from tradestudy.optics.propagation import PointSource
-from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.schema.wave_optics import LightSpotPart
 
 TOLERANCE: Final = 2e-3  # of the images of points
 # Neighbouring points of a disc share most of their numerical error; at these settings, the rest is below `TOLERANCE` of

@@ -14,7 +14,7 @@ from tradestudy.effects.models import OFF, Models
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.applied_models import in_closed_form, with_models
+from tradestudy.study.building import in_closed_form, with_models
 
 
 def closed_form_of(law: PictureDisparityError, models: Models) -> PictureModels:

@@ -11,8 +11,7 @@ import numpy as np
 
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry
-from tradestudy.study.sweep import SweepAxis, sweep_axes
-from tradestudy.study.varying import Varying
+from tradestudy.study.varying import SweepAxis, Varying, sweep_axes
 
 # The largest number of designs examined in a sweep, evenly along each axis with its ends. The ends alone are not
 # enough: changes are not monotonic where a design between them is in focus and they are not.

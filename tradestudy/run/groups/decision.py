@@ -29,7 +29,7 @@ from tradestudy.results import dataset, judged_uncertainty
 from tradestudy.run.groups.depth import depth_as_declared
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.expectations import claim_dimension
+from tradestudy.study.schema.claims import claim_dimension
 from tradestudy.units import pretty
 
 

@@ -27,7 +27,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.sweep import point_labels, sweep_axes
+from tradestudy.study.varying import point_labels, sweep_axes
 
 OFF_AXIS: Final = "depth off the axis"
 """Name of the step that computes depth off the axis."""

@@ -16,7 +16,7 @@ from tradestudy.results import dataset
 from tradestudy.run.depth_loop import LoopFinding, loop_points, measure_loop
 from tradestudy.run.groups.depth_maps import score_values
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.depth_loop import DepthLoopPart
+from tradestudy.study.schema.scene import DepthLoopPart
 
 
 def depth_loop_group(definition: StudyDefinition, part: DepthLoopPart, steps: Steps) -> xr.Dataset:

@@ -14,8 +14,8 @@ from tradestudy.cameras.focus import SharpRange
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.criteria import criterion_dimension
-from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
+from tradestudy.study.schema.questions import DepthOfFieldPart
+from tradestudy.study.schema.requirements import criterion_dimension
 
 # The resolution in the scene has its extremes at an end, or where blur takes over from sampling; 401 points find them.
 _SCENE_POINTS: Final = 401

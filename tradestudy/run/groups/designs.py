@@ -14,7 +14,7 @@ from tradestudy.results import distances_without_decision
 from tradestudy.run.groups.depth import DepthTables
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.sweep import sweep_axes
+from tradestudy.study.varying import sweep_axes
 
 
 def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:

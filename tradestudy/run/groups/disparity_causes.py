@@ -27,7 +27,7 @@ from tradestudy.imaging.picture import (
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.depth import applicable
 from tradestudy.results import dataset, distances_without_decision
-from tradestudy.study.applied_models import complete_in_closed_form, in_closed_form, with_models
+from tradestudy.study.building import complete_in_closed_form, in_closed_form, with_models
 from tradestudy.study.definition import StudyDefinition
 
 STEP: Final = "pictures"

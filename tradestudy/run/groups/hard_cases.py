@@ -6,7 +6,7 @@ import xarray as xr
 
 from tradestudy.execution.steps import Progress, mixed
 from tradestudy.results import dataset
-from tradestudy.study.schema.hard_cases import HardCasesPart
+from tradestudy.study.schema.root import HardCasesPart
 from tradestudy.verification import all_families
 from tradestudy.verification.case import OutcomeCase, Verdict, judge, references
 

@@ -25,7 +25,7 @@ from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.light_spot import spot_models
 from tradestudy.results import dataset
-from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 LIT_ABOVE = 0.01
 

@@ -8,7 +8,7 @@ from typing import Any
 import xarray as xr
 
 from tradestudy.results import dataset
-from tradestudy.study.sweep import SweepAxis
+from tradestudy.study.varying import SweepAxis
 
 
 def over_designs(

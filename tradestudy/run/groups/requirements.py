@@ -33,8 +33,7 @@ from tradestudy.study.schema.requirements import (
     SharpPart,
     UsablePart,
 )
-from tradestudy.study.sweep import SweepAxis, sweep_axes
-from tradestudy.study.varying import Varying
+from tradestudy.study.varying import SweepAxis, Varying, sweep_axes
 from tradestudy.units import FRACTION, LENGTH, pretty
 from tradestudy.wording import limit_words
 

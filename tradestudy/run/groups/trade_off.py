@@ -16,9 +16,8 @@ from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.criteria import weighed_dimension
-from tradestudy.study.schema.trade_off import TradeOffPart, WeighedPart
-from tradestudy.study.sweep import sweep_axes
+from tradestudy.study.schema.requirements import TradeOffPart, WeighedPart, weighed_dimension
+from tradestudy.study.varying import sweep_axes
 from tradestudy.uncertainty.trade_off import Acceptability, ValueScale, acceptability
 from tradestudy.units import LENGTH, pretty
 

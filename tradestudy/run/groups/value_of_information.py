@@ -19,7 +19,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset, distances_without_decision
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.document import Entry
-from tradestudy.study.schema.value_of_information import AssumptionPart, ValueOfInformationPart
+from tradestudy.study.schema.questions import AssumptionPart, ValueOfInformationPart
 from tradestudy.study.varying import AnyReading, Varying, assumed
 from tradestudy.uncertainty.decision import worth_of_all, worth_of_one
 from tradestudy.uncertainty.streams import scrambled_sobol

@@ -13,7 +13,7 @@ import numpy as np
 from tradestudy.cameras.imported import FITTED_LENS, Convention, Imported, ImportedCorners
 from tradestudy.declarations.lens_models import FittedLensModel, fitted_words
 from tradestudy.errors import TradestudyError
-from tradestudy.study.camera_files.located import CameraFile
+from tradestudy.study.camera_files.located import UNUSED, CameraFile, Format, Request
 from tradestudy.study.camera_files.pairs import (
     OFF_CENTRE,
     UNUSUAL_BASELINE,
@@ -22,7 +22,6 @@ from tradestudy.study.camera_files.pairs import (
     is_usual,
     off_centre,
 )
-from tradestudy.study.camera_files.request import UNUSED, Format, Request
 from tradestudy.units import LENGTH, pretty, significant
 
 if TYPE_CHECKING:

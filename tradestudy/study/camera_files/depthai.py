@@ -9,10 +9,8 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.conversions import inverse, pinhole_of, rotation_of
-from tradestudy.study.camera_files.located import CameraFile, Located
-from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels, other_cameras
+from tradestudy.study.camera_files.located import CameraFile, Format, Located, Request, origin_of_pixels, other_cameras
+from tradestudy.study.camera_files.pairs import check_lens, inverse, paired, pinhole_of, rotation_of
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 _PERSPECTIVE, _FISHEYE = "0", "1"

@@ -9,17 +9,17 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.conversions import inverse, rigid_of
-from tradestudy.study.camera_files.located import CameraFile, Located
-from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import (
+from tradestudy.study.camera_files.located import (
+    CameraFile,
     Format,
+    Located,
     Request,
     UnsupportedLensError,
     coefficients_of,
     origin_of_pixels,
     other_cameras,
 )
+from tradestudy.study.camera_files.pairs import check_lens, inverse, paired, rigid_of
 
 _OWN: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "pinhole": ("rational", ()),

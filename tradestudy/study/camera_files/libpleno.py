@@ -9,8 +9,7 @@ from typing import Final, Literal
 import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedPlenoptic
-from tradestudy.study.camera_files.located import CameraFile, Located
-from tradestudy.study.camera_files.request import Format, Request
+from tradestudy.study.camera_files.located import CameraFile, Format, Located, Request
 from tradestudy.units import ANGLE, LENGTH, pretty
 
 _DISTORTIONS: Final = ("distortions", "distortions_inverse", "invdistortions")

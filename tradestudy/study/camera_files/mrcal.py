@@ -10,16 +10,17 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.located import CameraFile, Located
-from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import (
+from tradestudy.study.camera_files.located import (
+    CameraFile,
     Format,
+    Located,
     Request,
     UnsupportedLensError,
     coefficients_of,
     origin_of_pixels,
     shortest_coefficients,
 )
+from tradestudy.study.camera_files.pairs import check_lens, paired
 
 _OPENCV: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
 _MODELS: Final[Mapping[str, tuple[LensModelName, tuple[str, ...]]]] = {

@@ -10,16 +10,16 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
-from tradestudy.study.camera_files.located import CameraFile, Located
-from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import (
+from tradestudy.study.camera_files.located import (
+    CameraFile,
     Format,
+    Located,
     Request,
     coefficients_of,
     origin_of_pixels,
     shortest_coefficients,
 )
+from tradestudy.study.camera_files.pairs import check_lens, paired, pinhole_of, rotation_of
 from tradestudy.study.document import ListEntry, MappingEntry
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")

@@ -9,18 +9,18 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
-from tradestudy.study.camera_files.located import CameraFile, Located
-from tradestudy.study.camera_files.opencv import translation_of_projection
-from tradestudy.study.camera_files.pairs import UNUSUAL_SIGN, check_lens, paired
-from tradestudy.study.camera_files.request import (
+from tradestudy.study.camera_files.located import (
+    CameraFile,
     Format,
+    Located,
     Request,
     UnsupportedLensError,
     coefficients_of,
     origin_of_pixels,
     shortest_coefficients,
 )
+from tradestudy.study.camera_files.opencv import translation_of_projection
+from tradestudy.study.camera_files.pairs import UNUSUAL_SIGN, check_lens, paired, pinhole_of, rotation_of
 from tradestudy.study.document import ListEntry
 
 _MODELS: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {

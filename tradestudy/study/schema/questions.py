@@ -1,35 +1,101 @@
-"""Questions of a study: decisions, readings of its assumptions, inverse questions, claims and sweeps."""
+"""Questions of a study: usable range, depth of field, decisions, readings, inverse questions, assumptions, sweeps."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
 from tradestudy.cameras.depth_camera import UsableCriteria
+from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     CameraName,
     ErrorSources,
-    FNumber,
+    NonNegativeAngle,
     ObjectDistance,
     Pair,
     PositiveFraction,
     PositiveLength,
     PositiveNumber,
     PositivePixels,
-    PositiveWavelength,
     QuantityText,
     Scalar,
     Share,
-    Span,
     Text,
     distinct,
 )
-from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
-from tradestudy.study.schema.light_spot import MethodName
-from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, PositiveWaves, PsfMetric
+
+CriterionName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
+PROBLEM: Final = "depth-of-field"
+"""Name of the problem for which models are chosen."""
+Diffraction = Literal["none", "airy-diameter", "fwhm"]
+
+
+class BlurPart(Part):
+    """What counts as sharp: an upper bound on geometric blur and diffraction spot together, added in quadrature."""
+
+    blur: PositivePixels = Field(
+        description="Largest diameter that counts as sharp: blur and diffraction spot added in quadrature, in pixels "
+        "or, for an unfocused plenoptic camera, in microlenses."
+    )
+    diffraction: Diffraction = Field(
+        default="none",
+        description="How the diffraction spot counts: not at all (`none`), with the diameter of its first dark ring "
+        "(`airy-diameter`), or with its full width at half maximum (`fwhm`).",
+    )
+
+    def criterion(self, wavelength: float) -> BlurCriterion:
+        """The criterion for light of a wavelength [m]."""
+        return BlurCriterion(blur_px=self.blur, measure=self.diffraction, wavelength=wavelength)
+
+
+class DepthOfFieldPart(Part):
+    """The depth of field of every camera, and the range of distances that must be sharp."""
+
+    range: tuple[PositiveLength, PositiveLength] = Field(
+        description="Nearest and farthest distance of the range that must be sharp."
+    )
+    criteria: Annotated[dict[CriterionName, BlurPart], Field(min_length=1, max_length=20)] = Field(
+        description="Blur criteria by name; the report's answer rests on the first."
+    )
+    equal_resolution: PositiveLength | None = Field(
+        default=None,
+        description="Size of a detail on the object; the report also compares the distances at which each camera "
+        "resolves it.",
+    )
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if not self.range[0] < self.range[1]:
+            raise MistakeAt(("range", 1), "must lie beyond the first")
+        return self
+
+
+class ReliefPart(Part):
+    """A depth step and a tilted surface in the middle of depth_of_field.range.
+
+    From them, the program derives further criteria for comparing the cameras, such as the width of the strip that the
+    step hides.
+    """
+
+    step_height: PositiveLength = Field(
+        description="Height of the depth step, which hides a strip beside it from one of the two outermost viewpoints "
+        "of a camera (the two lenses of a stereo rig, or opposite edges of a plenoptic camera's pupil)."
+    )
+    surface_tilt: NonNegativeAngle = Field(
+        description="Angle between the surface and the plane perpendicular to the optical axis. The surface is tilted "
+        "so that its distance changes along the baseline; the two outermost viewpoints therefore see it foreshortened "
+        "by different amounts."
+    )
+
+    @model_validator(mode="after")
+    def _below_a_quarter_turn(self) -> Self:
+        if not self.surface_tilt < math.pi / 2.0:
+            raise MistakeAt(("surface_tilt",), "a surface tilted by 90° shows only its edge")
+        return self
 
 
 class UsableRangePart(Part):
@@ -199,271 +265,6 @@ class SolvePart(Part):
         return (self.vary,) if isinstance(self.vary, str) else self.vary
 
 
-class ExpectPart(Part):
-    """The result to be expected if the claim is true: a value with a tolerance, or a bound."""
-
-    about: QuantityText | None = Field(default=None, description="Expected value, with its unit.")
-    within: PositiveFraction | None = Field(
-        default=None, description="Relative tolerance on the expected value; needed with `about`."
-    )
-    above: QuantityText | None = Field(
-        default=None, description="Instead of `about`: value that the result is expected to exceed, with its unit."
-    )
-    below: QuantityText | None = Field(
-        default=None, description="Instead of `about`: value below which the result is expected to stay, with its unit."
-    )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if sum(part is not None for part in (self.about, self.above, self.below)) != 1:
-            raise MistakeAt((), "give exactly one of about, above and below")
-        if (self.about is None) != (self.within is None):
-            raise MistakeAt((), "about and within belong together")
-        return self
-
-
-class _ClaimPart(Part):
-    says: Text = Field(description="The claim in the words of its source.")
-    source: Text = Field(description="Where the claim was published.")
-    tolerance_reason: Text = Field(
-        description="Why the expected result and its tolerance follow from the wording of the source."
-    )
-    expect: ExpectPart
-    reading: CameraName | None = Field(
-        default=None, description="Reading under which the claim is tested; default: the study as declared."
-    )
-    under: tuple[CameraName, ...] | Literal["all"] = Field(
-        default=(),
-        description="Further readings under which the claim is tested; `all` stands for every reading of the study.",
-    )
-
-
-class LimitDistanceClaim(_ClaimPart):
-    """A claim about the distance from which, or up to which, a camera meets one limit of the usable range.
-
-    The other limits are ignored.
-    """
-
-    quantity: Literal["limit_distance"]
-    camera: CameraName = Field(description="Camera that the claim is about.")
-    limit: Literal[
-        "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "disparity_range",
-        "failed_fraction", "relative_uncertainty", "saturation", "matching",
-    ] = Field(
-        description="Limit that the claim is about. Some names differ from those in usable_range: "
-        "`total_covering_plane` is the limit on virtual_depth, `focus` that on blur, and `last_disparity_step` that on "
-        "disparity_step. `disparity_range` is the limit on the disparities that the matcher of a rig searches. "
-        "The limits `saturation` and `matching` apply only to a derived disparity error. `saturation` "
-        "is met where no pixel saturates. `matching` is met where a real matcher can come close to the Cramér–Rao "
-        "bound on the disparity error: where this bound is at most 0.25 px, and the matching window is large enough "
-        "for the blur and the texture."
-    )  # fmt: skip
-    end: Literal["near", "far"] = Field(
-        description="Whether the distance is the one from which (`near`) or up to which (`far`) the limit is met."
-    )
-
-
-class UncertaintyRatioClaim(_ClaimPart):
-    """A claim about the largest ratio of one camera's depth uncertainty to another's over a range of distances."""
-
-    quantity: Literal["uncertainty_ratio"]
-    camera: CameraName = Field(description="Camera whose uncertainty is the numerator.")
-    against: CameraName = Field(description="Camera whose uncertainty is the denominator.")
-    over: Span = Field(description="Nearest and farthest distance that the claim covers.")
-    errors: ErrorSources = Field(
-        default="both", description="Error sources that count: noise, calibration errors, or both."
-    )
-
-
-class ShareBetterClaim(_ClaimPart):
-    """A claim about the fraction of a range of distances over which one camera is better than another.
-
-    The first is better where it is usable and the other is either unusable or has the larger depth uncertainty. The
-    fraction is measured on a logarithmic scale of distance.
-    """
-
-    quantity: Literal["share_better"]
-    camera: CameraName = Field(description="Camera that is claimed to be better.")
-    against: CameraName = Field(description="The other camera.")
-    over: Span = Field(description="Nearest and farthest distance that the claim covers.")
-    errors: ErrorSources = Field(
-        default="both", description="Error sources that count: noise, calibration errors, or both."
-    )
-
-
-class RelativeUncertaintyDistanceClaim(_ClaimPart):
-    """A claim about the distance beyond which the relative depth uncertainty exceeds a threshold.
-
-    If it does so at no distance of the study, or at all of them, the distance is sought beyond these, down to 1 mm and
-    out to 100 km.
-    """
-
-    quantity: Literal["relative_uncertainty_distance"]
-    camera: CameraName = Field(description="Camera that the claim is about.")
-    threshold: PositiveFraction = Field(
-        description="Threshold for the depth uncertainty, as a fraction of the distance."
-    )
-    errors: ErrorSources = Field(
-        default="both", description="Error sources that count: noise, calibration errors, or both."
-    )
-
-
-class DepthOfFieldClaim(_ClaimPart, BlurPart):
-    """A claim about the total depth of field of a camera: the summed lengths of all ranges in which it is sharp."""
-
-    quantity: Literal["depth_of_field"]
-    camera: CameraName = Field(description="Camera that the claim is about.")
-
-
-class DepthOfFieldRatioClaim(_ClaimPart):
-    """A claim about the ratio of one camera's depth of field to another's, at equal blur or at equal resolution."""
-
-    quantity: Literal["depth_of_field_ratio"]
-    camera: CameraName = Field(description="Camera whose depth of field is the numerator.")
-    against: CameraName = Field(description="Camera whose depth of field is the denominator.")
-    blur: PositivePixels | None = Field(
-        default=None, description="Largest blur for both cameras, as in depth_of_field.criteria."
-    )
-    diffraction: Diffraction | None = Field(
-        default=None,
-        description="How the diffraction spot counts, as in depth_of_field.criteria; only with `blur`. Default: "
-        "`none`.",
-    )
-    resolution: PositiveLength | None = Field(
-        default=None,
-        description="Instead of `blur`: size of the smallest detail on the object that both cameras must resolve "
-        "according to geometrical optics.",
-    )
-    over: Span | None = Field(
-        default=None, description="Nearest and farthest of the distances that count; default: all distances."
-    )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.blur is None) == (self.resolution is None):
-            raise MistakeAt((), "give exactly one of blur and resolution")
-        if self.diffraction is not None and self.blur is None:
-            raise MistakeAt(("diffraction",), "belongs to blur; resolution is compared geometrically")
-        return self
-
-
-_METRIC = (
-    "Measure of the error: the difference in intensity at the image point, relative to Kirchhoff's intensity there "
-    "(`peak`); the absolute difference integrated over the window, relative to the integral of Kirchhoff's intensity "
-    "(`l1`); or the largest difference in the window, relative to Kirchhoff's largest intensity there (`largest`)."
-)
-
-
-class PsfErrorClaim(_ClaimPart):
-    """A claim about the error of the point-spread function in Fresnel's approximation, on axis at one f-number.
-
-    The error is relative to the point-spread function that Kirchhoff's integral gives.
-    """
-
-    quantity: Literal["psf_error"]
-    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
-    f_number: FNumber = Field(description="F-number at which the error is claimed.")
-    wavelength: PositiveWavelength = Field(description="Wavelength at which the error is claimed.")
-    lens_phase: LensPhaseName = Field(
-        description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
-    )
-    metric: PsfMetric = Field(description=_METRIC)
-    window: PositiveNumber = Field(
-        description="Radius of the window around the image point, in Airy radii; no effect on the metric `peak`."
-    )
-
-
-class FresnelFNumberClaim(_ClaimPart):
-    """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
-
-    Accuracy is judged by the error of the point-spread function in Fresnel's approximation, relative to the
-    point-spread function that Kirchhoff's integral gives.
-    """
-
-    quantity: Literal["fresnel_f_number"]
-    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
-    error: PositiveFraction = Field(
-        description="Largest acceptable error of the point-spread function at the claimed f-number and above."
-    )
-    wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
-    lens_phase: LensPhaseName = Field(
-        description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
-    )
-    metric: PsfMetric = Field(description=_METRIC)
-    window: PositiveNumber = Field(
-        description="Radius of the window around the image point, in Airy radii; no effect on the metric `peak`."
-    )
-
-
-class CriterionFNumberClaim(_ClaimPart):
-    """A claim about the minimum f-number that a closed-form criterion gives for Fresnel's approximation."""
-
-    quantity: Literal["criterion_f_number"]
-    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
-    criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
-        description="Criterion that gives the f-number: `paper-eq27-first-zero` (the solution of the paper's equation "
-        "27 with the smallest aperture, and thus the largest f-number of all its solutions), `paper-eq27-second-zero` "
-        "(the solution with the next larger aperture), `path-error` (a bound on the optical path that the "
-        "approximation neglects) or `goodman` (Goodman's condition)."
-    )
-    wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
-    path_error: PositiveWaves | None = Field(
-        default=None,
-        description="Largest optical path that may be neglected; needed with the criterion "
-        "`path-error`, and only with it.",
-    )
-
-    @model_validator(mode="after")
-    def _path_error_where_it_belongs(self) -> Self:
-        if (self.criterion == "path-error") != (self.path_error is not None):
-            raise MistakeAt(("path_error",), "is needed by the criterion path-error, and only by that one")
-        return self
-
-
-class ImageDifferenceClaim(_ClaimPart):
-    """A claim about the difference between two pictures of the light spot.
-
-    The difference is the sum of the absolute differences of pixel values, relative to the sum of the values of the
-    second picture.
-    """
-
-    quantity: Literal["image_difference"]
-    method: MethodName = Field(
-        description="Method to be tested, which computes the first picture; see light_spot.methods."
-    )
-    reference: MethodName = Field(description="Method of the second picture.")
-
-
-class LitPixelsClaim(_ClaimPart):
-    """A claim about the number of lit pixels in one method's picture, divided by the number in another method's."""
-
-    quantity: Literal["lit_pixels_ratio"]
-    method: MethodName = Field(
-        description="Method whose number of lit pixels is the numerator; see light_spot.methods."
-    )
-    reference: MethodName = Field(description="Method whose number of lit pixels is the denominator.")
-    above: PositiveFraction = Field(
-        description="A pixel counts as lit if it gets more than this fraction of the light of the brightest pixel in "
-        "its picture."
-    )
-
-
-ClaimPart = Annotated[
-    LimitDistanceClaim
-    | UncertaintyRatioClaim
-    | ShareBetterClaim
-    | RelativeUncertaintyDistanceClaim
-    | DepthOfFieldClaim
-    | DepthOfFieldRatioClaim
-    | PsfErrorClaim
-    | FresnelFNumberClaim
-    | CriterionFNumberClaim
-    | ImageDifferenceClaim
-    | LitPixelsClaim,
-    Field(discriminator="quantity"),
-]
-
-
 SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)]
 
 
@@ -478,3 +279,78 @@ class SweepRangePart(Part):
     spacing: Literal["log", "linear"] = Field(
         default="linear", description="Spacing of the values: equal ratios (log) or equal differences (linear)."
     )
+
+
+class AssumptionPart(Part):
+    """An uncertain assumption: a value with a log-uniform distribution, or a choice among equally likely readings."""
+
+    says: Text | None = Field(
+        default=None,
+        description="Name of the assumption in reports; default: the first path in `vary` or, for `readings`, the name "
+        "of this entry.",
+    )
+    vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
+        default=(), description="Path of the value to vary, or paths of several values, which are kept equal."
+    )
+    low: QuantityText = Field(default="", description="Smallest possible value, above 0, with its unit.")
+    high: QuantityText = Field(default="", description="Largest possible value, with its unit.")
+    readings: Annotated[tuple[CameraName, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
+        Field(
+            default=None,
+            description="Instead of `vary`, `low` and `high`, which belong together: names of readings, each as likely "
+            "as the declared study.",
+        )
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if len({self.readings is None, bool(self.vary), bool(self.low), bool(self.high)}) > 1:
+            raise MistakeAt((), "give either vary, low and high, or readings")
+        return self
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Paths of the values to vary; empty for readings."""
+        return (self.vary,) if isinstance(self.vary, str) else self.vary
+
+
+class ValueOfInformationPart(Part):
+    """For each assumption, by how much knowing its true value would raise the expected utility of the best choice.
+
+    The utility of a camera is the negative of its relative depth uncertainty, averaged over distances.
+    """
+
+    assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
+        description="Uncertain assumptions, by names that you choose."
+    )
+    at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
+        Field(
+            default=None,
+            description="Distances over which the relative depth uncertainty is averaged. Default: "
+            "decision.at or, without it, up to four of the distances in scene.distances, from the nearest to the "
+            "farthest, spaced about evenly on a logarithmic scale.",
+        )
+    )
+    unusable: PositiveFraction = Field(
+        default=1.0,
+        description="Relative depth uncertainty to assume for a camera where it is unusable. Where it is usable, an "
+        "uncertainty larger than this value is replaced by it.",
+    )
+    draws: Annotated[int, Field(ge=64, le=2**14, strict=True)] = Field(
+        default=256, description="Number of combinations of values to draw; powers of two cover the ranges most evenly."
+    )
+
+    def mistakes_of_owners(self, readings: Mapping[str, Sequence[str]]) -> list[MistakeAt]:
+        """Values that two assumptions vary; ``readings`` gives the paths that each reading of the study sets."""
+        owners: dict[str, str] = {}
+        mistakes = []
+        for name, one in self.assumptions.items():
+            word = "vary" if one.readings is None else "readings"
+            every = [*one.paths, *(path for reading in one.readings or () for path in readings.get(reading, ()))]
+            for path in dict.fromkeys(path.removeprefix("cameras.") for path in every):
+                if path in owners:
+                    place = ("assumptions", name, word)
+                    what = f"'{owners[path]}' already varies {path}"
+                    mistakes.append(MistakeAt(("value_of_information", *place), what))
+                owners.setdefault(path, name)
+        return mistakes

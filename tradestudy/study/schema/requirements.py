@@ -1,12 +1,14 @@
-"""Requirements of a study on its cameras: a quantity, its bound and, for most quantities, the distances that count."""
+"""Requirements and trade-offs of a study: quantities with their bounds, and criteria with their weights."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from tradestudy.declarations.part import MistakeAt, Part
+from tradestudy.cameras.declaration import AttributeName, AttributesPart
+from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.declarations.quantities import (
     CameraName,
     ObjectDistance,
@@ -18,7 +20,55 @@ from tradestudy.declarations.quantities import (
     Share,
     Span,
     Text,
+    common_dimension,
+    distinct,
 )
+from tradestudy.study.schema.questions import DepthOfFieldPart
+from tradestudy.uncertainty.trade_off import WeightSpace, range_mistake
+from tradestudy.units import DATA, DURATION, FRACTION, LENGTH, NUMBER, SOLID_ANGLE, Dimension, UnitError, parse
+
+DERIVED: Final[Mapping[str, Dimension | None]] = {
+    "moving parts": NUMBER,
+    "images per scene": NUMBER,
+    "time per scene": DURATION,
+    "data per depth map": DATA,
+    "resolved samples": NUMBER,
+    "aperture": LENGTH,
+    "light gathered": SOLID_ANGLE,
+    "size": None,  # text with three lengths
+    "hidden beside a step": LENGTH,
+    "foreshortening": NUMBER,
+}
+"""Criteria derived for every camera of a study that has a relief, with their dimensions."""
+
+
+def criterion_names(attributes: Iterable[AttributesPart], *, relief: bool) -> list[str]:
+    """Names of all criteria of a study: those derived for its relief, if any, and those that cameras declare."""
+    declared = [name for part in attributes for name in part.others]
+    return list(dict.fromkeys([*(DERIVED if relief else ()), *declared]))
+
+
+def criterion_dimension(name: str, attributes: Iterable[AttributesPart]) -> Dimension | None:
+    """The dimension of a criterion; None for text, or for numbers with units of different kinds."""
+    if name in DERIVED:
+        return DERIVED[name]
+    numbers = [part.others[name] for part in attributes if is_number(part.others.get(name, ""))]
+    found = common_dimension(*numbers) if numbers else None
+    # Plain numbers are shown as such, not in per cent.
+    return NUMBER if found is FRACTION and all(text.strip()[-1] in "0123456789." for text in numbers) else found
+
+
+def weighed_dimension(name: str, quantity: str | None, attributes: Iterable[AttributesPart]) -> Dimension:
+    """The dimension of a criterion in a valid trade-off: a length if the criterion is computed."""
+    found = LENGTH if quantity is not None else criterion_dimension(name, attributes)
+    assert found is not None
+    return found
+
+
+def is_number(text: str) -> bool:
+    """Whether a declared attribute is a finite number, with or without a unit, and not text."""
+    return text[:1] in "+-.0123456789" and text != "" and common_dimension(text) is not None
+
 
 Risk = Annotated[PositiveFraction, Field(lt=0.5)]
 
@@ -296,3 +346,211 @@ class RequirementPart(Part):
         """The bound on the quantity."""
         found: Required = getattr(self, self.quantity)
         return found
+
+
+def requirement_mistakes(
+    requirements: Mapping[str, RequirementPart],
+    attributes: Mapping[str, AttributesPart],
+    *,
+    focus: DepthOfFieldPart | None,
+    relief: bool,
+    measures_depth: bool,
+) -> Iterator[MistakeAt]:
+    """Requirements that cannot be tested on any camera of the study, each at the key at fault."""
+    for key, one in requirements.items():
+        place = ("requirements", key, one.quantity)
+        if isinstance(one.required, CriterionPart):
+            yield from _of_criterion(one.required, (*place,), attributes, relief=relief)
+        elif isinstance(one.required, SharpPart):
+            yield from _of_sharpness(one.required, (*place,), focus)
+        elif one.asks_for_depth and not measures_depth:
+            yield MistakeAt(place, "no camera of this study measures depth")
+
+
+def criterion_mistake(name: str, attributes: Mapping[str, AttributesPart], *, relief: bool) -> str:
+    """Why a criterion of this name cannot be compared with a number; empty if it can."""
+    names = criterion_names(attributes.values(), relief=relief)
+    if name in DERIVED and not relief:
+        return f"{name!r} is derived for a relief; add relief and depth_of_field"
+    if name not in names:
+        declared = "" if names else "; no camera declares any (attributes: {others: {mass: 380 g}})"
+        return f"no camera has a criterion {name!r}{nearest_name(name, names)}{declared}"
+    if criterion_dimension(name, attributes.values()) is None:
+        return f"{name!r} must be a number with the same kind of unit in all cameras that declare it"
+    return ""
+
+
+def bound_mistake(name: str, bound: str, attributes: Mapping[str, AttributesPart]) -> str:
+    """Why a bound does not fit a criterion; empty if it does."""
+    dimension = criterion_dimension(name, attributes.values())
+    assert dimension is not None  # only valid criteria get here
+    try:
+        parse(bound, dimension)
+    except UnitError as error:
+        return str(error)
+    return ""
+
+
+def _of_criterion(
+    required: CriterionPart, place: tuple[str, ...], attributes: Mapping[str, AttributesPart], *, relief: bool
+) -> Iterator[MistakeAt]:
+    if what := criterion_mistake(required.name, attributes, relief=relief):
+        yield MistakeAt((*place, "name"), what)
+    elif what := bound_mistake(required.name, required.bound, attributes):
+        yield MistakeAt((*place, required.side), what)
+
+
+def _of_sharpness(required: SharpPart, place: tuple[str, ...], focus: DepthOfFieldPart | None) -> Iterator[MistakeAt]:
+    if focus is None:
+        yield MistakeAt(place, "needs the section depth_of_field, whose criteria say what counts as sharp")
+    elif required.criterion is not None and required.criterion not in focus.criteria:
+        names = nearest_name(required.criterion, focus.criteria)
+        yield MistakeAt((*place, "criterion"), f"depth_of_field has no criterion {required.criterion!r}{names}")
+
+
+class WeighedPart(Part):
+    """One criterion: its quantity, its worst and best values, and its weight."""
+
+    quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
+        default=None,
+        description="What the program computes for the criterion: the depth uncertainty, or the near or far end of "
+        "the usable range. Default: the criterion that has the name of this entry; either cameras declare it under "
+        "attributes.others, or the program derives it. For the criteria that the program derives, see the key `name` "
+        "of a requirement on a criterion.",
+    )
+    at: ObjectDistance | None = Field(
+        default=None, description="Distance at which the depth uncertainty counts; needed with depth_uncertainty."
+    )
+    worst: QuantityText = Field(description="Value that scores 0, with its unit; worse values also score 0.")
+    best: QuantityText = Field(
+        description="Value that scores 1, with its unit; better values also score 1. Between `worst` and `best`, the "
+        "score is linear."
+    )
+    weight: Share | tuple[Share, Share] | None = Field(
+        default=None,
+        description="Weight as a fraction of the sum of all weights, or the range in which it lies; default: unknown.",
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.quantity == "depth_uncertainty") != (self.at is not None):
+            raise MistakeAt((), "depth_uncertainty and at (its distance) belong together")
+        if self.range[0] > self.range[1]:
+            raise MistakeAt(("weight",), "a range goes from the smallest to the largest weight")
+        return self
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest weight."""
+        if self.weight is None:
+            return 0.0, 1.0
+        return self.weight if isinstance(self.weight, tuple) else (self.weight, self.weight)
+
+
+class TradeOffPart(Part):
+    """How the cameras rank by several criteria together, over all weights that the study allows."""
+
+    criteria: Annotated[dict[AttributeName, WeighedPart], Field(min_length=1, max_length=20)] = Field(
+        description="Criteria by name, each with its worst and best value and its weight."
+    )
+    order: Annotated[tuple[AttributeName, ...], Field(min_length=2), AfterValidator(distinct)] | None = Field(
+        default=None,
+        description="Instead of weights: names of criteria in order of decreasing importance; each weighs at least "
+        "as much as the next.",
+    )
+    candidates: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
+        default=None, description="Cameras to rank; default: decision.candidates or, without them, all cameras."
+    )
+
+    @model_validator(mode="after")
+    def _possible_weights(self) -> Self:
+        declared = [name for name, one in self.criteria.items() if one.weight is not None]
+        if self.order is not None:
+            unknown = [
+                MistakeAt(("order", i), f"no criterion is called {name!r}{nearest_name(name, self.criteria)}")
+                for i, name in enumerate(self.order)
+                if name not in self.criteria
+            ]
+            if unknown:
+                raise MistakeAt.several(unknown)
+            if declared:
+                raise MistakeAt(("order",), f"{declared[0]!r} has a weight; give an order or weights, not both")
+        if what := range_mistake(*zip(*(one.range for one in self.criteria.values()), strict=True)):
+            raise MistakeAt(("criteria", declared[-1], "weight"), what)
+        return self
+
+    @property
+    def weights(self) -> WeightSpace:
+        """The space of possible weights, in the order of the criteria."""
+        low, high = zip(*(one.range for one in self.criteria.values()), strict=True)
+        names = list(self.criteria)
+        return WeightSpace(low=low, high=high, order=tuple(names.index(name) for name in self.order or ()))
+
+
+def trade_off_mistakes(
+    part: TradeOffPart,
+    ranked: Sequence[str],
+    attributes: Mapping[str, AttributesPart],
+    measuring: Collection[str],
+    *,
+    relief: bool,
+) -> Iterator[MistakeAt]:
+    """Criteria that cannot be weighed, each at the key at fault.
+
+    Parameters
+    ----------
+    part
+        The trade-off.
+    ranked
+        Its cameras.
+    attributes
+        Declared attributes of every camera of the study.
+    measuring
+        Cameras that measure depth.
+    relief
+        Whether the study has a relief, for which criteria are derived.
+    """
+    for name, one in part.criteria.items():
+        place = ("trade_off", "criteria", name)
+        if what := _unknown(name, one, ranked, attributes, measuring, relief=relief):
+            yield MistakeAt(place, what)
+        else:
+            yield from (
+                MistakeAt((*place, *mistake.tail), mistake.what) for mistake in _mistakes_of_ends(name, one, attributes)
+            )
+
+
+def _unknown(
+    name: str,
+    one: WeighedPart,
+    ranked: Sequence[str],
+    attributes: Mapping[str, AttributesPart],
+    measuring: Collection[str],
+    *,
+    relief: bool,
+) -> str:
+    remedy = "or name candidates without this camera"
+    if one.quantity is not None:
+        others = [camera for camera in ranked if camera not in measuring]
+        return f"{others[0]!r} measures no depth; remove {one.quantity}, {remedy}" if others else ""
+    if what := criterion_mistake(name, attributes, relief=relief):
+        return what
+    if name in DERIVED:
+        return ""
+    without = [camera for camera in ranked if not is_number(attributes[camera].others.get(name, ""))]
+    return f"{without[0]!r} declares no number for it (attributes: others); add one, {remedy}" if without else ""
+
+
+def _mistakes_of_ends(name: str, one: WeighedPart, attributes: Mapping[str, AttributesPart]) -> Iterator[MistakeAt]:
+    dimension = weighed_dimension(name, one.quantity, attributes.values())
+    ends = {}
+    for key, text in (("worst", one.worst), ("best", one.best)):
+        try:
+            ends[key] = parse(text, dimension)
+        except UnitError as error:
+            yield MistakeAt((key,), str(error))
+            continue
+        if abs(ends[key]) == float("inf"):
+            yield MistakeAt((key,), "a finite value is expected, since scores are linear between worst and best")
+    if len(ends) == 2 and ends["worst"] == ends["best"]:
+        yield MistakeAt(("best",), "must differ from worst, since scores are linear between them")

@@ -1,9 +1,9 @@
-"""The whole study file."""
+"""Which hard cases a study asks for; they need neither cameras nor a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, field_validator, model_validator
 
@@ -11,29 +11,43 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.kinds import CameraPart
 from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.declarations.quantities import Text
-from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
-from tradestudy.study.schema.depth_loop import DepthLoopPart
-from tradestudy.study.schema.depth_of_field import DepthOfFieldPart, ReliefPart
-from tradestudy.study.schema.hard_cases import HardCasesPart
-from tradestudy.study.schema.light_spot import LightSpotPart, law_mistakes
-from tradestudy.study.schema.propagation import PropagationPart, SensitivityPart
+from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart, PropagationPart, SensitivityPart
+from tradestudy.study.schema.claims import ClaimPart, wave_claim_mistakes
 from tradestudy.study.schema.questions import (
-    ClaimPart,
     DecisionPart,
+    DepthOfFieldPart,
     ReadingPart,
+    ReliefPart,
     SolvePart,
     SweepRangePart,
     SweepValues,
     UsableRangePart,
+    ValueOfInformationPart,
 )
-from tradestudy.study.schema.requirement_mistakes import requirement_mistakes
-from tradestudy.study.schema.requirements import RequirementPart
-from tradestudy.study.schema.scene import ScenePart
-from tradestudy.study.schema.trade_off import TradeOffPart
-from tradestudy.study.schema.trade_off_mistakes import trade_off_mistakes
-from tradestudy.study.schema.value_of_information import ValueOfInformationPart
-from tradestudy.study.schema.wave_claims import wave_claim_mistakes
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, PointSpreadPart
+from tradestudy.study.schema.requirements import RequirementPart, TradeOffPart, requirement_mistakes, trade_off_mistakes
+from tradestudy.study.schema.scene import DepthLoopPart, ScenePart
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, PointSpreadPart, law_mistakes
+
+FamilyName = Literal[
+    "thin-lens", "triangulation", "phases", "fields", "equation-27", "depth-of-field", "propagation", "study-files"
+]
+EVERY_FAMILY: tuple[FamilyName, ...] = get_args(FamilyName)
+
+
+class HardCasesPart(Part):
+    """Computations that are numerically difficult, and study files that are difficult to read safely.
+
+    Each computation is done by the textbook formula and by this program.
+    """
+
+    families: Annotated[tuple[FamilyName, ...], Field(min_length=1, max_length=len(EVERY_FAMILY))] = Field(
+        default=EVERY_FAMILY,
+        description="Groups of cases to compute: `thin-lens` (main lens and microlens array), `triangulation` (stereo "
+        "rig), `phases` (long and short light paths), `fields` (light behind an aperture), `equation-27` (the paper's "
+        "minimum f-number), `depth-of-field`, `propagation` (of uncertainty) and `study-files` (extreme values and "
+        "harmful content).",
+    )
+
 
 FORMAT = 2
 NAME_PATTERN = r"^[\w][\w.+-]*$"
