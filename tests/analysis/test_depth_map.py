@@ -13,7 +13,7 @@ from tests.calibration.cameras import stereo, webcams
 from tradestudy.analysis.depth import depth_uncertainty, distribution
 from tradestudy.analysis.depth_map import ACROSS, DOWN, depth_map, map_places
 from tradestudy.figures.uncertainty_map import map_words, uncertainty_map_drawings
-from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
+from tradestudy.optics.lens_families import KannalaBrandt
 from tradestudy.results import dataset
 
 Z = np.array([0.3, 1.0, 4.0])

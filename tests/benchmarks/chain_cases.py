@@ -22,9 +22,9 @@ from tradestudy.optics.chain import (
     square_centres,
 )
 from tradestudy.optics.chain.array_field import PupilWave, leg_kernel
+from tradestudy.optics.chain.detector_patch import MicrolensPlane, direct_detector_field
 from tradestudy.optics.chain.microlens_nodes import cell_nodes
-from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field
-from tradestudy.optics.propagation.direct import direct_sum
+from tradestudy.optics.propagation.kernels import direct_sum
 from tradestudy.optics.propagation.lens import LENS_PHASES, CircularLens, LensPhase, PointSource
 from tradestudy.optics.quadrature import gauss_legendre
 

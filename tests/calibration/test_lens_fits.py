@@ -27,14 +27,15 @@ from tradestudy.cameras.calibration_declaration import calibration_part
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.double_sphere import DoubleSphere
-from tradestudy.optics.lens_models.extended_unified import ExtendedUnified
-from tradestudy.optics.lens_models.families import STARTS
-from tradestudy.optics.lens_models.field_of_view import FieldOfView
-from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.omnidirectional import Omnidirectional
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_families import (
+    STARTS,
+    DoubleSphere,
+    ExtendedUnified,
+    FieldOfView,
+    KannalaBrandt,
+    Omnidirectional,
+)
+from tradestudy.optics.lens_model import LensModel, Rational
 
 SIZE = (640, 480)
 CAMERA = np.array([310.0, 312.0, 322.0, 236.0])

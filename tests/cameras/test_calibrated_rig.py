@@ -13,7 +13,7 @@ from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
-from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
+from tradestudy.optics.lens_families import KannalaBrandt
 
 PIXELS, PITCH, BASELINE, TOE_IN = (1280, 800), 3e-6, 0.1, math.radians(6.0)
 LEFT, RIGHT = 800.0, 900.0  # focal lengths [px]

@@ -14,8 +14,8 @@ from tradestudy.cameras.plenoptic_errors import PLENOPTIC_ERRORS
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
 from tradestudy.cameras.stereo.pair import pair_inverse_depth
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.air import air_refractive_index, focal_length_change_with_medium
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_model import Rational
+from tradestudy.optics.thin_lens import air_refractive_index, focal_length_change_with_medium
 from tradestudy.optics.triangulation import plenoptic_depth
 from tradestudy.uncertainty.sources import ErrorClass
 

@@ -21,9 +21,8 @@ from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import pair_observation
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_families import KannalaBrandt
+from tradestudy.optics.lens_model import LensModel, Rational
 
 ERRORS = {
     "baseline": 3e-4,

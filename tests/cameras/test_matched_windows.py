@@ -17,7 +17,7 @@ from tradestudy.cameras.matched_windows import MatchedPairs, WholePictures, larg
 from tradestudy.imaging.models import Light, field_illumination, radial_pupil_width
 from tradestudy.imaging.passed_texture import matched_window, picture_electrons
 from tradestudy.imaging.picture import SMALLEST_WINDOW_PX, PictureDisparityError, disparity_bound_px, disparity_error_px
-from tradestudy.optics.microlens_coverage import least_squares_baseline, least_squares_pairs
+from tradestudy.optics.equivalent_baseline import least_squares_baseline, least_squares_pairs
 from tradestudy.optics.thin_lens import image_distance
 
 COS4 = replace(CLOSED, vignetting="cos4")

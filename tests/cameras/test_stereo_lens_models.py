@@ -13,11 +13,8 @@ from tradestudy import load
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.errors import OutOfRangeError, StudyError
-from tradestudy.optics.lens_models.double_sphere import DoubleSphere
-from tradestudy.optics.lens_models.field_of_view import FieldOfView
-from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_families import DoubleSphere, FieldOfView, KannalaBrandt
+from tradestudy.optics.lens_model import LensModel, Rational
 
 LENSES = (
     KannalaBrandt(k1=-0.02, k2=0.005),

@@ -17,8 +17,8 @@ from tradestudy.analysis import spot_images
 from tradestudy.analysis.spot_images import SpotModels, compared_models
 from tradestudy.execution import Checkpoints, Processes, Serial, Steps, Threads
 from tradestudy.optics.chain import FRESNEL, ChainImage, chain_image, separate_image
-from tradestudy.optics.chain.parts import Part, in_turn
-from tradestudy.optics.chain.spot_parts import AskedSpot, follow_points
+from tradestudy.optics.chain.accuracy import Part, in_turn
+from tradestudy.optics.chain.spot_points import AskedSpot, follow_points
 
 STUDIES = SPOT_STUDY.parent
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import NotConvergedError
-from tradestudy.optics.boundary_wave import edge_field
 from tradestudy.optics.propagation import (
     CircularLens,
     FieldAccuracy,
@@ -24,8 +23,8 @@ from tradestudy.optics.propagation import (
     nodes_for,
     sample_wave,
 )
+from tradestudy.optics.propagation.boundary_wave import edge_field, fewest_zones, find_rays, ray_fields
 from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
-from tradestudy.optics.propagation.rays import fewest_zones, find_rays, ray_fields
 
 WAVELENGTH = 550e-9
 MICRO = {"radius": 0.432e-3 / 7.6, "focal_length": 0.432e-3}

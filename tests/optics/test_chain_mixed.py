@@ -25,8 +25,7 @@ from tradestudy.optics.chain import (
     hexagonal_centres,
     separate_image,
 )
-from tradestudy.optics.chain.microlens_nodes import cell_nodes, lit_nodes
-from tradestudy.optics.chain.regions import Disc
+from tradestudy.optics.chain.microlens_nodes import Disc, cell_nodes, lit_nodes
 from tradestudy.optics.chain.sources import moved, moved_image
 from tradestudy.optics.propagation import aperture_field
 from tradestudy.optics.propagation.lens import CircularLens, PointSource

@@ -11,14 +11,21 @@ from scipy.special import j1
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
+from tradestudy.optics.chain.accuracy import integrate_pixels
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table, leg_kernel
 from tradestudy.optics.chain.arriving_light import field_spacing, ray_reach, table_reader, table_tolerance
-from tradestudy.optics.chain.detector_transfer import choose_transfer, detector_field, response
+from tradestudy.optics.chain.detector_transfer import (
+    PatchPlan,
+    choose_transfer,
+    detector_field,
+    fresnel_reach,
+    patch_fields,
+    patch_law,
+    response,
+)
 from tradestudy.optics.chain.microlens_nodes import cell_node_count, cell_nodes
-from tradestudy.optics.chain.patch_transfer import PatchPlan, fresnel_reach, patch_fields, patch_law
-from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.point_image import plan_point
-from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
+from tradestudy.optics.propagation.kernels import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.optics.quadrature import disc_nodes
 

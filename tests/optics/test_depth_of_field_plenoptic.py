@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.depth_of_field import (
+from tradestudy.optics.depth_of_field import union
+from tradestudy.optics.plenoptic_depth_of_field import (
     inverse_focus_virtual_depth,
     microlens_focal_length,
     refocus_distance,
@@ -17,7 +18,6 @@ from tradestudy.optics.depth_of_field import (
     relay_blur_diameter,
     relay_depth_of_field,
     touching_inverse_virtual_depths,
-    union,
     view_depth_of_field,
     view_pupil_diameter,
     virtual_depth_limits,

@@ -11,11 +11,10 @@ from scipy import integrate, special
 
 from tests.optics.small_chain import WAVELENGTH, camera, relative
 from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, DiscSource, PixelGrid
-from tradestudy.optics.chain.pixels import far_light
+from tradestudy.optics.chain.accuracy import far_light
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.sources import source_nodes
-from tradestudy.optics.chain.spot_parts import source_density
-from tradestudy.optics.chain.spot_points import point_light, prepare_spot, tables_at
+from tradestudy.optics.chain.spot_points import point_light, prepare_spot, source_density, tables_at
 from tradestudy.optics.propagation.lens import CircularLens
 
 

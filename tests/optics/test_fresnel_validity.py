@@ -12,8 +12,9 @@ from tradestudy.optics.fresnel_validity import (
     dropped_path,
     goodman_minimum_distance,
     goodman_minimum_f_number,
+    paper_eq27,
+    paper_eq27_sweep,
 )
-from tradestudy.optics.paper_equation_27 import paper_eq27, paper_eq27_sweep
 
 MAIN = {"focal_length": 12.5e-3, "object_distance": 150e-3}
 MICRO = {"focal_length": 0.432e-3, "object_distance": 13.64e-3}

@@ -20,7 +20,7 @@ def test_the_package_lists_exactly_its_public_names() -> None:
 
 def test_importing_it_loads_no_heavy_library() -> None:
     code = (
-        "import sys, tradestudy.optics.airy; from tradestudy.optics import arrays; "
+        "import sys, tradestudy.optics.lateral_resolution; from tradestudy.optics import arrays; "
         "print([m for m in ('scipy', 'finufft', 'matplotlib') if m in sys.modules])"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

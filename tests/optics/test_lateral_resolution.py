@@ -9,13 +9,14 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.depth_of_field import depth_of_field, relay_depth_of_field, view_pupil_diameter
+from tradestudy.optics.depth_of_field import depth_of_field
 from tradestudy.optics.lateral_resolution import (
     depth_of_field_at_resolution,
     focused_plenoptic_depth_of_field_at_resolution,
     focused_plenoptic_lateral_resolution,
     lateral_resolution,
 )
+from tradestudy.optics.plenoptic_depth_of_field import relay_depth_of_field, view_pupil_diameter
 
 LENS = {
     "focus_distance": 0.15,

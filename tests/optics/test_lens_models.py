@@ -5,13 +5,15 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.lens_models.double_sphere import DoubleSphere
-from tradestudy.optics.lens_models.extended_unified import ExtendedUnified
-from tradestudy.optics.lens_models.families import FAMILIES
-from tradestudy.optics.lens_models.field_of_view import FieldOfView
-from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
-from tradestudy.optics.lens_models.omnidirectional import Omnidirectional
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_families import (
+    FAMILIES,
+    DoubleSphere,
+    ExtendedUnified,
+    FieldOfView,
+    KannalaBrandt,
+    Omnidirectional,
+)
+from tradestudy.optics.lens_model import Rational
 
 FULL = Rational(
     k1=0.3, k2=-0.2, p1=0.001, p2=-0.002, k3=0.05, k4=0.25, k5=-0.1, k6=0.02, s1=0.001, s2=-0.002, s3=0.003, s4=0.001,

@@ -21,7 +21,7 @@ from tradestudy.optics.chain import (
     spot_image,
     square_centres,
 )
-from tradestudy.optics.chain.lit_disc import lit_disc
+from tradestudy.optics.chain.lit_part import lit_disc
 from tradestudy.optics.propagation import CircularLens
 
 

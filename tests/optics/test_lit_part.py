@@ -22,9 +22,9 @@ from tradestudy.optics.chain import (
 from tradestudy.optics.chain import point_image as module
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.lit_part import LitPart, lit_part, reached_pixels
-from tradestudy.optics.chain.microlenses import square_centres
 from tradestudy.optics.chain.point_image import compute_point
-from tradestudy.optics.propagation.direct import direct_sum
+from tradestudy.optics.chain.scene import square_centres
+from tradestudy.optics.propagation.kernels import direct_sum
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 LENS = CircularLens(radius=0.3e-3, focal_length=2e-3, lens_phase="parabolic")

@@ -11,14 +11,13 @@ from hypothesis import strategies as st
 from scipy.stats import qmc
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.equivalent_baseline import least_squares_baseline, widest_pair_baseline
 from tradestudy.optics.microlens_coverage import (
     covering_microlens_object_distance,
     covering_radius_over_pitch,
-    least_squares_baseline,
     mean_seen_count,
     projected_radius_over_pitch,
     seen_count_probability,
-    widest_pair_baseline,
 )
 
 SECOND_VECTOR = {"hexagonal": (0.5, math.sqrt(3) / 2), "square": (0.0, 1.0)}

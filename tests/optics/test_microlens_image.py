@@ -13,8 +13,8 @@ from tests.optics.small_chain import relative
 from tradestudy import optics
 from tradestudy.errors import NotConvergedError, OutOfRangeError, TradestudyError, UnaffordableError
 from tradestudy.optics import refined_image as module
-from tradestudy.optics.chain.array_reach import array_reach
 from tradestudy.optics.chain.arriving_light import blur_radius
+from tradestudy.optics.chain.lit_part import array_reach
 
 WAVELENGTH = 550e-9
 CAMERA = optics.MicrolensCamera(

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.occlusion import foreshortening_ratio, hidden_strip_width
+from tradestudy.optics.triangulation import foreshortening_ratio, hidden_strip_width
 
 
 def seen_through(view, edge_x, edge_z, floor_z):

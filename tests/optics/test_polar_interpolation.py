@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import j0
 
-from tradestudy.optics.propagation.upsampling import polar_field
+from tradestudy.optics.propagation.targets import polar_field
 
 CENTRE, RADIUS, WAVENUMBER = (0.3, -0.2), 1.5, 20.0
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
+from tradestudy.optics.arrays import unit_phasor
 from tradestudy.optics.chain.accuracy import relative_change
-from tradestudy.optics.phasors import unit_phasor
 from tradestudy.optics.propagation import (
     ApertureSamples,
     CircularLens,

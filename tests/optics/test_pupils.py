@@ -10,8 +10,7 @@ from scipy.special import erf, j1
 
 from tradestudy import optics
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.propagation.pupil import Pupil
-from tradestudy.optics.propagation.zernike import ZernikePath, noll_order
+from tradestudy.optics.propagation.pupil import Pupil, ZernikePath, noll_order
 from tradestudy.optics.quadrature import disc_nodes
 
 WAVELENGTH = 550e-9

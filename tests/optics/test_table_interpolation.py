@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tradestudy.optics.chain.table_interpolation import TableKernel, fast_count
+from tradestudy.optics.chain.array_field import TableKernel, fast_count
 
 
 @pytest.mark.parametrize("oversampling", [1.5, 2.0, 2.5])

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tradestudy.optics.microlens_projection import (
+from tradestudy.optics.thin_lens import (
     main_lens_image_coordinate,
     microlens_object_distance,
     object_distance_of_virtual_depth,

@@ -24,8 +24,7 @@ from tradestudy.optics.chain import spot_points as module
 from tradestudy.optics.chain.detector_patch import DetectorPatch, detector_patch, disc_ends
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.sources import source_nodes
-from tradestudy.optics.chain.spot_parts import source_density
-from tradestudy.optics.chain.spot_points import point_light, prepare_spot, tables_at
+from tradestudy.optics.chain.spot_points import point_light, prepare_spot, source_density, tables_at
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 WIDE = CircularLens(radius=0.4e-3, focal_length=2e-3, lens_phase="parabolic")  # lights all three microlenses

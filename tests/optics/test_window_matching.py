@@ -9,12 +9,12 @@ import pytest
 from scipy.integrate import quad
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.cut_aperture import centroid_of_common_part
-from tradestudy.optics.interpolation import cubic_weights
+from tradestudy.optics.two_apertures import centroid_of_common_part
 from tradestudy.optics.window_matching import (
     Matches,
     PairOfPictures,
     Reason,
+    cubic_weights,
     gradient_along,
     match_windows,
     odd_window,

@@ -13,8 +13,8 @@ from tradestudy.optics.fresnel_validity import (
     bounded_minimum_f_number,
     collimated_minimum_distance,
     goodman_minimum_f_number,
+    paper_eq27,
 )
-from tradestudy.optics.paper_equation_27 import paper_eq27
 from tradestudy.optics.propagation import LensPhase
 from tradestudy.optics.psf_difference import PsfDifference, fresnel_psf_difference
 from tradestudy.study.schema.wave_optics import ElementPart, PsfMetric

@@ -10,8 +10,8 @@ from typing import Final
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import AttributesPart
 from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus
-from tradestudy.optics.occlusion import foreshortening_ratio, hidden_strip_width
 from tradestudy.optics.thin_lens import image_distance
+from tradestudy.optics.triangulation import foreshortening_ratio, hidden_strip_width
 from tradestudy.study.definition import Case
 from tradestudy.study.schema.requirements import DERIVED as DIMENSIONS
 from tradestudy.study.schema.requirements import criterion_dimension, is_number

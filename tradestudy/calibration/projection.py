@@ -14,9 +14,8 @@ import numpy as np
 
 from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.families import FAMILIES
-from tradestudy.optics.lens_models.lens_model import LensModel, slopes
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_families import FAMILIES
+from tradestudy.optics.lens_model import IDEAL, LensModel, slopes
 
 LARGEST_ROLL = np.radians(45.0)
 """Largest roll between the pictures of a pair; beyond it, disparity lies along the columns of one of them."""

@@ -9,8 +9,7 @@ import numpy as np
 
 from tradestudy.cameras.parts import Sensor
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL, LensModel
 
 Lenses = tuple[LensModel, LensModel]
 """Lens models of the left and the right camera."""

@@ -41,8 +41,7 @@ from tradestudy.declarations.quantities import (
     quantity,
 )
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL, LensModel
 
 AttributeName = Annotated[str, Field(pattern=r"^[a-z][\w -]*$", max_length=60)]
 QuantumEfficiency = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most=1.0)]

@@ -9,8 +9,8 @@ import numpy as np
 from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.parts import Sensor
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.air import air_refractive_index, focal_length_change_with_medium
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.thin_lens import air_refractive_index, focal_length_change_with_medium
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from tradestudy.optics.lens_models.families import ANGLES
+from tradestudy.optics.lens_families import ANGLES
 
 LensModelName = Literal[
     "rational",
@@ -18,7 +18,7 @@ LensModelName = Literal[
     "stereographic",
     "longitude-latitude",
 ]
-"""Names of the families of `optics.lens_models`, and of two that the program does not model."""
+"""Names of the families of `optics.lens_families`, and of two that the program does not model."""
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
 Value = str | float | Sequence["Value"]

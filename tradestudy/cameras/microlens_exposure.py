@@ -14,8 +14,8 @@ from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, P
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, PlaceOnArray
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.rational import Rational
-from tradestudy.optics.microlens_coverage.lattice import lattice_of
+from tradestudy.optics.lens_model import Rational
+from tradestudy.optics.microlens_coverage import lattice_of
 from tradestudy.optics.thin_lens import image_distance
 
 Indices = NDArray[np.intp]

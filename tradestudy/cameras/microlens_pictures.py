@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tradestudy.cameras.microlens_exposure import lattice_counts
 from tradestudy.cameras.plenoptic import PlenopticCamera
 from tradestudy.optics.arrays import BoolArray, Samples
-from tradestudy.optics.interpolation import cubic_weights
+from tradestudy.optics.window_matching import cubic_weights
 
 Indices = NDArray[np.intp]
 MARGIN: Final = 1

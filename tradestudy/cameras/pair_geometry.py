@@ -6,7 +6,7 @@ from typing import ClassVar, Protocol
 
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.parts import Sensor
-from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_model import LensModel
 
 
 class PairGeometry(Protocol):

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.camera import Properties
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL, LensModel
 from tradestudy.units import ANGLE, pretty
 
 

@@ -13,7 +13,7 @@ from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_model import Rational
 from tradestudy.optics.thin_lens import focus_shift
 
 Observation = tuple[FloatArray, FloatArray, FloatArray]

@@ -10,8 +10,7 @@ import numpy as np
 from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, Pose, Stop
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.lens_model import LensModel, slopes
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL, LensModel, slopes
 from tradestudy.optics.thin_lens import image_distance
 
 

@@ -15,9 +15,8 @@ from tradestudy import units
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import quantity
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.lens_models.families import ANGLES, FAMILIES, STARTS
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_families import ANGLES, FAMILIES, STARTS
+from tradestudy.optics.lens_model import LensModel, Rational
 from tradestudy.wording import lens_in_words
 
 _MODEL = "Name of the lens model."

@@ -21,9 +21,8 @@ from tradestudy.optics.chain import (
     spectral_image,
     square_centres,
 )
-from tradestudy.optics.focal_lengths import FocalLengths
 from tradestudy.optics.lens_point_spread import LensPointSpread, point_spread
-from tradestudy.optics.microlens_camera import MicrolensCamera
+from tradestudy.optics.microlens_camera import FocalLengths, MicrolensCamera
 from tradestudy.optics.propagation import (
     ApertureField,
     ApertureSamples,
@@ -39,12 +38,10 @@ from tradestudy.optics.propagation import (
     aperture_field,
     propagate_samples,
 )
-from tradestudy.optics.propagation.pupil import Pupil
-from tradestudy.optics.propagation.zernike import noll_order
+from tradestudy.optics.propagation.pupil import Pupil, noll_order
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, rectangle_nodes
 from tradestudy.optics.refined_image import microlens_image
-from tradestudy.optics.sampled_point_spread import Measured, PointSpread
-from tradestudy.optics.spread_fields import as_point_spread
+from tradestudy.optics.sampled_point_spread import Measured, PointSpread, as_point_spread
 from tradestudy.optics.spread_metrics import (
     diffraction_limited_peak,
     encircled_energy,

@@ -1,10 +1,11 @@
-"""The array types that the physics takes and returns."""
+"""The array types that the physics takes and returns, and phase factors exp(i phase), from one tangent each."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -12,3 +13,49 @@ Samples = NDArray[np.floating[Any]]
 """Samples of pictures; single precision is enough because their noise is larger."""
 BoolArray = NDArray[np.bool_]
 IndexArray = NDArray[np.intp]
+
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def phasor_sum(phase: FloatArray, size: npt.NDArray[Any], strength: ComplexArray) -> ComplexArray:
+    """Σ_j size_ij exp(i phase_ij) strength_j; for real sizes, real and imaginary parts are summed separately."""
+    if np.iscomplexobj(size):
+        return np.asarray(np.einsum("ij,j->i", scaled_phasor(phase, size), strength))
+    cosine, sine = _parts(phase, size)
+    parts = np.stack([strength.real, strength.imag], axis=1)
+    by_cosine, by_sine = cosine @ parts, sine @ parts
+    return by_cosine[:, 0] - by_sine[:, 1] + 1j * (by_cosine[:, 1] + by_sine[:, 0])
+
+
+def scaled_phasor(phase: FloatArray, size: npt.NDArray[Any]) -> ComplexArray:
+    """Size times exp(i phase); fastest for real sizes."""
+    if np.iscomplexobj(size):
+        return np.asarray(unit_phasor(phase) * size)
+    return _joined(*_parts(phase, size))
+
+
+def unit_phasor(phase: FloatArray) -> ComplexArray:
+    """exp(i phase) to rounding."""
+    return _joined(*_parts(phase, np.ones(())))
+
+
+def _parts(phase: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Size times cosine and sine of the phase, from t = tan(phase/2): 2/(1 + t²) − 1 and 2 t/(1 + t²).
+
+    One tangent takes between an eighth and a third of the time of cosine and sine. No float is an odd multiple of π/2,
+    so t stays finite: at most about 1e16.
+    """
+    t = np.asarray(np.tan(0.5 * phase))
+    twice = np.asarray(t * t)
+    twice += 1.0
+    np.divide(2.0 * size, twice, out=twice)
+    t *= twice
+    twice -= size
+    return twice, t
+
+
+def _joined(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
+    result = np.empty(real.shape, dtype=np.complex128)
+    result.real, result.imag = real, imaginary
+    return result

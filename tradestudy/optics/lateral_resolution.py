@@ -9,14 +9,19 @@ size.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field.single_lens import DepthOfField, as_floats, diffraction_diameter, require
+from tradestudy.optics.depth_of_field import DepthOfField, as_floats, diffraction_diameter, require
 from tradestudy.optics.thin_lens import focus_shift, image_distance
+
+FIRST_DARK_RING: Final = 3.8317059702075125 / math.pi
+"""1.2197, first zero of J₁ over π: radius of the first dark ring in λ N, N the working f-number."""
 
 
 @dataclass(frozen=True, kw_only=True)

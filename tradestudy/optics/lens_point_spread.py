@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.argument_types import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.focal_lengths import FocalLengths, focal_length_for, reference_focal_length
+from tradestudy.optics.lateral_resolution import FIRST_DARK_RING
+from tradestudy.optics.microlens_camera import FocalLengths, focal_length_for, reference_focal_length
 from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import (
@@ -31,8 +31,7 @@ from tradestudy.optics.propagation.result import ApertureField, Effort, Method
 from tradestudy.optics.propagation.sampling import Limits
 from tradestudy.optics.propagation.targets import TargetGrid
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy
-from tradestudy.optics.sampled_point_spread import Measured, PointSpread
-from tradestudy.optics.spread_fields import as_point_spread
+from tradestudy.optics.sampled_point_spread import Measured, PointSpread, as_point_spread
 from tradestudy.optics.spread_metrics import (
     encircled_energy,
     encircled_energy_radius,

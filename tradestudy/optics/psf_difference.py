@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lateral_resolution import FIRST_DARK_RING
 from tradestudy.optics.propagation import (
     ApertureField,
     CircularLens,

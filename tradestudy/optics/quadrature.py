@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked, checked_fields
-from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.phasors import unit_phasor
+from tradestudy.optics.arrays import FloatArray, unit_phasor
 
 
 @checked_fields

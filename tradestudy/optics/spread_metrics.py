@@ -16,8 +16,14 @@ from scipy.optimize import brentq
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.sampled_point_spread import Measured, PointSpread, measured, peak_position
-from tradestudy.optics.spread_fields import SpreadField, as_point_spread
+from tradestudy.optics.sampled_point_spread import (
+    Measured,
+    PointSpread,
+    SpreadField,
+    as_point_spread,
+    measured,
+    peak_position,
+)
 
 
 @checked

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lateral_resolution import FIRST_DARK_RING
 from tradestudy.optics.sampled_point_spread import PointSpread
 from tradestudy.optics.spread_metrics import encircled_energy, strehl_ratio
 from tradestudy.optics.spread_shares import modulation_transfer

@@ -12,8 +12,7 @@ import numpy as np
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.sampled_point_spread import Measured, PointSpread, measured
-from tradestudy.optics.spread_fields import SpreadField, as_point_spread
+from tradestudy.optics.sampled_point_spread import Measured, PointSpread, SpreadField, as_point_spread, measured
 from tradestudy.optics.spread_metrics import encircled_energy
 
 _MOST_PIXELS = 2**22

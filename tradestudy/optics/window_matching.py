@@ -18,10 +18,10 @@ from enum import IntEnum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import BoolArray, Samples
+from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 
 _NEWTON_STEPS: Final = 4
 _DOUBT: Final = 3.0  # standard deviations by which the best step must beat every other
@@ -252,3 +252,20 @@ def _root(corner: Samples) -> tuple[Samples, Samples]:
         for _ in range(_NEWTON_STEPS):
             t = np.clip(t - (low + t * (c1 + t * (c2 + t * c3))) / (c1 + t * (2.0 * c2 + 3.0 * t * c3)), -0.5, 1.5)
         return t, c1 + t * (2.0 * c2 + 3.0 * t * c3)
+
+
+def cubic_weights(fraction: ArrayLike) -> FloatArray:
+    """Weights of the samples at −1, 0, 1 and 2 for a position t from 0 to 1, shape (…, 4); exact for cubics.
+
+    They are Lagrange's polynomials: each is 1 at its own sample and 0 at the other three.
+    """
+    t = np.asarray(fraction, dtype=np.float64)
+    return np.stack(
+        [
+            -t * (t - 1.0) * (t - 2.0) / 6.0,
+            (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
+            -(t + 1.0) * t * (t - 2.0) / 2.0,
+            (t + 1.0) * t * (t - 1.0) / 6.0,
+        ],
+        axis=-1,
+    )

@@ -14,7 +14,7 @@ from tradestudy.calibration.corners.rig_measurement import pair_found
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.imported import ImportedCamera, ImportedRig
 from tradestudy.errors import TradestudyError
-from tradestudy.optics.lens_models.families import FAMILIES
+from tradestudy.optics.lens_families import FAMILIES
 from tradestudy.study.camera_files.importing import FORMATS
 from tradestudy.study.camera_files.located import Format, UnsupportedLensError
 from tradestudy.study.definition import StudyDefinition

@@ -14,8 +14,14 @@ from tradestudy.optics.depth_of_field import (
     diffraction_inclusive_depth_of_field,
     hyperfocal_distance,
 )
-from tradestudy.optics.microlens_projection import microlens_object_distance, project_to_detector
-from tradestudy.optics.thin_lens import blur_diameter, focus_shift, image_distance, object_distance
+from tradestudy.optics.thin_lens import (
+    blur_diameter,
+    focus_shift,
+    image_distance,
+    microlens_object_distance,
+    object_distance,
+    project_to_detector,
+)
 from tradestudy.optics.triangulation import midpoint_depth, plenoptic_depth, stereo_depth, stereo_disparity
 from tradestudy.verification.case import Family, Law, NumericCase, OutcomeCase
 

@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.fresnel_validity import collimated_axis_intensity, dropped_path
-from tradestudy.optics.paper_equation_27 import paper_eq27
+from tradestudy.optics.fresnel_validity import collimated_axis_intensity, dropped_path, paper_eq27
 from tradestudy.optics.propagation import CircularLens, FieldAccuracy, PointSource, TargetPoints, aperture_field
 from tradestudy.optics.propagation.paths import SphericalPath
 from tradestudy.units import LENGTH, pretty

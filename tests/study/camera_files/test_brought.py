@@ -19,8 +19,8 @@ from tests.study.camera_files.test_import import calibrated, refusal
 from tests.study.camera_files.written import study
 from tradestudy.cli import app
 from tradestudy.errors import StudyError
-from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_families import KannalaBrandt
+from tradestudy.optics.lens_model import Rational
 
 DATA = Path(__file__).parents[2] / "data"
 R_OF_SIX_DIGITS = np.round(written.R, 6)

@@ -21,7 +21,7 @@ from tradestudy.cameras.stereo.declaration import StereoDeclaration
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.declarations.quantities import InPixels
 from tradestudy.errors import StudyError
-from tradestudy.optics.lens_models.double_sphere import DoubleSphere
+from tradestudy.optics.lens_families import DoubleSphere
 from tradestudy.study.camera_files import kalibr
 from tradestudy.study.camera_files.importing import recognised
 from tradestudy.study.camera_files.located import Request

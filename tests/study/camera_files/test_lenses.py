@@ -20,8 +20,7 @@ from tests.study.camera_files.written import K1, K2, R, T, study
 from tradestudy import api
 from tradestudy.cameras.imported import LensModelName
 from tradestudy.cameras.stereo.design import StereoRig
-from tradestudy.optics.lens_models.double_sphere import DoubleSphere
-from tradestudy.optics.lens_models.families import FAMILIES
+from tradestudy.optics.lens_families import FAMILIES, DoubleSphere
 from tradestudy.study.camera_files.located import Format
 
 FOREIGN = {"stereographic", "longitude-latitude"}

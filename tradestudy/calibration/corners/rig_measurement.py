@@ -35,8 +35,8 @@ from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorPara
 from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.families import ANGLES
-from tradestudy.optics.lens_models.lens_model import slopes
+from tradestudy.optics.lens_families import ANGLES
+from tradestudy.optics.lens_model import slopes
 from tradestudy.units import significant
 
 _NODES: Final = (33, 25)  # nodes across and down

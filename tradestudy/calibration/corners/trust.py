@@ -29,8 +29,7 @@ from tradestudy.calibration.corners.view_blocks import RELATIVE, cameras_of
 from tradestudy.calibration.projection import FreeLens
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_model import LensModel, Rational
 from tradestudy.wording import lens_in_words
 
 EXTENSIONS: Final[Sequence[tuple[str, ...]]] = (("k3",), ("p1", "p2"), ("k3", "p1", "p2"), ("s1", "s2", "s3", "s4"))

@@ -24,7 +24,7 @@ from tradestudy.calibration.projection import (
 )
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL
 
 RELATIVE_POSE_NAMES = (
     "relative_rotation_x",

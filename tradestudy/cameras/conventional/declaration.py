@@ -23,7 +23,10 @@ from tradestudy.declarations.quantities import (
     PositiveCount,
     PositiveDuration,
 )
-from tradestudy.optics.depth_of_field import object_distance_of_magnification, object_distance_of_working_distance
+from tradestudy.optics.depth_of_field import (
+    object_distance_of_magnification,
+    object_distance_of_working_distance,
+)
 
 
 class ReferenceScalePart(Part):

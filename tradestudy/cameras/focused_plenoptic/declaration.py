@@ -29,7 +29,7 @@ from tradestudy.declarations.quantities import (
     PositiveNumber,
 )
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.depth_of_field import microlens_focal_length, touching_inverse_virtual_depths
+from tradestudy.optics.plenoptic_depth_of_field import microlens_focal_length, touching_inverse_virtual_depths
 from tradestudy.optics.thin_lens import image_distance
 
 

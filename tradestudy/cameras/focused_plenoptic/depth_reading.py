@@ -34,7 +34,7 @@ from tradestudy.cameras.microlens_pictures import (
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.point_progress import tell
 from tradestudy.optics.arrays import BoolArray, Samples
-from tradestudy.optics.cut_aperture import centroid_of_common_part
+from tradestudy.optics.two_apertures import centroid_of_common_part
 from tradestudy.optics.window_matching import (
     Matches,
     PairOfPictures,

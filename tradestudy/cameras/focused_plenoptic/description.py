@@ -8,7 +8,10 @@ from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.focused_plenoptic.depth_scaling import DepthScaling
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.plenoptic import fill_factor
-from tradestudy.optics.microlens_coverage import covering_microlens_object_distance, covering_radius_over_pitch
+from tradestudy.optics.microlens_coverage import (
+    covering_microlens_object_distance,
+    covering_radius_over_pitch,
+)
 from tradestudy.optics.thin_lens import object_distance
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 

@@ -41,14 +41,14 @@ from tradestudy.cameras.plenoptic import PlenopticCamera
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.depth_of_field.plenoptic import inverse_focus_virtual_depth, relay_blur_diameter
 from tradestudy.optics.microlens_coverage import mean_seen_count, projected_radius_over_pitch
-from tradestudy.optics.microlens_projection import (
+from tradestudy.optics.plenoptic_depth_of_field import inverse_focus_virtual_depth, relay_blur_diameter
+from tradestudy.optics.thin_lens import (
+    focus_shift,
     microlens_object_distance,
     object_distance_of_virtual_depth,
     virtual_depth,
 )
-from tradestudy.optics.thin_lens import focus_shift
 from tradestudy.optics.triangulation import plenoptic_depth
 
 COVERING_VIRTUAL_DEPTH: Final = 2.0

@@ -10,13 +10,13 @@ import numpy as np
 from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.microlens_coverage import (
+from tradestudy.optics.equivalent_baseline import (
     PairLengths,
     least_squares_baseline,
     least_squares_pairs,
-    seen_count_probability,
     widest_pair_baseline,
 )
+from tradestudy.optics.microlens_coverage import seen_count_probability
 
 PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
 UsedLenses = Literal["all", "sharpest-type"]

@@ -12,18 +12,14 @@ from tradestudy.cameras.focused_plenoptic.depth_scaling import NO_SCALING, Depth
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field import (
-    DiffractionMeasure,
-    diffraction_diameter,
-    inverse_focus_virtual_depth,
-    relay_depth_of_field,
-)
+from tradestudy.optics.depth_of_field import DiffractionMeasure, diffraction_diameter
 from tradestudy.optics.lateral_resolution import (
     LateralResolution,
     focused_plenoptic_depth_of_field_at_resolution,
     focused_plenoptic_lateral_resolution,
 )
-from tradestudy.optics.microlens_projection import virtual_depth
+from tradestudy.optics.plenoptic_depth_of_field import inverse_focus_virtual_depth, relay_depth_of_field
+from tradestudy.optics.thin_lens import virtual_depth
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,7 @@ from tradestudy.cameras.focused_plenoptic.micro_images import MicroImages
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.microlens_projection import microlens_object_distance
-from tradestudy.optics.thin_lens import image_distance
+from tradestudy.optics.thin_lens import image_distance, microlens_object_distance
 
 
 def relayed_picture(

@@ -23,7 +23,7 @@ from tradestudy.cameras.stereo.imported import stated_by
 from tradestudy.declarations.lens_models import AnyLensModel, fitted_words
 from tradestudy.declarations.part import MistakeAt
 from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistanceOrInfinity, PositivePixels
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL
 
 _NEARLY_PARALLEL: Final = 0.05
 """Convergence, as a fraction of the field of view, up to which the design of a calibrated pair is parallel."""

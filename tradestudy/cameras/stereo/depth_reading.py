@@ -20,7 +20,7 @@ from tradestudy.cameras.stereo.pair import SIDES
 from tradestudy.cameras.stereo.row_alignment import row_alignment
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL
 from tradestudy.optics.window_matching import (
     Matches,
     PairOfPictures,

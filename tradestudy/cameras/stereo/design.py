@@ -53,8 +53,7 @@ from tradestudy.cameras.stereo.views import views_of_calibration, views_of_desig
 from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.lens_models.lens_model import LensModel, slopes
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL, LensModel, slopes
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse, stereo_depth, stereo_disparity
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.picture_field import edge_angle, place_across
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_model import LensModel
 
 _RIGHT_ANGLE = math.pi / 2.0
 

@@ -13,8 +13,7 @@ from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.light_cones import Pose, pose_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import IDEAL
+from tradestudy.optics.lens_model import IDEAL, LensModel
 from tradestudy.optics.triangulation import inverse_depth_on_ray, midpoint_depth
 
 SIDES: Final = ("left", "right")

@@ -12,7 +12,7 @@ from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.light_cones import Pose, pose_of
 from tradestudy.cameras.parts import Sensor
 from tradestudy.cameras.stereo.pair import SIDES, Pair, pair_interior, pair_poses
-from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_model import LensModel
 
 
 @dataclass(frozen=True, kw_only=True)

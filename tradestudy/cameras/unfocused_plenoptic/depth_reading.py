@@ -20,9 +20,15 @@ from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, Fla
 from tradestudy.cameras.microlens_pictures import Indices, MicrolensGrid, microlens_grid, sampled
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.optics.arrays import BoolArray, Samples
-from tradestudy.optics.interpolation import cubic_weights
-from tradestudy.optics.microlens_coverage.lattice import lattice_of
-from tradestudy.optics.window_matching import PairOfPictures, Reason, gradient_along, match_windows, odd_window
+from tradestudy.optics.microlens_coverage import lattice_of
+from tradestudy.optics.window_matching import (
+    PairOfPictures,
+    Reason,
+    cubic_weights,
+    gradient_along,
+    match_windows,
+    odd_window,
+)
 
 _LEAST_SHARE: Final = 0.5  # of a window that both views must show
 _SMOOTHING: Final = 0.8  # samples; finer detail in views is mostly aliased, with wrong disparities

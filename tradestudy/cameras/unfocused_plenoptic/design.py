@@ -33,7 +33,7 @@ from tradestudy.cameras.unfocused_plenoptic.method import METHOD
 from tradestudy.cameras.unfocused_plenoptic.views import between_known_centres, views_inverse_depth, views_observation
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.depth_of_field import refocus_distance, view_pupil_diameter
+from tradestudy.optics.plenoptic_depth_of_field import refocus_distance, view_pupil_diameter
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty

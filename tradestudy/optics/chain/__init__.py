@@ -2,7 +2,6 @@
 
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.image import chain_image, separate_image, spectral_image
-from tradestudy.optics.chain.microlenses import Microlenses, hexagonal_centres, square_centres
 from tradestudy.optics.chain.scene import (
     EXACT_RAYS,
     FRESNEL,
@@ -11,7 +10,10 @@ from tradestudy.optics.chain.scene import (
     KIRCHHOFF_FRESNEL,
     Legs,
     LightPath,
+    Microlenses,
     PixelGrid,
+    hexagonal_centres,
+    square_centres,
 )
 from tradestudy.optics.chain.sources import DiscSource
 

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainImage
+from tradestudy.optics.chain.accuracy import ChainImage, refuse_pixel_centres
 from tradestudy.optics.chain.microlens_nodes import cell_nodes
-from tradestudy.optics.chain.pixels import refuse_pixel_centres
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import PointSource

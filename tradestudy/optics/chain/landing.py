@@ -17,12 +17,11 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray, IndexArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative_change
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, refuse_pixel_centres, relative_change
 from tradestudy.optics.chain.array_field import PupilWave, direct_field
 from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light, refuse_focus_on_array
 from tradestudy.optics.chain.lit_part import lit_part
-from tradestudy.optics.chain.pixels import refuse_pixel_centres
-from tradestudy.optics.chain.regions import (
+from tradestudy.optics.chain.microlens_nodes import (
     Region,
     aperture_region,
     cell_region,

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative_change
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, refuse_pixel_centres, relative_change
 from tradestudy.optics.chain.array_field import direct_field
-from tradestudy.optics.chain.arriving_light import refuse_focus_on_array
+from tradestudy.optics.chain.arriving_light import SourceTables, refuse_focus_on_array, source_tables
 from tradestudy.optics.chain.detector_patch import lit_radius
 from tradestudy.optics.chain.landing import (
     compared_settings,
@@ -27,11 +27,8 @@ from tradestudy.optics.chain.landing import (
     on_pixels,
     pixel_nodes,
 )
-from tradestudy.optics.chain.microlens_nodes import cell_nodes, tapered_disc_nodes
-from tradestudy.optics.chain.pixels import refuse_pixel_centres
-from tradestudy.optics.chain.regions import Disc
+from tradestudy.optics.chain.microlens_nodes import Disc, cell_nodes, tapered_disc_nodes
 from tradestudy.optics.chain.scene import Legs, LightPath
-from tradestudy.optics.chain.source_tables import SourceTables, source_tables
 from tradestudy.optics.chain.sources import (
     DiscSource,
     lens_orbits,

@@ -14,21 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import IndexArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.arrays import ComplexArray, IndexArray, unit_phasor
+from tradestudy.optics.chain.accuracy import MARGIN, ChainAccuracy
 from tradestudy.optics.chain.array_field import PupilWave, looser_for_edges
 from tradestudy.optics.chain.arriving_light import RayReach, RayWave, blur_radius
-from tradestudy.optics.chain.microlens_nodes import CellNodes, lit_share
-from tradestudy.optics.chain.microlenses import Microlenses
-from tradestudy.optics.chain.pixels import MARGIN
-from tradestudy.optics.chain.regions import Disc
-from tradestudy.optics.chain.scene import LightPath
-from tradestudy.optics.phasors import ComplexArray, unit_phasor
+from tradestudy.optics.chain.microlens_nodes import CellNodes, Disc, lit_share
+from tradestudy.optics.chain.scene import LightPath, Microlenses
+from tradestudy.optics.propagation.boundary_wave import one_ray_per_target
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES, unchecked_hybrid_field
 from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, SphericalPath
-from tradestudy.optics.propagation.rays import one_ray_per_target
 from tradestudy.optics.propagation.sampling import Limits
 from tradestudy.optics.propagation.targets import TargetGrid
 

@@ -10,23 +10,24 @@ from functools import partial
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, UnaffordableError
-from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, relative_change
+from tradestudy.optics.arrays import ComplexArray, FloatArray
+from tradestudy.optics.chain.accuracy import MARGIN, ChainAccuracy, ChainImage, light_on_pixels, relative_change
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, leg_kernel
 from tradestudy.optics.chain.arriving_light import ArrivingLight, RayReach, RayWave, arriving_light, ray_reach
-from tradestudy.optics.chain.detector_patch import FEWEST_NODES, DetectorPlan, field_on_detector, plan_detector
+from tradestudy.optics.chain.detector_patch import (
+    FEWEST_NODES,
+    DetectorPlan,
+    MicrolensPlane,
+    direct_detector_field,
+    field_on_detector,
+    microlens_plane,
+    plan_detector,
+    resolved_cycles,
+)
 from tradestudy.optics.chain.detector_transfer import fading_length, response
 from tradestudy.optics.chain.lit_part import lit_part, reached_pixels
 from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
-from tradestudy.optics.chain.microlens_plane import (
-    MicrolensPlane,
-    direct_detector_field,
-    microlens_plane,
-    resolved_cycles,
-)
-from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
 from tradestudy.optics.chain.scene import LegMethod
-from tradestudy.optics.phasors import ComplexArray
 from tradestudy.optics.propagation.result import squared_magnitude
 
 _SAFETY_OF_EDGES = 3.0  # Kirchhoff's coarser integral may err to the same side as a boundary wave

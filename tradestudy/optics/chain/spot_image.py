@@ -11,12 +11,11 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, ComputeParts
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import RayWave, point_wave
 from tradestudy.optics.chain.detector_patch import outermost
-from tradestudy.optics.chain.lit_disc import light_left_out, lit_disc
-from tradestudy.optics.chain.parts import ComputeParts
+from tradestudy.optics.chain.lit_part import light_left_out, lit_disc
 from tradestudy.optics.chain.point_image import compute_point, plan_point, reference_law
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import (
@@ -28,8 +27,16 @@ from tradestudy.optics.chain.sources import (
     source_nodes,
     symmetries,
 )
-from tradestudy.optics.chain.spot_parts import AskedSpot, FollowedPoints, follow_points, forget_spot, source_density
-from tradestudy.optics.chain.spot_points import point_light, refuse_large_spot, tables_at
+from tradestudy.optics.chain.spot_points import (
+    AskedSpot,
+    FollowedPoints,
+    follow_points,
+    forget_spot,
+    point_light,
+    refuse_large_spot,
+    source_density,
+    tables_at,
+)
 
 _SAFETY_OF_ANGLES = 1.5  # one or two rings represent all rings
 _SAFETY_OF_RADII = 2.0  # one azimuth represents all azimuths

@@ -1,4 +1,4 @@
-"""One point of a spot: the data shared by all points, and the light of one point on the detector.
+"""Points of a spot: the data shared by all points, and the light of some points on the pixels.
 
 Shared data are computed once: the main-lens field at a few distances of the source from the axis (it turns with the
 source, and is interpolated in between), the nodes of a microlens, and the transfer to the detector. Behind the array,
@@ -9,37 +9,55 @@ image; patches of one source point add as fields.
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from threading import Lock
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tradestudy.optics.arrays import FloatArray, IndexArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.arrays import ComplexArray, FloatArray, IndexArray
+from tradestudy.optics.chain.accuracy import MARGIN, ChainAccuracy, far_light, light_on_pixels
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave
-from tradestudy.optics.chain.arriving_light import RayReach, RayWave, point_wave, ray_reach
+from tradestudy.optics.chain.arriving_light import (
+    Place,
+    RayReach,
+    RayWave,
+    SourceTables,
+    point_wave,
+    ray_reach,
+    refuse_large_tables,
+    source_tables,
+)
 from tradestudy.optics.chain.detector_patch import (
     POINTS_AT_ONCE,
     SINGLE_PRECISION_FROM,
     DetectorPatch,
+    MicrolensPlane,
     detector_patch,
     disc_ends,
     field_on_detector,
     lit_radius,
     outermost,
+    shadowed,
 )
-from tradestudy.optics.chain.detector_transfer import Response, response
+from tradestudy.optics.chain.detector_transfer import (
+    PatchLaw,
+    PatchPlan,
+    Response,
+    patch_fields,
+    patch_law,
+    refuse_large_patch,
+    response,
+)
 from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_share, padded
-from tradestudy.optics.chain.microlens_plane import MicrolensPlane, shadowed
-from tradestudy.optics.chain.patch_transfer import PatchLaw, PatchPlan, patch_fields, patch_law, refuse_large_patch
-from tradestudy.optics.chain.pixels import MARGIN, far_light, light_on_pixels
 from tradestudy.optics.chain.scene import Legs, LightPath
-from tradestudy.optics.chain.source_tables import Place, SourceTables, refuse_large_tables, source_tables
-from tradestudy.optics.chain.sources import DiscSource, SourceNodes
-from tradestudy.optics.phasors import ComplexArray
+from tradestudy.optics.chain.sources import DiscSource, SourceNodes, source_nodes, tolerated_density
 from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.optics.propagation.result import squared_magnitude
 
@@ -396,3 +414,101 @@ def mean_on_pixels(spot: Spot, part: Iterable[tuple[int, PointLight]]) -> tuple[
         far += n * light.far
     pixels, error = light_on_pixels(intensity / points, spot.path.pixels, per_pixel=spot.per_pixel)
     return pixels + far / points, error
+
+
+_PREPARING = Lock()  # so that threads that begin together prepare a spot only once
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AskedSpot:
+    """Everything that a worker needs to prepare a spot by itself.
+
+    Requests compare by identity; all copies of one request that reach another process become one object there.
+    """
+
+    path: LightPath
+    source: DiscSource
+    wavelength: float
+    legs: Legs
+    accuracy: ChainAccuracy
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _received, (pickle.dumps({one.name: getattr(self, one.name) for one in fields(self)}),)
+
+    def prepared(self) -> Spot:
+        """Data shared by all points, kept for the latest request only: parts of one spot are computed in sequence."""
+        with _PREPARING:
+            return _prepared(self)
+
+
+@lru_cache(maxsize=1)
+def _received(content: bytes) -> AskedSpot:
+    return AskedSpot(**pickle.loads(content))  # pickled by `AskedSpot.__reduce__`
+
+
+@lru_cache(maxsize=1)
+def _prepared(asked: AskedSpot) -> Spot:
+    nodes = source_nodes(asked.path, asked.source, wavelength=asked.wavelength, density=source_density(asked.accuracy))
+    return prepare_spot(asked.path, asked.source, nodes, asked.wavelength, asked.legs, asked.accuracy)
+
+
+def forget_spot() -> None:
+    """Free the tables of the spot that was prepared last."""
+    _prepared.cache_clear()
+
+
+def source_density(accuracy: ChainAccuracy) -> float:
+    """Fraction of the cutoff to resolve: light near the cutoff is weak, and the pixel averages it away."""
+    return accuracy.source_sampling * tolerated_density(accuracy)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowedPoints:
+    """Mean light of some points of a spot on the pixels.
+
+    Attributes
+    ----------
+    pixels
+        Weighted mean, shape (rows, columns).
+    pixel_error
+        Relative L2 error of its integration over the pixels.
+    alone
+        Image of each point that was requested separately, shape (points, rows, columns).
+    handed_over
+        Largest fraction that a boundary wave left to Kirchhoff's integral.
+    effort
+        Counts of nodes and samples for each point.
+    """
+
+    pixels: FloatArray
+    pixel_error: float
+    alone: FloatArray
+    handed_over: float
+    effort: dict[str, int]
+
+
+def follow_points(
+    asked: AskedSpot, places: FloatArray, weights: tuple[int, ...], alone: tuple[int, ...] = ()
+) -> FollowedPoints:
+    """Follow weighted source points, shape (n, 2); `alone` lists those whose images are also returned separately."""
+    spot = asked.prepared()
+    images, handed = [], [spot.tables.handed_over if spot.tables else 0.0]
+
+    def followed() -> Iterator[tuple[int, PointLight]]:
+        for number, (weight, light) in enumerate(zip(weights, lights_of(spot, places), strict=True)):
+            handed.append(light.handed_over)
+            if number in alone:
+                images.append(light.on_pixels(spot))
+            yield weight, light
+
+    pixels, error = mean_on_pixels(spot, followed())
+    return FollowedPoints(
+        pixels=pixels,
+        pixel_error=error,
+        alone=np.array(images).reshape(-1, *pixels.shape),
+        handed_over=max(handed),
+        effort={
+            "nodes per microlens": spot.plane.cell.x.size,
+            "samples per patch": spot.samples**2,
+        },
+    )

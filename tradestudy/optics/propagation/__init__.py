@@ -1,8 +1,7 @@
 """Light behind one aperture: geometric, boundary wave, Fresnel, Kirchhoff, each with an error bar."""
 
 from tradestudy.optics.propagation.aperture import METHODS, aperture_field, lens_wave
-from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
-from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
+from tradestudy.optics.propagation.kernels import ApertureSamples, FresnelKernel, Kernel, KirchhoffKernel, direct_sum
 from tradestudy.optics.propagation.lens import (
     LENS_PHASES,
     OBLIQUITIES,

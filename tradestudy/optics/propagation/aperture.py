@@ -9,12 +9,11 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.argument_types import check_wavelength, checked
-from tradestudy.optics.arrays import FloatArray, IndexArray
-from tradestudy.optics.phasors import ComplexArray
+from tradestudy.optics.arrays import ComplexArray, FloatArray, IndexArray
+from tradestudy.optics.propagation.boundary_wave import Rays, find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.hybrid import hybrid_field
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import CircularLens, LensWave, Obliquity, PointSource, check_obliquity
-from tradestudy.optics.propagation.rays import Rays, find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError, squared_magnitude
 from tradestudy.optics.propagation.sampling import (
     Limits,

@@ -9,21 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import NotConvergedError
-from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.boundary_wave import edge_field, pole_reach
-from tradestudy.optics.phasors import ComplexArray, unit_phasor
-from tradestudy.optics.propagation.direct import direct_sum
-from tradestudy.optics.propagation.kernels import KirchhoffKernel
-from tradestudy.optics.propagation.lens import LensWave
-from tradestudy.optics.propagation.rays import (
+from tradestudy.optics.arrays import BoolArray, ComplexArray, FloatArray, unit_phasor
+from tradestudy.optics.propagation.boundary_wave import (
     Rays,
+    edge_field,
     fewest_zones,
     find_rays,
     land,
     one_ray_per_target,
+    pole_reach,
     ray_fields,
     within_rim,
 )
+from tradestudy.optics.propagation.kernels import KirchhoffKernel, direct_sum
+from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.result import (
     ApertureField,
     CheckErrors,
@@ -42,8 +41,7 @@ from tradestudy.optics.propagation.sampling import (
     outline,
     time_left,
 )
-from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
-from tradestudy.optics.propagation.upsampling import chebyshev_grid, polar_field
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets, chebyshev_grid, polar_field
 from tradestudy.optics.propagation.wave_optics import (
     FieldAccuracy,
     largest_field,

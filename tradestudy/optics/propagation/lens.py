@@ -12,7 +12,7 @@ import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.argument_types import checked, checked_fields
-from tradestudy.optics.phasors import unit_phasor
+from tradestudy.optics.arrays import unit_phasor
 from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, PathTerm, SphericalPath
 from tradestudy.optics.propagation.pupil import Pupil, checked_map
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes

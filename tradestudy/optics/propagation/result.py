@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.phasors import ComplexArray
+from tradestudy.optics.arrays import BoolArray, ComplexArray, FloatArray
 from tradestudy.optics.propagation.targets import TargetGrid, Targets
 
 Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]

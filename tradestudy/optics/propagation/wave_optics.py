@@ -12,9 +12,8 @@ import numpy as np
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.argument_types import checked, checked_fields
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.fast_sum import FastField, fast_sum
-from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel
+from tradestudy.optics.propagation.kernels import ApertureSamples, FresnelKernel, Kernel, direct_sum
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.result import (
     ApertureField,

@@ -14,10 +14,10 @@ from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath
-from tradestudy.optics.chain.lit_disc import lit_disc
+from tradestudy.optics.chain.lit_part import lit_disc
 from tradestudy.optics.chain.sources import source_nodes
 from tradestudy.optics.chain.spot_image import followed_points
-from tradestudy.optics.chain.spot_parts import source_density
+from tradestudy.optics.chain.spot_points import source_density
 from tradestudy.plan.problems.light_trial import TOLERANCE, LightTrial
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 

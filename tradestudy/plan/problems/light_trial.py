@@ -22,12 +22,11 @@ from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath, Microlenses, PixelGrid
 from tradestudy.optics.chain.arriving_light import blur_radius, point_wave
+from tradestudy.optics.chain.exact_rays import forward_tracer
 from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
 from tradestudy.optics.chain.point_image import compute_point
-from tradestudy.optics.chain.sampled_rays import forward_tracer
 from tradestudy.optics.chain.sources import source_nodes
-from tradestudy.optics.chain.spot_parts import source_density
-from tradestudy.optics.chain.spot_points import Spot, point_light, prepare_spot, tables_at
+from tradestudy.optics.chain.spot_points import Spot, point_light, prepare_spot, source_density, tables_at
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.wave_optics import LightSpotPart
 

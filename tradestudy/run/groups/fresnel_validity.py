@@ -24,7 +24,7 @@ from tradestudy.analysis.fresnel_errors import (
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import Seconds, timed
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.paper_equation_27 import paper_eq27_sweep
+from tradestudy.optics.fresnel_validity import paper_eq27_sweep
 from tradestudy.optics.propagation import LensPhase
 from tradestudy.optics.psf_difference import PsfDifference
 from tradestudy.results import dataset

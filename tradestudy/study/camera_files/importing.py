@@ -25,7 +25,7 @@ from tradestudy.cameras.imported import (
     conventions_stated,
 )
 from tradestudy.cameras.kinds import KINDS
-from tradestudy.optics.lens_models.families import FAMILIES
+from tradestudy.optics.lens_families import FAMILIES
 from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
 from tradestudy.study.camera_files.located import OTHER_CAMERAS, UNUSED, CameraFile, CameraFileError, Format, Request
 from tradestudy.study.camera_files.pairs import (

@@ -21,7 +21,7 @@ from tradestudy.cameras.imported import (
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_models.families import FAMILIES
+from tradestudy.optics.lens_families import FAMILIES
 from tradestudy.study.camera_files.located import Located
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field.single_lens import DepthOfField, as_floats, depth_of_field, require
+from tradestudy.optics.depth_of_field import DepthOfField, as_floats, depth_of_field, require
 from tradestudy.optics.thin_lens import focus_shift, image_distance
 
 
