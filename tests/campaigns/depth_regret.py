@@ -26,7 +26,7 @@ from tradestudy.analysis.depth_points import DepthPoint, depth_table
 from tradestudy.analysis.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.measuring import forget
-from tradestudy.effects.models import Models, SlotName, models_of
+from tradestudy.effects import Models, SlotName, models_of
 from tradestudy.errors import TradestudyError
 from tradestudy.plan.choice import choose_models
 from tradestudy.study.definition import StudyDefinition

@@ -26,7 +26,7 @@ import numpy as np
 from tests.campaigns import record
 from tests.campaigns.light_cases import large_part, random_part
 from tradestudy.analysis.spot_images import RAYS, SpotModels, light_source, picture_of
-from tradestudy.effects.choice import choose
+from tradestudy.effects import choose
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, spot_models

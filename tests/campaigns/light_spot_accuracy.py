@@ -16,7 +16,7 @@ import numpy as np
 from tests.campaigns import record
 from tradestudy import load
 from tradestudy.analysis import spot_images
-from tradestudy.effects.choice import choose
+from tradestudy.effects import choose
 from tradestudy.plan.problems.light_spot import LightSpotProblem, spot_models
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"

@@ -80,7 +80,7 @@ def test_errors_refer_to_the_finest_reference_and_are_never_below_its_own(clock:
 @pytest.mark.parametrize(
     ("seconds", "reference", "models", "left_out"),
     [
-        (0.5, "", (), [r"not measured: the reference .*about 1 s, .*--budget"]),
+        (0.5, "", (), [r"not measured: the reference .*about 1 s, .*larger budget"]),
         (9.0, "coarse", ("rough", "choice"), [r"exact: .*about 2 s, .*\b1\.7 s left"]),
         (30.0, "coarse", ("rough", "choice", "exact"), []),
     ],

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from tradestudy import api
 from tradestudy.api import Study
 from tradestudy.cli import app
-from tradestudy.cost import depth
+from tradestudy.cost import study_cost as candidates
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.results import GROUPS
@@ -56,7 +56,7 @@ accuracy: {{tolerance: 5 %}}
 @pytest.fixture(scope="module", autouse=True)
 def coarse_references() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(depth, "_DRAWS", depth._DRAWS[:2])  # the finest takes seconds
+        patch.setattr(candidates, "_DRAWS", candidates._DRAWS[:2])  # the finest takes seconds
         yield
 
 

@@ -12,8 +12,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tradestudy.effects.choice import Change, Changes, Choice, SimulationProblem, Slot, choose
-from tradestudy.effects.models import EFFECTS, Models, SlotName, models_of
+from tradestudy.effects import (
+    EFFECTS,
+    Change,
+    Changes,
+    Choice,
+    Models,
+    SimulationProblem,
+    Slot,
+    SlotName,
+    choose,
+    models_of,
+)
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 
 TOLERANCE = {"depth_uncertainty": 0.05}

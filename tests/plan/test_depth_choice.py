@@ -16,8 +16,7 @@ from tests.campaigns.depth_cases import base_study
 from tests.campaigns.depth_regret import run, shift_of_ends
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.depth import depth_uncertainty, evaluate_depth
-from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot, choose
-from tradestudy.effects.models import Models
+from tradestudy.effects import Change, Changes, Models, SimulationProblem, Slot, choose
 from tradestudy.errors import StudyError
 from tradestudy.plan.choice import choose_models
 from tradestudy.plan.problems.depth import depth_problems

@@ -10,7 +10,7 @@ import pytest
 
 from tests.campaigns.depth_cases import KINDS, base_study, random_study
 from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.effects.models import Models
+from tradestudy.effects import Models
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.optical_transfer import kirchhoff_transfers
 from tradestudy.imaging.transfer import airy_transfer

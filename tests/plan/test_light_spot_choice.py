@@ -13,8 +13,7 @@ import tradestudy
 from tests.campaigns.light_cases import large_part, random_part
 from tests.campaigns.light_regret import measured, rows
 from tradestudy.analysis.spot_images import SpotModels, light_path, light_source, spot_picture
-from tradestudy.effects.choice import Choice, choose
-from tradestudy.effects.models import OFF, Models
+from tradestudy.effects import OFF, Choice, Models, choose
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.optics.chain import DiscSource
 from tradestudy.optics.chain.arriving_light import RayWave, blur_radius

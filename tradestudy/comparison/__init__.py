@@ -24,7 +24,7 @@ from tradestudy.comparison.conclusions import (
     compare_usable,
 )
 from tradestudy.comparison.results import ChangedResult, Results, compare_results
-from tradestudy.effects.words import EFFECT, MODEL
+from tradestudy.effects import EFFECT, MODEL
 from tradestudy.errors import OutOfRangeError
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.overlay import FEW, overlay_drawing

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from tradestudy.accuracy import IN_WORDS, QUANTITIES, Quantity
-from tradestudy.effects.choice import Changes, Choice, SimulationProblem, choose
-from tradestudy.effects.models import OFF, Models
+from tradestudy.effects import OFF, Changes, Choice, Models, SimulationProblem, choose
 from tradestudy.errors import Problem, StudyError, UnaffordableError
 from tradestudy.study.definition import StudyDefinition
 

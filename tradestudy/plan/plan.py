@@ -9,7 +9,7 @@ from typing import Final
 
 from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.trade_off import refuse_words
-from tradestudy.effects.models import Models
+from tradestudy.effects import Models
 from tradestudy.errors import UnaffordableError
 from tradestudy.plan.choice import Chosen, choose_models
 from tradestudy.plan.plan_text import plan_lines

@@ -7,9 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from tradestudy.accuracy import IN_WORDS, Quantity
-from tradestudy.effects.choice import NAMED, Change, Evidence
-from tradestudy.effects.models import LENSES, OFF
-from tradestudy.effects.words import MODEL, left_out
+from tradestudy.effects import LENSES, MODEL, NAMED, OFF, Change, Evidence, left_out
 from tradestudy.plan.choice import Chosen
 from tradestudy.plan.slow_steps import Work, magnitude
 from tradestudy.units import FRACTION, pretty

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.depth_measurement import CORNERS
-from tradestudy.effects.models import OFF
+from tradestudy.effects import OFF
 from tradestudy.imaging.picture import kirchhoff_lattice
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.wave_optics import LightSpotPart

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.analysis.scene_pictures import Taken, declared_image, recording_of, set_up, whole_pictures
-from tradestudy.effects.models import OFF
+from tradestudy.effects import OFF
 from tradestudy.errors import UnaffordableError
 from tradestudy.execution import Steps
 from tradestudy.imaging.render.sight import waves_of

@@ -10,7 +10,7 @@ from typing import Final
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.effects.models import Models, SlotName
+from tradestudy.effects import Models, SlotName
 from tradestudy.imaging.models import Matcher, PictureModels, closed_form_models
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.study.schema.scene import ScenePart

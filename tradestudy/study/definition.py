@@ -19,7 +19,7 @@ from tradestudy.cameras.declaration import AttributesPart, DepthCameraDeclaratio
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.declarations.part import MistakeAt
-from tradestudy.effects.models import OFF, Models
+from tradestudy.effects import OFF, Models
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.building import apply_models, camera_of, posterior_key

@@ -15,8 +15,18 @@ from tradestudy.accuracy import Quantity
 from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
 from tradestudy.cameras.depth_measurement import towards_corners
-from tradestudy.effects.choice import Change, Changes, Evidence, SimulationProblem, Slot
-from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
+from tradestudy.effects import (
+    LENSES,
+    OFF,
+    Change,
+    Changes,
+    Evidence,
+    Models,
+    SimulationProblem,
+    Slot,
+    SlotName,
+    models_of,
+)
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.problems.depth_variant import DepthVariant

@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, Focus
-from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
-from tradestudy.effects.models import OFF, Models, models_of
+from tradestudy.effects import OFF, Change, Changes, Models, SimulationProblem, Slot, models_of
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.schema.questions import PROBLEM
 

@@ -15,7 +15,7 @@ from tradestudy.analysis.second_order import all_normal
 from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, false_match_share
 from tradestudy.cameras.depth_measurement import FieldPosition
-from tradestudy.effects.models import OFF, Models
+from tradestudy.effects import OFF, Models
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, PictureDisparityError, WeighedPicture
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.analysis.depth import DepthErrors, model_error
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
-from tradestudy.effects.models import OFF
+from tradestudy.effects import OFF
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.building import apply_models
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.effects.models import LENSES, OFF, Models, SlotName
+from tradestudy.effects import LENSES, OFF, Models, SlotName
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.optical_transfer import is_by_rays
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px

@@ -10,8 +10,7 @@ from typing import Final
 
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.spot_images import RAYS, SpotModels, light_path, light_source
-from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
-from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
+from tradestudy.effects import LENSES, OFF, Change, Changes, Models, SimulationProblem, Slot, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath
 from tradestudy.optics.chain.lit_part import lit_disc

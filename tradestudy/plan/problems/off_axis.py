@@ -10,7 +10,7 @@ import numpy as np
 from tradestudy.analysis.linear_depth import has_covariance, linearised_depth
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
-from tradestudy.effects.models import OFF, Models
+from tradestudy.effects import OFF, Models
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray

@@ -7,8 +7,7 @@ from typing import Final
 
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.point_spreads import LensAndPoint, SpreadMethod, every_case, spread_measures
-from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
-from tradestudy.effects.models import Models, models_of
+from tradestudy.effects import Change, Changes, Models, SimulationProblem, Slot, models_of
 from tradestudy.study.schema.wave_optics import PointSpreadPart
 
 NAME: Final = "point-spread"

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.scene_pictures import declared_image, recording_of, set_up, whole_pictures
-from tradestudy.effects.choice import Change, Changes, SimulationProblem, Slot
-from tradestudy.effects.models import LENSES, OFF, Models, models_of
+from tradestudy.effects import LENSES, OFF, Change, Changes, Models, SimulationProblem, Slot, models_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.imaging.render.sight import waves_of

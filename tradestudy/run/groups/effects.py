@@ -7,7 +7,7 @@ import math
 import xarray as xr
 
 from tradestudy.accuracy import QUANTITIES
-from tradestudy.effects.choice import Change, Changes
+from tradestudy.effects import Change, Changes
 from tradestudy.plan.plan import Plan
 from tradestudy.plan.plan_text import summary
 from tradestudy.results import dataset

@@ -19,7 +19,7 @@ from tradestudy.analysis.spot_images import (
     lit_pixels,
     spot_picture,
 )
-from tradestudy.effects.models import Models
+from tradestudy.effects import Models
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.optics.arrays import FloatArray

@@ -18,7 +18,7 @@ from tradestudy.analysis.point_spreads import (
     spread_measures,
     varied_values,
 )
-from tradestudy.effects.models import Models
+from tradestudy.effects import Models
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import Seconds, timed
 from tradestudy.results import dataset

@@ -13,8 +13,7 @@ from tradestudy.accuracy import Quantity
 from tradestudy.cameras.calibration import ONE_SIGMA, Propagation
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import ObjectDistance, PositiveDuration, Seed, Share, distinct, quantity
-from tradestudy.effects.models import EFFECTS, SlotName, models_of
-from tradestudy.effects.words import EFFECT
+from tradestudy.effects import EFFECT, EFFECTS, SlotName, models_of
 
 # A tolerance above the value itself, or below the error that any propagator states, means nothing.
 Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.0)]

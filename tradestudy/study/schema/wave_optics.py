@@ -32,7 +32,7 @@ from tradestudy.declarations.quantities import (
     Waves,
     quantity,
 )
-from tradestudy.effects.models import LENSES
+from tradestudy.effects import LENSES
 from tradestudy.light_methods import legs_of
 from tradestudy.study.schema.accuracy import EffectsPart
 from tradestudy.units import LENGTH, UnitError, pretty
