@@ -27,8 +27,7 @@ MAY_BE_READ = ("errors", "units", "light_methods", "wording", "accuracy", "resul
 KINDS = tuple(sorted(path.parent.name for path in (PACKAGE / "cameras").glob("*/declaration.py")))
 DECLARATIONS = (
     "cameras.kinds", "cameras.declaration", "cameras.stated_declaration", "cameras.calibration_declaration",
-    "cameras.target_declaration",
-    *(f"cameras.{kind}.declaration" for kind in KINDS), "cameras.stereo.geometry",
+    *(f"cameras.{kind}.declaration" for kind in KINDS),
 )  # fmt: skip
 # What reports take from figures: facts come from the views of the results.
 DRAWINGS = ("figures", "figures.drawing", "figures.drawn", "figures.fonts")

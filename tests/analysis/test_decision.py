@@ -18,7 +18,7 @@ from tradestudy.analysis.ranks import rank
 from tradestudy.analysis.usable import usable_intervals
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
-from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.depth_measurement import Environment
 from tradestudy.study.definition import Case
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.distributions import Normal

@@ -11,7 +11,7 @@ from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.corners.rig_measurement import RigMeasurement, rig_parameters
 from tradestudy.cameras.calibrated_pair import RADIAL
-from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.depth_measurement import Environment
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.triangulation import depth_of_inverse
 

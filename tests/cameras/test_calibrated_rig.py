@@ -12,7 +12,7 @@ from tradestudy.calibration.corners.rig_measurement import RigMeasurement, rig_p
 from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.parts import Lens, Sensor
-from tradestudy.cameras.stereo.errors import STEREO_ERRORS
+from tradestudy.cameras.stereo.pair import STEREO_ERRORS
 from tradestudy.optics.lens_families import KannalaBrandt
 
 PIXELS, PITCH, BASELINE, TOE_IN = (1280, 800), 3e-6, 0.1, math.radians(6.0)

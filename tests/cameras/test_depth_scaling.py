@@ -13,8 +13,8 @@ from tests.cameras.builders import F_MAIN, depth_read, r5
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
-from tradestudy.cameras.focused_plenoptic.depth_scaling import DepthScaling
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
+from tradestudy.cameras.focused_plenoptic.focus import DepthScaling
 from tradestudy.cameras.parts import Lens
 from tradestudy.errors import OutOfRangeError, StudyError
 

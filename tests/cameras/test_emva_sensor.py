@@ -10,7 +10,7 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.cameras.contradictions import digitiser_contradictions, lens_contradictions
+from tradestudy.cameras.camera import digitiser_contradictions, lens_contradictions
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stated_declaration import StatedPart
 from tradestudy.errors import TradestudyError

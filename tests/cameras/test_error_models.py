@@ -9,10 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.cameras.builders import PITCH, depth_read, r5, stereo, unfocused
-from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.plenoptic_errors import PLENOPTIC_ERRORS
-from tradestudy.cameras.stereo.errors import STEREO_ERRORS
-from tradestudy.cameras.stereo.pair import pair_inverse_depth
+from tradestudy.cameras.depth_measurement import Environment
+from tradestudy.cameras.plenoptic import PLENOPTIC_ERRORS
+from tradestudy.cameras.stereo.pair import STEREO_ERRORS, pair_inverse_depth
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.lens_model import Rational
 from tradestudy.optics.thin_lens import air_refractive_index, focal_length_change_with_medium

@@ -13,10 +13,10 @@ from tradestudy.calibration.posterior_file import measurement_of_rig
 from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStackPlan
-from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.depth_measurement import Environment
 from tradestudy.cameras.light_cones import Exposure, pose_of
 from tradestudy.cameras.parts import Lens, Sensor
-from tradestudy.cameras.single_lens_exposure import SingleLensExposure
+from tradestudy.cameras.single_lens import SingleLensExposure
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import pair_observation
 from tradestudy.errors import OutOfRangeError

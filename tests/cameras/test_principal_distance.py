@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from tests.cameras.builders import depth_read, stereo
-from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.depth_measurement import Environment
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.errors import OutOfRangeError

@@ -8,8 +8,8 @@ import pytest
 
 from tradestudy.cameras.depth_measurement import Errors
 from tradestudy.cameras.light_cones import Pose
+from tradestudy.cameras.stereo.depth_reading import row_alignment
 from tradestudy.cameras.stereo.pair import Pair, pair_interior, pair_observation, pair_poses
-from tradestudy.cameras.stereo.row_alignment import row_alignment
 from tradestudy.optics.arrays import FloatArray
 
 PIXEL = 10e-6

@@ -9,7 +9,7 @@ import pytest
 
 from tests.cameras.builders import F_L, F_MAIN, PITCH, r5, stereo, unfocused
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.depth_measurement import Environment
 
 KELVIN = 3.0
 PPM = 1e-6

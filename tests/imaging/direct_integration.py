@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import j0
 
-from tradestudy.cameras.microlens_exposure import MicrolensExposure
+from tradestudy.cameras.microlens_exposure import ArrayGeometry, MicrolensExposure
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
-from tradestudy.cameras.plenoptic_geometry import ArrayGeometry
 from tradestudy.optics.arrays import FloatArray
 
 WAVELENGTH = 550e-9

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from tradestudy.cameras.light_cones import Exposure, LightCones
-from tradestudy.cameras.microlens_exposure import MicrolensExposure
+from tradestudy.cameras.microlens_exposure import ArrayGeometry, MicrolensExposure
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
-from tradestudy.cameras.plenoptic_geometry import ArrayGeometry
 from tradestudy.imaging.render.nodes import lit_area, nodes
 from tradestudy.imaging.render.sight import sight
 from tradestudy.imaging.scenes.pattern import Pattern

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.imaging.matcher import Scene
-from tradestudy.cameras.matched_windows import WholePictures
-from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
+from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry, WholePictures
 from tradestudy.imaging.models import Light, PictureModels, PictureSettings, SensorNoise, Texture
 from tradestudy.imaging.picture import DerivedDisparityError, disparity_error_px
 

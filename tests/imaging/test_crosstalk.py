@@ -12,8 +12,7 @@ from scipy.special import j0, j1
 
 from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS
-from tradestudy.cameras.matched_windows import MatchedWindow
-from tradestudy.cameras.picture_geometry import PictureGeometry
+from tradestudy.cameras.picture_geometry import MatchedWindow, PictureGeometry
 from tradestudy.imaging.models import PictureModels, closed_form_models, neighbours_share
 from tradestudy.imaging.passed_texture import matched_window
 from tradestudy.imaging.picture import disparity_error_px

@@ -17,7 +17,7 @@ from tests.test_render import facts, study
 from tradestudy import api
 from tradestudy.cameras.light_cones import Exposure
 from tradestudy.cameras.parts import Lens, Sensor
-from tradestudy.cameras.single_lens_exposure import SingleLensExposure
+from tradestudy.cameras.single_lens import SingleLensExposure
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.imaging.models import Light, SensorNoise
 from tradestudy.imaging.render.sight import waves_of

@@ -22,7 +22,7 @@ from tests.imaging.figure_7 import (
 )
 from tradestudy.cameras.light_cones import LightCones
 from tradestudy.cameras.parts import Lens
-from tradestudy.cameras.single_lens_exposure import SingleLensExposure
+from tradestudy.cameras.single_lens import SingleLensExposure
 from tradestudy.imaging.models import Texture
 from tradestudy.imaging.scenes.pattern import RandomPattern, pattern_of
 from tradestudy.optics.arrays import FloatArray

@@ -16,19 +16,26 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from tradestudy.cameras.calibration_declaration import calibration_part
-from tradestudy.cameras.camera import Properties
-from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
+from tradestudy.cameras.camera import Contradiction, Properties, lens_contradictions
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
-from tradestudy.cameras.depth_camera import DepthCamera, DisparityErrorLaw
-from tradestudy.cameras.depth_measurement import Errors, MeasuredInverseDepth, require_known, shares_of, value_of
+from tradestudy.cameras.depth_camera import DepthCamera, DisparityErrorLaw, Formula, Method
+from tradestudy.cameras.depth_measurement import (
+    NOISE_PARAMETER,
+    PIXEL_NOISE,
+    Environment,
+    ErrorParameter,
+    Errors,
+    ErrorVocabulary,
+    MeasuredInverseDepth,
+    require_known,
+    shares_of,
+    value_of,
+)
 from tradestudy.cameras.depth_measurement import Field as FieldOfPicture
-from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.error_vocabulary import NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.focus import SingleLensFocus
-from tradestudy.cameras.method import Formula, Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.through_lens import picture_through_lens
+from tradestudy.cameras.single_lens import picture_through_lens
 from tradestudy.declarations.quantities import Angle, Baseline, ObjectDistanceOrInfinity
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.thin_lens import blur_diameter

@@ -11,8 +11,8 @@ from dataclasses import asdict
 import numpy as np
 import xarray as xr
 
-from tradestudy.cameras.focused_plenoptic.method import METHOD as PLENOPTIC
-from tradestudy.cameras.stereo.method import METHOD as STEREO
+from tradestudy.cameras.focused_plenoptic.design import METHOD as PLENOPTIC
+from tradestudy.cameras.stereo.design import METHOD as STEREO
 from tradestudy.results import dataset
 
 DISTANCE = np.geomspace(0.05, 10.0, 160)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tradestudy import load
-from tradestudy.cameras.contradictions import Contradiction
+from tradestudy.cameras.camera import Contradiction
 from tradestudy.run.groups.registers import assumptions_group, contradictions
 from tradestudy.study.starter import starter
 

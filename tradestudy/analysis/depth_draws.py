@@ -16,8 +16,7 @@ from tradestudy.analysis.control_line import Drivers, Within, sampling_error
 from tradestudy.analysis.depth_distribution import DepthDistribution, share_of_true_matches
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
-from tradestudy.cameras.depth_measurement import Field, FieldPosition, MeasuredInverseDepth
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.depth_measurement import PIXEL_NOISE, Field, FieldPosition, MeasuredInverseDepth
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse

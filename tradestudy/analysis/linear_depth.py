@@ -11,8 +11,7 @@ import numpy as np
 from tradestudy.analysis.depth_distribution import DepthDistribution, share_of_true_matches
 from tradestudy.analysis.depth_draws import MeasuresDepth, fixed_errors, read_draws, uncertain_groups
 from tradestudy.analysis.error_radius import error_radius, last_scores
-from tradestudy.cameras.depth_measurement import FieldPosition
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.depth_measurement import PIXEL_NOISE, FieldPosition
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import depth_from_inverse

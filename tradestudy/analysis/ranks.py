@@ -10,7 +10,7 @@ import numpy as np
 
 from tradestudy.analysis.depth_draws import outcome_model, uncertain_groups
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.error_vocabulary import SESSION_PARAMETERS
+from tradestudy.cameras.depth_measurement import SESSION_PARAMETERS
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.decision import Draws, RankProbability, rank_probability
 from tradestudy.uncertainty.distributions import Normal

@@ -32,8 +32,8 @@ from tradestudy.calibration.synthetic_target import (
     spread_poses,
 )
 from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.calibration_declaration import LEAST_CORNERS, TargetPart
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.target_declaration import LEAST_CORNERS, TargetPart
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal, Uniform

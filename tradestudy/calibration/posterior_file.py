@@ -19,11 +19,10 @@ from tradestudy.calibration.corners.rig_measurement import RigMeasurement, check
 from tradestudy.calibration.corners.view_blocks import shared_names
 from tradestudy.calibration.projection import text_of_lens
 from tradestudy.calibration.sources import CALIBRATION, group_of_draws
-from tradestudy.cameras.calibrated_pair import CalibratedPair
+from tradestudy.cameras.calibrated_pair import CalibratedPair, PairGeometry
 from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
-from tradestudy.cameras.pair_geometry import PairGeometry
+from tradestudy.cameras.depth_measurement import PIXEL_NOISE
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.sources import ErrorClass, Group
 

@@ -28,10 +28,10 @@ from tradestudy.calibration.posterior_file import rig_calibration
 from tradestudy.calibration.projection import RADIAL_LENS, FreeLens
 from tradestudy.calibration.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, PosteriorSample, sample_posterior
 from tradestudy.calibration.sources import CALIBRATION, declared_groups, group_of_draws
+from tradestudy.cameras.calibrated_pair import PairGeometry
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersPart
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.errors import TradestudyError
 from tradestudy.execution.point_progress import part_of_point, tell

@@ -20,8 +20,7 @@ from tradestudy.cameras.calibration_declaration import (
     correlation_matrix,
 )
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS
+from tradestudy.cameras.depth_measurement import AGEING, SESSION_PARAMETERS, Environment
 from tradestudy.declarations.distributions import AnyDistribution, LengthOrPixelsDistribution
 from tradestudy.declarations.part import MistakeAt
 from tradestudy.errors import OutOfRangeError

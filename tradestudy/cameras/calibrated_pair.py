@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final, Protocol
 
 import numpy as np
 
+from tradestudy.cameras.depth_measurement import ErrorVocabulary
 from tradestudy.cameras.parts import Sensor
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_model import IDEAL, LensModel
@@ -91,3 +92,33 @@ def _camera(interior: tuple[float, ...], lens: LensModel, free: tuple[str, ...])
         principal_point=(cx, cy),
         lens=replace(lens, **dict(zip(free, coefficients, strict=True))),
     )
+
+
+class PairGeometry(Protocol):
+    """Two equal cameras side by side, of any kind with `corners_calibrate`."""
+
+    error_vocabulary: ClassVar[ErrorVocabulary]
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor of each camera."""
+
+    @property
+    def baseline(self) -> float:
+        """Distance between the two centres of projection [m]."""
+
+    @property
+    def principal_distance(self) -> float:
+        """Distance from the centre of projection to the sensor [m]."""
+
+    @property
+    def distortion(self) -> LensModel:
+        """Lens model of both cameras."""
+
+    @property
+    def convergence_angle(self) -> float:
+        """Angle between the optical axes [rad]."""
+
+    @property
+    def field_of_view(self) -> float:
+        """Horizontal field of view of one camera [rad]."""

@@ -9,9 +9,14 @@ from typing import TYPE_CHECKING, Final, Literal, Protocol, Self
 import numpy as np
 
 from tradestudy.cameras.calibrated_pair import CalibratedPair
-from tradestudy.cameras.depth_measurement import Errors, Field, MeasuredInverseDepth
-from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.error_vocabulary import AGEING, ErrorVocabulary
+from tradestudy.cameras.depth_measurement import (
+    AGEING,
+    Environment,
+    Errors,
+    ErrorVocabulary,
+    Field,
+    MeasuredInverseDepth,
+)
 from tradestudy.optics.arrays import FloatArray
 
 if TYPE_CHECKING:  # loaded only where errors are drawn

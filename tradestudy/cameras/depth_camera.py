@@ -15,22 +15,68 @@ from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.calibration import LINEAR, PERFECT, Calibration, Propagation
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_measurement import (
+    AGEING,
+    SESSION_PARAMETERS,
+    Environment,
+    ErrorParameter,
     Errors,
+    ErrorVocabulary,
     Field,
     FieldPosition,
     MeasuredInverseDepth,
     PicturePlace,
     shares_of,
 )
-from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.imported import ImportedRig
-from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.sources import ErrorClass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Formula:
+    """An equation.
+
+    Parameters
+    ----------
+    typst
+        The equation in typst's mathematics.
+    alt
+        The equation as one would read it aloud.
+    reference
+        Publication; empty for equations derived in this program.
+    """
+
+    typst: str
+    alt: str
+    reference: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """The method of a kind of camera.
+
+    Parameters
+    ----------
+    name
+        Anchor of the report's section: short, in letters and hyphens.
+    title
+        Title of the section.
+    statements
+        Paragraphs, in the light markup of reports, and equations, in reading order.
+    matching
+        Paragraphs and equations on the pictures that are compared, where the disparity error is derived from them.
+    baseline_note
+        Why the equivalent baseline of such a camera can differ from the declared one; empty where it cannot.
+    """
+
+    name: str
+    title: str
+    statements: tuple[str | Formula, ...]
+    matching: tuple[str | Formula, ...] = ()
+    baseline_note: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

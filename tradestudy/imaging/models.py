@@ -9,9 +9,8 @@ from typing import Final, Literal, assert_never
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.matched_windows import MatchedWindow
 from tradestudy.cameras.parts import require_positive
-from tradestudy.cameras.picture_geometry import PictureGeometry, column
+from tradestudy.cameras.picture_geometry import MatchedWindow, PictureGeometry, column
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.transfer import airy_transfer, disc_transfer
 from tradestudy.optics.arrays import FloatArray

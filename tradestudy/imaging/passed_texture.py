@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.matched_windows import MatchedWindow
-from tradestudy.cameras.picture_geometry import PictureGeometry
+from tradestudy.cameras.picture_geometry import MatchedWindow, PictureGeometry
 from tradestudy.imaging.models import (
     PictureModels,
     PictureSettings,

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.cameras.contradictions import Contradiction, digitiser_contradictions
+from tradestudy.cameras.camera import Contradiction, digitiser_contradictions
 from tradestudy.cameras.declaration import CalibratedCameraPart, DepthCameraDeclaration, SensorPart
 from tradestudy.cameras.imported import FITTED_LENS, NOMINAL_PITCH, PICTURE_SIZE
 from tradestudy.errors import Problem

@@ -17,7 +17,7 @@ from tests.study.camera_files.written import SIZE, study
 from tradestudy import api
 from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.imported import ImportedCamera, ImportedRig, LensModelName
-from tradestudy.cameras.stereo.exported import rig_of_calibration
+from tradestudy.cameras.stereo.pair import rig_of_calibration
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files import kalibr, mrcal, opencv, ros
 from tradestudy.study.camera_files.importing import recognised

@@ -28,11 +28,21 @@ from tradestudy.calibration.projection import (
     rotation_matrix,
     rotation_vector,
 )
-from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, CalibratedPair, Lenses
-from tradestudy.cameras.depth_measurement import Errors, Field, MeasuredInverseDepth, require_known, shares_of, value_of
-from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
-from tradestudy.cameras.pair_geometry import PairGeometry
+from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, CalibratedPair, Lenses, PairGeometry
+from tradestudy.cameras.depth_measurement import (
+    INTERIOR,
+    PIXEL_NOISE,
+    Environment,
+    ErrorParameter,
+    Errors,
+    ErrorVocabulary,
+    Field,
+    MeasuredInverseDepth,
+    Unit,
+    require_known,
+    shares_of,
+    value_of,
+)
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_families import ANGLES

@@ -15,7 +15,7 @@ import numpy as np
 
 from tradestudy.cameras.conventional.design import ConventionalCamera
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth, lies_within
-from tradestudy.cameras.single_lens_exposure import SingleLensExposure
+from tradestudy.cameras.single_lens import SingleLensExposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.window_matching import Reason, gradient_along, odd_window, window_sum

@@ -13,9 +13,9 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.focused_plenoptic.depth_reading import RawPictureReader
-from tradestudy.cameras.focused_plenoptic.depth_scaling import DepthScaling
 from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, PlenopticEstimator, UsedLenses
+from tradestudy.cameras.focused_plenoptic.focus import DepthScaling
 from tradestudy.cameras.imported import Imported, ImportedPlenoptic, Stated, Value, conventions_stated
 from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.declarations.part import MistakeAt, Part

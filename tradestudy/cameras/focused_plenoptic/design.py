@@ -12,44 +12,244 @@ from numpy.typing import ArrayLike, NDArray
 
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.depth_camera import (
+    Formula,
     Limit,
+    Method,
     UsableCriteria,
     declared_disparity_error,
 )
-from tradestudy.cameras.depth_measurement import Errors
-from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.focused_plenoptic.depth_scaling import NO_SCALING, DepthScaling
-from tradestudy.cameras.focused_plenoptic.description import properties_of
+from tradestudy.cameras.depth_measurement import Environment, Errors, value_of
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
     PlenopticEstimator,
     UsedLenses,
     effective_baseline,
     neighbour_distance,
+    relayed_picture,
     require_choice,
     share_with_a_pair,
 )
-from tradestudy.cameras.focused_plenoptic.focus import MicrolensTypesFocus
-from tradestudy.cameras.focused_plenoptic.method import METHOD
-from tradestudy.cameras.focused_plenoptic.picture import relayed_picture
-from tradestudy.cameras.focused_plenoptic.relay import relay_inverse_depth, relay_observation
-from tradestudy.cameras.method import Method
-from tradestudy.cameras.microlens_exposure import MicrolensExposure
-from tradestudy.cameras.parts import require_positive
+from tradestudy.cameras.focused_plenoptic.focus import NO_SCALING, DepthScaling, MicrolensTypesFocus
+from tradestudy.cameras.microlens_exposure import ArrayGeometry, MicrolensExposure, Observation, disparity_error
+from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.plenoptic import PlenopticCamera
-from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
+from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.microlens_coverage import mean_seen_count, projected_radius_over_pitch
+from tradestudy.optics.microlens_coverage import (
+    covering_microlens_object_distance,
+    covering_radius_over_pitch,
+    mean_seen_count,
+    projected_radius_over_pitch,
+)
 from tradestudy.optics.plenoptic_depth_of_field import inverse_focus_virtual_depth, relay_blur_diameter
 from tradestudy.optics.thin_lens import (
     focus_shift,
     microlens_object_distance,
+    object_distance,
     object_distance_of_virtual_depth,
     virtual_depth,
 )
-from tradestudy.optics.triangulation import plenoptic_depth
+from tradestudy.optics.triangulation import plenoptic_depth, plenoptic_focus_shift
+from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
+
+METHOD: Final = Method(
+    name="plenoptic",
+    title="Depth from a focused plenoptic camera",
+    statements=(
+        "The main lens (focal length *f*~M~) forms the image of a point at distance *a*~M~. The microlens array is a "
+        "distance *z* behind the main lens, and the image lies *a*~L~ in front of the array (Keplerian), or behind it "
+        "(Galilean), where *a*~L~ is negative. Every microlens that sees this image forms an image of it on the "
+        "sensor, a gap *b*~L~ behind the array. The virtual depth is *v* = *a*~L~/*b*~L~; the total covering plane "
+        "is the object distance at which its magnitude is 2. Two microlenses whose centres are at *x*~off~ show the "
+        "point at the position σ, measured in each micro-image from the centre of its microlens; superscripts "
+        "distinguish the two:",
+        Formula(
+            typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
+            alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the "
+            "two microlens centres over the difference of the two micro-image coordinates.",
+            reference="paper, eq. 8",
+        ),
+        "A calibration may correct this depth by a quadratic function of it (`depth.scaling`). Its derivative then "
+        "multiplies the depth uncertainty.",
+        "The standard deviation σ~v~ of the virtual depth, and errors of *z* and *f*~M~, affect depth as follows:",
+        Formula(
+            typst="sigma_(a_M) = ((a_M - f_M) / f_M)^2 b_L sigma_v, quad"
+            " (partial a_M) / (partial z) = -((a_M - f_M) / f_M)^2, quad"
+            " (partial a_M) / (partial f_M) = (a_M / f_M)^2",
+            alt="The standard deviation of a M equals the square of a M minus f M over f M, times b L, times the "
+            "standard deviation of v. The derivative of a M with respect to z is minus the square of a M minus f M "
+            "over f M; with respect to f M it is the square of a M over f M.",
+        ),
+        "The two derivatives have opposite signs: depth depends mainly on the error of *z* − *f*~M~, and therefore on "
+        "how the errors of *z* and *f*~M~ are correlated. For a given disparity error, the error of *v* depends on "
+        "the declared estimator: it grows with *v*² for the nearest pair of microlenses (of any type, or of "
+        "one type), with *v* for the widest pair, and is constant for least squares over all microlenses.",
+    ),
+    matching=(
+        "A focused plenoptic camera compares two micro-images, each *n* in diameter, over the part of the object that "
+        "both show. If their microlenses are *D* apart, the micro-images are offset by *d* once their textures are "
+        "aligned. If the image lies a distance *b*~M~ behind the main lens, the largest square that fits into both "
+        "has the side *w*:",
+        Formula(
+            typst="w = (sqrt(2 n^2 - d^2) - d) / 2, quad d = D / abs(v) thin b_M / z",
+            alt="w equals half of the square root of two n squared minus d squared, less d, where d is D over the "
+            "absolute value of v, times b M over z.",
+        ),
+        "The matching window of a pair is this square or the declared window, whichever is smaller. Of the pairs that "
+        "see a point, the widest one has the longest baseline and the smallest window. Least squares adds the "
+        "information of all pairs, each with its own window.",
+    ),
+)
+
+
+def properties_of(
+    lens: Lens,
+    array: MicrolensArray,
+    sensor: Sensor,
+    *,
+    mla_distance: float,
+    total_covering_plane: float,
+    virtual_depth_at_infinity: float,
+    depth_scaling: DepthScaling,
+) -> Properties:
+    """Distances, microlenses, coverage and field of view."""
+    at_infinity = math.isnan(total_covering_plane) and math.isclose(abs(virtual_depth_at_infinity), 2.0)
+    plane = math.inf if at_infinity else total_covering_plane
+    scaled = () if depth_scaling.is_identity else (("metric depth of the depth Z by eq. 8", depth_scaling.words),)
+    return (
+        *scaled,
+        ("distance from main lens to array, z", pretty(mla_distance, LENGTH, 5)),
+        ("microlens gap, b_L", pretty(array.gap, LENGTH, 4)),
+        ("microlens focal lengths, f_L", ", ".join(pretty(f, LENGTH, 4) for f in array.focal_lengths)),
+        ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
+        ("microlens f-number, gap/pitch", pretty(array.gap / array.pitch, NUMBER, 4)),
+        ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
+        ("fill factor of the array", fill_factor(array)),
+        ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
+        (
+            "total covering plane, where |virtual depth| is 2",
+            "none" if math.isnan(plane) else pretty(plane, LENGTH, 4),
+        ),
+        (
+            "distances, exact for this lattice, at which two or more microlenses of any type see every point",
+            _covered(lens, array, mla_distance, depth_scaling),
+        ),
+        ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+        ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
+    )
+
+
+def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scaling: DepthScaling) -> str:
+    """Exact distances at which two microlenses of any type see every point, on both sides of the array.
+
+    Light behind the array (Galilean) covers it up to a distance, and light in front (Keplerian) from a distance on,
+    whatever the focal lengths of the microlenses.
+    """
+    needed = covering_radius_over_pitch(at_least=2, layout=array.layout)
+    found = []
+    for keplerian in (False, True):
+        if not keplerian and 2.0 * needed * array.pitch > lens.pupil_diameter:
+            continue
+        a_L = float(
+            covering_microlens_object_distance(
+                needed,
+                mla_distance=mla_distance,
+                pupil_diameter=lens.pupil_diameter,
+                microlens_pitch=array.pitch,
+                keplerian=keplerian,
+            )
+        )
+        shift = mla_distance - a_L - lens.focal_length
+        if shift > 0.0:
+            covering = depth_scaling.metric(object_distance(shift, lens.focal_length))
+            distance = pretty(float(covering), LENGTH, 4)
+            found.append(f"from {distance}" if keplerian else f"up to {distance}")
+        elif not keplerian:
+            return "everywhere"
+    return " and ".join(found) or "nowhere"
+
+
+def relay_observation(
+    geometry: ArrayGeometry, baseline: ArrayLike, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike
+) -> Observation:
+    """The observation of a point by a camera that deviates from its design by ``errors``.
+
+    Two microlenses Δx apart relay the image at a_L in front of the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in absolute
+    coordinates on the detector).
+
+    Parameters
+    ----------
+    geometry
+        The design.
+    baseline
+        Δx [m]: distance between the two microlenses as designed.
+    errors
+        True minus designed values, by the names of `PLENOPTIC_ERRORS`, without pixel noise and without the scatter of
+        the microlens centres, which varies over the array.
+    x, y, z
+        The point [m] from the centre of the main lens; upright coordinates.
+
+    Returns
+    -------
+    Observation
+        Distance between the two micro-images, and their position. Exact for thin lenses; infinite where the main lens
+        images onto the array, NaN for points that it does not image.
+    """
+    place = geometry.place_of(errors, x, y, z)
+    a_L = geometry.microlens_object_distance(errors, place, z)
+    with np.errstate(divide="ignore"):  # an image on the array is a pole, documented above
+        apart = np.asarray(baseline) * _grid_scale(geometry, errors) * (1.0 + place.gap / a_L)
+    return apart, *place.on_sensor
+
+
+def relay_inverse_depth(
+    geometry: ArrayGeometry, baseline: ArrayLike, errors: Errors, seen: Observation
+) -> tuple[FloatArray, BoolArray]:
+    """The inverse depth that a calibration with ``errors`` computes: eq. 8 with coordinates on the detector.
+
+    ``Δσ = Δu cos φ + error − Δx``, ``a_L = b_L Δx/Δσ``, ``b = z − a_L``, ``1/a = (b − f)/(f b)``.
+
+    Parameters
+    ----------
+    geometry, baseline
+        The design.
+    errors
+        Calibrated minus designed values, by the names of `PLENOPTIC_ERRORS`.
+    seen
+        From `relay_observation`.
+
+    Returns
+    -------
+    inverse_depth
+        [1/m]. Beyond infinity it continues smoothly down to −1/f. A disparity of the wrong sign gives −1/f for a
+        Keplerian relay, and the front focal point (1/f) for a Galilean one. NaN where the estimator has no
+        microlenses.
+    valid
+        False where a calibrated length is not positive or the calibrated distortion has no inverse.
+    """
+    apart, seen_x, seen_y = seen
+    f, place = geometry.focal_length_with(errors), geometry.place_seen(errors, seen_x, seen_y)
+    spacing = np.asarray(baseline) * _grid_scale(geometry, errors)
+    sigma = apart * np.cos(value_of(errors, "array_rotation")) + disparity_error(errors) - spacing
+    shift = plenoptic_focus_shift(
+        sigma,
+        spacing,
+        mla_distance=place.flat_distance,
+        microlens_gap=place.gap * place.stretch,
+        focal_length=f,
+    )
+    inverse = np.maximum(shift, -f) / (f * (f + np.maximum(shift, 0.0)))
+    sign = np.sign(apart - np.asarray(baseline))  # 1 for a Keplerian relay, −1 for a Galilean one
+    return np.where(sigma * sign <= 0.0, -sign / f, inverse), place.valid & (spacing > 0.0)
+
+
+def _grid_scale(geometry: ArrayGeometry, errors: Errors) -> FloatArray:
+    """Ratio of actual to designed distance of microlens centres, from the pitch and the pupil that locates them."""
+    z, gap = geometry.mla_distance, geometry.gap
+    through_pupil = (1.0 + gap / z) / (1.0 + gap / (z + value_of(errors, "pupil_distance")))
+    return geometry.pitch_scale(errors) * through_pupil
+
 
 COVERING_VIRTUAL_DEPTH: Final = 2.0
 """Virtual depth of the total covering plane: the smallest at which two microlenses of any type see every point."""

@@ -1,13 +1,32 @@
-"""Estimators of depth from micro-images: effective baseline, compared pairs and availability."""
+"""Estimators of depth from micro-images, and the pictures that they compare.
+
+Two microlenses D apart form images of a point at a_L in front of the array that are D (1 + b_L/a_L) apart on the
+sensor. Their images of the centre of the main lens's pupil, and thus their micro-images, are D (1 + b_L/z) apart. When
+their textures are aligned, the micro-images are therefore d apart,
+
+    d = D b_L |1/a_L − 1/z| = (D/|v|) b/z,    b = z − a_L,
+
+and a fraction d/n = D/(2 r) of the diameter n, where r is the radius of the disc in which microlenses see a point: the
+window vanishes exactly where no pair sees it. With z ≈ b, where the main lens images onto the array, d is n D/(p |v|).
+
+Off the axis, the rims of other stops vignette the pupil. A pixel behind a microlens sees one spot of the pupil, so rims
+narrow the micro-images and the disc without dimming the remaining pixels. The fraction of the width that remains along
+the radius of the field is applied in all directions: radial pairs, the worst case, represent all. The obliquity of the
+pupil narrows neither, since pupil and array are parallel planes and the disc is the central projection of the pupil
+through the image point. It only dims the light, by one of the four cosines.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Final, Literal
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tradestudy.cameras.parts import MicrolensArray
+from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
+from tradestudy.cameras.picture_geometry import LensStage, MatchedPairs, PictureGeometry, largest_common_square
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.equivalent_baseline import (
@@ -17,6 +36,7 @@ from tradestudy.optics.equivalent_baseline import (
     widest_pair_baseline,
 )
 from tradestudy.optics.microlens_coverage import seen_count_probability
+from tradestudy.optics.thin_lens import image_distance, microlens_object_distance
 
 PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
 UsedLenses = Literal["all", "sharpest-type"]
@@ -106,3 +126,123 @@ def share_with_a_pair(lenses: UsedLenses, array: MicrolensArray, radius_over_pit
 
 def _counting(lenses: UsedLenses, array: MicrolensArray) -> Literal["all_lenses", "given_type"]:
     return "given_type" if lenses == "sharpest-type" and array.types > 1 else "all_lenses"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MicroImages:
+    """Micro-images of objects at given distances.
+
+    Parameters
+    ----------
+    estimator, lenses, array
+        The estimator and its microlenses.
+    diameter_px
+        Diameter n of a micro-image [px].
+    neighbours_apart_px
+        d for two microlenses one pitch apart [px], at each distance.
+    radius_over_pitch
+        Radius, in pitches, of the disc in which microlenses see a point, at each distance; NaN where it has no image.
+    """
+
+    stops_dim: ClassVar[bool] = False
+
+    estimator: PlenopticEstimator
+    lenses: UsedLenses
+    array: MicrolensArray
+    diameter_px: float
+    neighbours_apart_px: FloatArray
+    radius_over_pitch: FloatArray
+
+    @property
+    def widest_px(self) -> float:
+        """Side of the largest window in one micro-image [px]."""
+        return self.diameter_px / math.sqrt(2.0)
+
+    def through(self, width: float) -> MatchedPairs:
+        """The pairs of the estimator through a pupil with this fraction of its width."""
+        pairs = pairs_of(self.estimator, self.lenses, self.array, self.radius_over_pitch, width)
+        apart = pairs.over_pitch * self.neighbours_apart_px
+        return MatchedPairs(
+            largest_px=largest_common_square(self.diameter_px * width, apart), apart_px=apart, weight=pairs.share
+        )
+
+    def at(self, index: NDArray[np.intp]) -> MicroImages:
+        """Select some of the distances, by index."""
+        return replace(
+            self,
+            neighbours_apart_px=self.neighbours_apart_px[index],
+            radius_over_pitch=self.radius_over_pitch[index],
+        )
+
+
+def relayed_picture(
+    distance: FloatArray,
+    lens: Lens,
+    array: MicrolensArray,
+    sensor: Sensor,
+    mla_distance: float,
+    *,
+    estimator: PlenopticEstimator,
+    lenses: UsedLenses,
+    radius_over_pitch: FloatArray,
+    blur: FloatArray,
+    used_type: NDArray[np.intp],
+) -> PictureGeometry:
+    """Micro-images of objects at distances [m], NaN where there is no picture.
+
+    Parameters
+    ----------
+    distance, lens, array, sensor, mla_distance
+        The objects and the camera.
+    estimator, lenses, radius_over_pitch
+        The micro-images compared, as for `MicroImages`.
+    blur
+        Blur of the micro-images [m], with the shape of ``distance``.
+    used_type
+        Index of their microlens type.
+    """
+    a, pixel = distance, sensor.pixel_pitch
+    f, pupil = lens.focal_length, lens.pupil_diameter
+    image = image_distance(a, f)
+    relayed = np.asarray(microlens_object_distance(a, mla_distance, f))
+    # An image on the array is magnified infinitely: there is no picture.
+    relayed = np.where(relayed == 0.0, np.nan, relayed)
+    relay = array.gap / np.abs(relayed)
+    microlens = LensStage(
+        aperture_diameter=array.aperture_diameter,
+        focal_length=np.asarray(array.focal_lengths)[used_type],
+        object_distance=relayed,
+        plane_distance=np.full_like(a, array.gap),
+        blur_diameter=np.where(np.isnan(relayed), np.nan, blur),
+        relay=np.ones_like(a),
+    )
+    main_lens = LensStage(
+        aperture_diameter=pupil,
+        focal_length=np.full_like(a, f),
+        object_distance=a,
+        plane_distance=image,
+        blur_diameter=np.zeros_like(a),
+        relay=relay,
+    )
+    micro_image = min(array.pitch, pupil * array.gap / mla_distance)
+    return PictureGeometry(
+        distance=a,
+        magnification=image / a * relay,
+        sample_pitch=pixel,
+        sample_width=pixel,
+        sample_shape="square",
+        pixel_pitch=pixel,
+        compared=MicroImages(
+            estimator=estimator,
+            lenses=lenses,
+            array=array,
+            diameter_px=micro_image / pixel,
+            neighbours_apart_px=array.pitch * relay * image / mla_distance / pixel,
+            radius_over_pitch=radius_over_pitch,
+        ),
+        light_f_number=microlens.f_number,
+        pupil_diameter=pupil,
+        main_lens=main_lens,
+        microlens=microlens,
+        micro_image_diameter=micro_image,
+    )

@@ -6,24 +6,175 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Final, Literal, Self
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from tradestudy.cameras.calibrated_pair import RADIAL
+from tradestudy.cameras.calibrated_pair import RADIAL, CalibratedPair
 from tradestudy.cameras.calibration_declaration import CalibrationPart, PairStabilityPart, calibration_part
-from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
+from tradestudy.cameras.declaration import (
+    CalibratedCameraPart,
+    DepthCameraDeclaration,
+    DisparityPart,
+    LensPart,
+    SensorPart,
+)
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
-from tradestudy.cameras.imported import FITTED_LENS, Imported, ImportedCorners, ImportedRig, Stated
+from tradestudy.cameras.imported import (
+    FITTED_LENS,
+    NOMINAL_PITCH,
+    Imported,
+    ImportedCorners,
+    ImportedRig,
+    Stated,
+    camera_stated,
+    conventions_stated,
+)
 from tradestudy.cameras.parts import Lens
-from tradestudy.cameras.picture_field import full_angle
+from tradestudy.cameras.single_lens import full_angle
 from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
-from tradestudy.cameras.stereo.geometry import GeometryPart
-from tradestudy.cameras.stereo.imported import stated_by
 from tradestudy.declarations.lens_models import AnyLensModel, fitted_words
-from tradestudy.declarations.part import MistakeAt
-from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistanceOrInfinity, PositivePixels
+from tradestudy.declarations.part import MistakeAt, Part
+from tradestudy.declarations.quantities import (
+    Angle,
+    Baseline,
+    FNumber,
+    Length,
+    ObjectDistanceOrInfinity,
+    PositivePixels,
+)
 from tradestudy.optics.lens_model import IDEAL
+
+if TYPE_CHECKING:
+    StereoCalibration = CalibrationPart
+else:
+    StereoCalibration = calibration_part(StereoRig, "stereo", PairStabilityPart)
+
+
+class GeometryPart(Part):
+    """Calibrated geometry of two cameras.
+
+    A point at X in the frame of the left camera is at RX + t in that of the right camera. In both frames, x points
+    right, y down and z along the optical axis.
+    """
+
+    left: CalibratedCameraPart = Field(description="The left camera.")
+    right: CalibratedCameraPart = Field(description="The right camera.")
+    rotation: tuple[Angle, Angle, Angle] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Rotation R as a rotation vector: axis times angle.",
+    )
+    translation: tuple[Length, Length, Length] = Field(
+        description="Translation t: position of the left camera in the frame of the right one; its first component "
+        "is about −baseline."
+    )
+
+    @model_validator(mode="after")
+    def _side_by_side(self) -> Self:
+        x, y, z = self.translation
+        if not np.hypot(y, z) < -x:
+            where = "to the left of" if x > 0.0 else "not beside"
+            raise MistakeAt(
+                ("translation",),
+                f"places the right camera {where} the left one; exchange the cameras, or check the direction of the "
+                "transform",
+            )
+        return self
+
+    @property
+    def focal_length_px(self) -> float:
+        """Mean of the four focal lengths [px]."""
+        return float(np.mean([*self.left.focal_length, *self.right.focal_length]))
+
+    @property
+    def baseline(self) -> float:
+        """Distance |t| between the centres of projection [m]."""
+        return float(np.linalg.norm(self.translation))
+
+    @property
+    def convergence_angle(self) -> float:
+        """Angle between the optical axes in the plane of the baseline [rad]; positive if they meet in front."""
+        from scipy.spatial.transform import Rotation
+
+        right_axis = Rotation.from_rotvec(self.rotation).as_matrix()[2]  # in the left camera's frame
+        return float(np.arctan2(-right_axis[0], right_axis[2]))
+
+    @property
+    def pair(self) -> CalibratedPair:
+        """The pair in SI; k1 and k2 are free coefficients if both lens models have them."""
+        lenses = (self.left.lens_model(), self.right.lens_model())
+        free = RADIAL if all({*RADIAL} <= {*lens.coefficient_names()} for lens in lenses) else ()
+        parameters = (*self.left.values(free), *self.right.values(free), *self.rotation, *self.translation)
+        return CalibratedPair(parameters=parameters, lenses=lenses, free=free)
+
+
+_ASSUMED_PITCH: Final = "3 um"
+
+
+def stated_by(imported: ImportedRig | ImportedCorners) -> Iterator[Stated]:
+    """Every value of a stereo rig from a calibration file, and the conventions by which the file was read."""
+    yield Stated(path=("kind",), value="stereo", key=_first_key(imported), basis="derived")
+    if isinstance(imported, ImportedCorners):
+        yield from _of_corners(imported)
+        return
+    yield from _of_rig(imported)
+
+
+def _first_key(imported: ImportedRig | ImportedCorners) -> str:
+    return imported.key if isinstance(imported, ImportedCorners) else imported.keys["translation"]
+
+
+def _of_rig(rig: ImportedRig) -> Iterator[Stated]:
+    from scipy.spatial.transform import Rotation
+
+    for side, camera in (("left", rig.left), ("right", rig.right)):
+        yield from camera_stated(("geometry", side), camera)
+    turn = Rotation.from_matrix(np.array(rig.rotation)).as_rotvec()
+    rotation = [f"{float(angle)!r} rad" for angle in turn]
+    yield Stated(path=("geometry", "rotation"), value=rotation, key=rig.keys["rotation"])
+    moved = [f"{length!r} m" for length in rig.translation]
+    yield Stated(path=("geometry", "translation"), value=moved, key=rig.keys["translation"])
+    if (pixels := rig.left.pixels or rig.right.pixels) is not None:
+        key = (rig.left if rig.left.pixels else rig.right).keys["pixels"]
+        yield Stated(path=("sensor", "pixels"), value=list(pixels), key=key)
+    yield _pitch(rig.keys["translation"])
+    yield from conventions_stated(rig.conventions)
+    said = [{(one.name, one.says) for one in camera.conventions} for camera in (rig.left, rig.right)]
+    shared = said[0] & said[1]
+    yield from conventions_stated(tuple(one for one in rig.left.conventions if (one.name, one.says) in shared))
+    for side, camera in (("left", rig.left), ("right", rig.right)):
+        own = tuple(one for one in camera.conventions if (one.name, one.says) not in shared)
+        yield from conventions_stated(own, f"{side} ")
+
+
+def _pitch(key: str) -> Stated:
+    return Stated(path=("sensor", "pixel_pitch"), value=_ASSUMED_PITCH, key=key, basis="assumed", note=NOMINAL_PITCH)
+
+
+def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:
+    """The design from a fit to the corners; the posterior from the same corners gives the geometry."""
+    fitted = "from a fit to the corners"
+    focal_length = Stated(
+        path=("lenses", "focal_length"),
+        value=f"{corners.focal_length!r} px",
+        key=corners.key,
+        basis="derived",
+        note=fitted,
+    )
+    yield focal_length
+    yield Stated(path=("baseline",), value=f"{corners.baseline!r} m", key=corners.key, basis="derived", note=fitted)
+    yield Stated(
+        path=("depth", "disparity_error"),
+        value=f"{corners.noise * 2.0**0.5!r} px",
+        key=corners.key,
+        basis="assumed",
+        note="assumes that matching is as precise as the corner detector: √2 times the fitted noise of one coordinate",
+    )
+    yield _pitch(corners.key)
+    yield Stated(path=("calibration", "corners", "file"), value=corners.file, key=corners.key)
+    yield from conventions_stated(corners.conventions)
+
 
 _NEARLY_PARALLEL: Final = 0.05
 """Convergence, as a fraction of the field of view, up to which the design of a calibrated pair is parallel."""
@@ -58,12 +209,6 @@ class StereoDepthPart(DisparityPart):
     disparity_error: PositivePixels | Literal["derived"] = Field(
         default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
     )
-
-
-if TYPE_CHECKING:
-    StereoCalibration = CalibrationPart
-else:
-    StereoCalibration = calibration_part(StereoRig, "stereo", PairStabilityPart)
 
 
 class StereoDeclaration(DepthCameraDeclaration):

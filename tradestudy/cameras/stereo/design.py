@@ -6,51 +6,52 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.calibrated_pair import CalibratedPair
-from tradestudy.cameras.camera import Properties
-from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
-from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
+from tradestudy.cameras.camera import Contradiction, Properties, lens_contradictions, show
+from tradestudy.cameras.depth_camera import DepthCamera, Formula, Limit, Method, UsableCriteria
 from tradestudy.cameras.depth_measurement import (
+    PIXEL_NOISE,
+    Environment,
     Errors,
+    ErrorVocabulary,
     Field,
     MeasuredInverseDepth,
     require_field,
     require_known,
     shares_of,
     value_of,
+    warmed,
 )
-from tradestudy.cameras.environment import Environment, warmed
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE, ErrorVocabulary
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.imported import ImportedRig
-from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, require_positive
-from tradestudy.cameras.picture_field import (
+from tradestudy.cameras.picture_geometry import PictureGeometry
+from tradestudy.cameras.single_lens import (
+    SingleLensExposure,
     edge_angle,
+    picture_through_lens,
     place_across,
     properties_of_lens_models,
     scale_across,
 )
-from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.single_lens_exposure import SingleLensExposure
-from tradestudy.cameras.stereo.errors import STEREO_ERRORS
-from tradestudy.cameras.stereo.exported import rig_of_calibration, rig_of_design
-from tradestudy.cameras.stereo.method import METHOD
-from tradestudy.cameras.stereo.overlap import shared_view
 from tradestudy.cameras.stereo.pair import (
     SIDES,
+    STEREO_ERRORS,
     Image,
     Pair,
     pair_inverse_depth,
     pair_observation,
+    rig_of_calibration,
+    rig_of_design,
+    shared_view,
+    views_of_calibration,
+    views_of_design,
 )
-from tradestudy.cameras.stereo.views import views_of_calibration, views_of_design
-from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_model import IDEAL, LensModel, slopes
@@ -60,6 +61,36 @@ from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
+
+
+METHOD: Final = Method(
+    name="stereo",
+    title="Depth from a stereo rig",
+    statements=(
+        "Two cameras of principal distance *c*, a baseline *B* apart, see a point at distance *Z* with disparity "
+        "*d*. A yaw ψ between them changes the disparity by about *c* (1 + *x*²/*c*²) ψ where the point appears a "
+        "distance *x* from the middle of the picture.",
+        Formula(
+            typst="Z = (c B) / d, quad delta Z approx Z^2 / (c B) thin delta d, quad "
+            "delta Z approx Z^2 / B (1 + x^2 / c^2) psi",
+            alt="Z equals c times B over d. The change of Z is about Z squared over c B times the change of d. A yaw "
+            "psi changes Z by about Z squared over B, times one plus x squared over c squared, times psi.",
+        ),
+        "The last two are linear approximations, which show how the errors scale. The numbers come from the exact "
+        "expression, in which depth becomes infinite where the yaw cancels the disparity: on the axis, at *Z* = "
+        "*B*/|ψ|. The overlap of the two fields of view limits how near the rig can measure; for parallel axes the "
+        "overlap is 1 − *B*/*W*, where *W* = 2 *Z* tan(FOV/2) is the width of each field of view at the distance *Z*.",
+        "The principal distance *c* is the distance from the lens to the sensor. By default it equals the focal length "
+        "*f*, which is right if *f* comes from a camera calibration that gives the focal length in pixels, and thus "
+        "the principal distance. If the study declares `principal_distance: focused`, it is "
+        "*f* *a*/(*a*\u00a0−\u00a0*f*), the image distance of a thin lens focused at *a*, and exceeds *f* by the "
+        "fraction *f*/(*a*\u00a0−\u00a0*f*).",
+    ),
+    baseline_note="The reference rig has parallel axes. A rig with converging axes and baseline *B* measures as well "
+    "as a parallel one with baseline *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), where *x* is half the disparity. Where "
+    "the axes meet, *x* = 0, this is less than *B*, because the lines of sight are longer than the distance *Z*.",
+)
+
 
 # Ten times the magnification of the strongest microscope objectives: no sensor lies so far behind its lens.
 _LARGEST_MAGNIFICATION = 1000.0

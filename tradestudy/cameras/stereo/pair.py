@@ -1,24 +1,36 @@
-"""Observation and triangulation by two cameras, with errors in all parameters."""
+"""Observation and triangulation by two cameras with errors in all parameters, as designed, calibrated or exported."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_measurement import Errors, value_of
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.calibrated_pair import CalibratedCamera, CalibratedPair
+from tradestudy.cameras.depth_measurement import (
+    INTERIOR,
+    NOISE_PARAMETER,
+    PIXEL_NOISE,
+    ErrorParameter,
+    Errors,
+    ErrorVocabulary,
+    value_of,
+)
+from tradestudy.cameras.imported import ImportedCamera, ImportedRig, LensModelName, Rotation, Vector
 from tradestudy.cameras.light_cones import Pose, pose_of
+from tradestudy.cameras.parts import Sensor
+from tradestudy.cameras.single_lens import edge_angle, place_across
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_model import IDEAL, LensModel
 from tradestudy.optics.triangulation import inverse_depth_on_ray, midpoint_depth
 
 SIDES: Final = ("left", "right")
 Ray = tuple[FloatArray, FloatArray, FloatArray]
-Rotation = tuple[Ray, ...]
+RotationRows = tuple[Ray, ...]
 """Rows of a matrix."""
 Image = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Coordinates on both sensors, upright, from their centres [m]: left x, left y, right x, right y."""
@@ -188,14 +200,14 @@ def _yaw(ray: Ray, angle: float) -> Ray:
     return c * x - s * z, y, s * x + c * z
 
 
-def _turn(rotation: Rotation, ray: Ray) -> Ray:
+def _turn(rotation: RotationRows, ray: Ray) -> Ray:
     """The rotated ray."""
     x, y, z = ray
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     return xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z
 
 
-def _right_rotation(errors: Errors, convergence: float) -> Rotation:
+def _right_rotation(errors: Errors, convergence: float) -> RotationRows:
     """Rotate rays of the right camera into the frame of the pair: half the convergence, then roll, pitch and yaw.
 
     Roll rotates about z, pitch about x and yaw as `_yaw` does. There is one matrix per draw, for all distances.
@@ -226,3 +238,261 @@ def _midpoint_inverse(left: Ray, right: Ray, half: FloatArray, direction: Ray) -
     rays = [np.stack(components[3 * k : 3 * k + 3], axis=-1) for k in range(3)]
     depth = midpoint_depth(rays[0], rays[1], -rays[2], rays[2])
     return np.asarray(1.0 / depth)
+
+
+_OF_BOTH: Final[ErrorVocabulary] = {
+    "baseline": ErrorParameter(
+        unit="m", part="relative position", meaning="Distance between the centres of projection of the two cameras."
+    ),
+    "baseline_direction_y": ErrorParameter(
+        unit="rad",
+        part="relative position",
+        meaning="Vertical angle of the baseline; if positive, the right camera lies below the left one.",
+    ),
+    "baseline_direction_z": ErrorParameter(
+        unit="rad",
+        part="relative position",
+        meaning="Horizontal angle of the baseline; if positive, the right camera lies ahead of the left one.",
+    ),
+    "yaw": ErrorParameter(
+        unit="rad",
+        part="relative rotation",
+        meaning="Rotation of the right camera relative to the left one, about the vertical; if positive, towards the "
+        "left one.",
+    ),
+    "pitch": ErrorParameter(
+        unit="rad",
+        part="relative rotation",
+        meaning="Rotation of the right camera relative to the left one, about the baseline; if positive, upwards.",
+    ),
+    "roll": ErrorParameter(
+        unit="rad",
+        part="relative rotation",
+        meaning="Rotation of the right camera relative to the left one, about its own optical axis; if positive, "
+        "clockwise as seen from behind.",
+    ),
+    "focal_length": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="Principal distance of both cameras, which a calibration in pixels calls the focal length.",
+    ),
+    "principal_point": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="Difference between the positions of the two principal points along the baseline, right minus left. "
+        "The two principal points move in opposite directions, each by half of the error.",
+    ),
+}
+
+
+def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
+    """The error parameters of a single camera."""
+    yield (
+        "focal_length",
+        ErrorParameter(
+            unit="m",
+            part=INTERIOR,
+            meaning=f"Principal distance of the {side} camera; this error adds to that of focal_length.",
+        ),
+    )
+    for axis, where in (("x", "along the baseline"), ("y", "perpendicular to the baseline")):
+        yield (
+            f"principal_point_{axis}",
+            ErrorParameter(
+                unit="m",
+                part=INTERIOR,
+                meaning=f"Position of the principal point of the {side} camera on its sensor, {where}.",
+            ),
+        )
+    for name in ("k1", "k2"):
+        yield (
+            f"distortion_{name}",
+            ErrorParameter(
+                unit="1",
+                part=INTERIOR,
+                meaning=f"Coefficient {name} of the {side} camera's lens model. The model must have the coefficients "
+                "k1 and k2; if no lens model is declared, the rational one is assumed.",
+            ),
+        )
+
+
+STEREO_ERRORS: Final[ErrorVocabulary] = {
+    **_OF_BOTH,
+    **{f"{side}_{name}": parameter for side in SIDES for name, parameter in _of_one(side)},
+    PIXEL_NOISE: NOISE_PARAMETER,
+}
+"""Errors of a stereo rig in the order in which they are drawn; each picture has half of the noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """One camera of a rig.
+
+    Parameters
+    ----------
+    pose
+        Its pose in the frame of the rig: x along the baseline, whose middle is the origin.
+    principal_distances, principal_point
+        Along x and y [m]; the point from the middle of the sensor.
+    distortion
+        Lens model.
+    relative_focal_length
+        Focal length relative to the mean of both cameras.
+    """
+
+    pose: Pose
+    principal_distances: tuple[float, float]
+    principal_point: tuple[float, float]
+    distortion: LensModel
+    relative_focal_length: float = 1.0
+
+
+def views_of_design(pair: Pair, errors: Errors) -> tuple[View, ...]:
+    """Both cameras of a designed pair that deviates from its design by one value of each error."""
+    found = []
+    for side, pose in zip(SIDES, pair_poses(pair, errors), strict=True):
+        distance, point, distortion = pair_interior(pair, errors, side)
+        found.append(
+            View(pose=pose, principal_distances=(distance, distance), principal_point=point, distortion=distortion)
+        )
+    return tuple(found)
+
+
+def views_of_calibration(pair: CalibratedPair, sensor: Sensor) -> tuple[View, ...]:
+    """Both cameras of a calibrated pair in the frame of its rectified pictures.
+
+    Each camera is turned by half the rotation R between them, into a common frame, as J.-Y. Bouguet's rectification
+    does. The smallest rotation of that frame then puts its x axis along the baseline.
+
+    Parameters
+    ----------
+    pair
+        The calibrated pair.
+    sensor
+        The sensor of both cameras, whose pixels the pair counts.
+    """
+    from scipy.spatial.transform import Rotation
+
+    half = Rotation.from_rotvec(pair.rotation / 2.0)  # from the left camera to the common frame
+    to_right = -half.inv().apply(pair.translation)  # a point X of the left camera is at R X + t in the right one
+    baseline = float(np.linalg.norm(to_right))
+    across = np.cross(to_right, [1.0, 0.0, 0.0])
+    sine = float(np.linalg.norm(across))
+    turn = Rotation.from_rotvec(across / sine * math.atan2(sine, to_right[0]) if sine > 0.0 else np.zeros(3))
+    focal_lengths = [_focal_length(camera) for camera in pair.cameras]
+    views = []
+    for side, own, camera, focal_length in zip(
+        (-1.0, 1.0), (half, half.inv()), pair.cameras, focal_lengths, strict=True
+    ):
+        distances, point = camera.on_sensor(sensor)
+        views.append(
+            View(
+                pose=pose_of(np.array([side * baseline / 2.0, 0.0, 0.0]), (turn * own).as_matrix()),
+                principal_distances=distances,
+                principal_point=point,
+                distortion=camera.lens,
+                relative_focal_length=focal_length / float(np.mean(focal_lengths)),
+            )
+        )
+    return tuple(views)
+
+
+def _focal_length(camera: CalibratedCamera) -> float:
+    """Scale of the picture on the axis [px]."""
+    return math.sqrt(math.prod(camera.focal_lengths)) * camera.lens.scale_on_axis
+
+
+_KEYS: Final = dict.fromkeys(("focal_lengths", "centre", "pixels", "coefficients"), "")
+
+
+def rig_of_calibration(pair: CalibratedPair, pixels: tuple[int, int]) -> ImportedRig:
+    """The rig of a calibrated pair."""
+    from scipy.spatial.transform import Rotation as Turn
+
+    left, right = pair.cameras
+    return _rig(
+        _camera("left", left, pixels),
+        _camera("right", right, pixels),
+        Turn.from_rotvec(pair.rotation).as_matrix(),
+        pair.translation,
+    )
+
+
+def rig_of_design(pair: Pair, sensor: Sensor) -> ImportedRig:
+    """The designed rig: two equal cameras with centred principal points."""
+    focal_length = pair.principal_distance / sensor.pixel_pitch
+    middle = ((sensor.columns - 1) / 2.0, (sensor.rows - 1) / 2.0)
+    camera = CalibratedCamera(focal_lengths=(focal_length, focal_length), principal_point=middle, lens=pair.distortion)
+    left, right = pair_poses(pair, {})
+    to_right = np.array(right.rotation).T
+    pixels = (sensor.columns, sensor.rows)
+    return _rig(
+        _camera("left", camera, pixels),
+        _camera("right", camera, pixels),
+        to_right @ np.array(left.rotation),
+        to_right @ (np.array(left.centre) - np.array(right.centre)),
+    )
+
+
+def _camera(name: str, camera: CalibratedCamera, pixels: tuple[int, int]) -> ImportedCamera:
+    return ImportedCamera(
+        name=name,
+        focal_lengths=camera.focal_lengths,
+        centre=camera.principal_point,
+        pixels=pixels,
+        lens_model=cast(LensModelName, camera.lens.name),
+        coefficients=camera.lens.coefficients(),
+        conventions=(),
+        keys=_KEYS,
+    )
+
+
+def _rig(left: ImportedCamera, right: ImportedCamera, rotation: FloatArray, translation: FloatArray) -> ImportedRig:
+    rows: list[Vector] = [(float(row[0]), float(row[1]), float(row[2])) for row in rotation]
+    turn: Rotation = (rows[0], rows[1], rows[2])
+    moved: Vector = (float(translation[0]), float(translation[1]), float(translation[2]))
+    keys = {"rotation": "", "translation": ""}
+    return ImportedRig(left=left, right=right, rotation=turn, translation=moved, conventions=(), keys=keys)
+
+
+_RIGHT_ANGLE = math.pi / 2.0
+
+
+def shared_view(
+    distance: ArrayLike, baseline: float, half_width: float, convergence_angle: float, lens: LensModel
+) -> FloatArray:
+    """Share of each picture's width at a distance that the other camera also sees; ``1 − B/W`` for parallel pinholes.
+
+    W = 2 Z w with w half the picture's width. Zero where the views do not overlap. Converging axes and lenses with
+    distortion image a plane unevenly; the share refers to the picture, not to the plane.
+
+    Parameters
+    ----------
+    distance
+        Z [m] from the baseline.
+    baseline
+        B [m].
+    half_width
+        Half the width of the normalised picture [1].
+    convergence_angle
+        Full angle between the axes [rad].
+    lens
+        Lens model of both cameras.
+    """
+    z = np.asarray(distance, dtype=np.float64)
+    t = convergence_angle / 2.0
+    first, last = -edge_angle(lens, -half_width, 0.0), edge_angle(lens, half_width, 0.0)
+
+    def met(edge: float) -> FloatArray:
+        """Direction from the left camera to the line in which an edge of the right camera's view meets the plane."""
+        if abs(edge) >= _RIGHT_ANGLE:  # this edge never meets the plane: the view is unbounded on this side
+            return np.full(z.shape, math.copysign(_RIGHT_ANGLE, edge))
+        return np.arctan(baseline / z + math.tan(edge))
+
+    low = np.maximum(max(t + first, -_RIGHT_ANGLE), met(first - t))
+    high = np.minimum(min(t + last, _RIGHT_ANGLE), met(last - t))
+    # Directions are clipped to the edges of the picture.
+    places = place_across(
+        lens, np.clip([high - t, low - t, np.full(z.shape, last), np.full(z.shape, first)], first, last)
+    )[..., 0]
+    return np.asarray(np.clip((places[0] - places[1]) / (places[2] - places[3]), 0.0, 1.0))

@@ -12,9 +12,9 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.parts import MicrolensArray
-from tradestudy.cameras.unfocused_plenoptic.compared_views import ViewEstimator
 from tradestudy.cameras.unfocused_plenoptic.depth_reading import ViewsReader
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
+from tradestudy.cameras.unfocused_plenoptic.views import ViewEstimator
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FNumber,

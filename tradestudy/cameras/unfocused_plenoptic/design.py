@@ -14,29 +14,111 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import Properties
-from tradestudy.cameras.depth_camera import declared_disparity_error
+from tradestudy.cameras.depth_camera import Formula, Method, declared_disparity_error
 from tradestudy.cameras.depth_measurement import Errors
-from tradestudy.cameras.method import Method
-from tradestudy.cameras.parts import require_positive
+from tradestudy.cameras.focus import BlurCriterion, SharpRange, SingleLensFocus
+from tradestudy.cameras.microlens_exposure import ArrayGeometry, Observation
+from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
-from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
-from tradestudy.cameras.unfocused_plenoptic.compared_views import ComparedViews, ViewEstimator, baseline_of_views
-from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
-from tradestudy.cameras.unfocused_plenoptic.method import METHOD
-from tradestudy.cameras.unfocused_plenoptic.views import between_known_centres, views_inverse_depth, views_observation
+from tradestudy.cameras.unfocused_plenoptic.views import (
+    ComparedViews,
+    ViewEstimator,
+    baseline_of_views,
+    between_known_centres,
+    views_inverse_depth,
+    views_observation,
+)
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.depth_of_field import DiffractionMeasure
+from tradestudy.optics.lateral_resolution import LateralResolution
 from tradestudy.optics.plenoptic_depth_of_field import refocus_distance, view_pupil_diameter
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
+
+METHOD: Final = Method(
+    name="unfocused",
+    title="Depth from an unfocused plenoptic camera",
+    statements=(
+        "The main lens images the plane of focus, at *a*~0~, onto the array at *z*, and each pixel under a "
+        "microlens sees its own part of the pupil. Two views whose parts are Δ*u* apart show a point at "
+        "distance *a* shifted by *d* on the array: a stereo rig inside one lens. Its samples are microlenses, not "
+        "pixels; disparity errors are therefore given in microlenses.",
+        Formula(
+            typst="d = Delta u thin z (1/a - 1/a_0), quad 1/a = 1/f_M - 1/z + d / (Delta u thin z)",
+            alt="d equals delta u times z times the quantity one over a minus one over a zero. One over a equals one "
+            "over f M minus one over z plus d over delta u z.",
+        ),
+    ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefocusedViewsFocus:
+    """A lens as wide as the pupil of one view, with one lateral sample for each microlens.
+
+    Parameters
+    ----------
+    main_lens
+        The main lens.
+    focus_distance
+        a₀ [m]: the distance that is imaged onto the array.
+    view_pupil_diameter
+        Diameter of the part of the pupil that one pixel sees [m].
+    microlens_pitch
+        The lateral sample [m].
+    """
+
+    main_lens: Lens
+    focus_distance: float
+    view_pupil_diameter: float
+    microlens_pitch: float
+
+    mechanisms = 0
+
+    def __post_init__(self) -> None:
+        require_positive("pupil of a view", self.view_pupil_diameter)
+
+    @property
+    def _view(self) -> SingleLensFocus:
+        f = self.main_lens.focal_length
+        return SingleLensFocus(
+            lens=Lens(focal_length=f, f_number=f / self.view_pupil_diameter),
+            focus_distance=self.focus_distance,
+            sample_pitch=self.microlens_pitch,
+            name="refocused views",
+        )
+
+    def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
+        """Depth of field of one view, with blur and diffraction of its small pupil in microlenses."""
+        return self._view.sharp_range(criterion)
+
+    def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
+        """See `depth_of_field_at_resolution`."""
+        return self._view.sharp_range_at_resolution(resolution, wavelength)
+
+    def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
+        """Always one: images are refocused by computation."""
+        return 1
+
+    def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
+        """``p a/z``, ``B |a − a₀|/a₀`` and ``1.22 λ a/B`` [m], p the microlens pitch and B the pupil of a view."""
+        return self._view.lateral_resolution(distance, wavelength)
+
+    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
+        """Width of the diffraction spot of one view's pupil on the array, times a/z [m].
+
+        A refocused image is the sum of the views, and no sharper than each of them.
+        """
+        return np.asarray(self._view.diffraction_width(distance, wavelength, measure))
 
 
 @dataclass(frozen=True, kw_only=True)
