@@ -13,10 +13,12 @@ import pytest
 import xarray as xr
 from matplotlib.text import Annotation
 
+from tests.report.layout import unreadable
 from tradestudy import figures
 from tradestudy.errors import OutOfRangeError
+from tradestudy.figures.curves import fill
 from tradestudy.figures.fonts import printable
-from tradestudy.figures.style import length_tick, line_style, plain_number, traces
+from tradestudy.figures.style import length_tick, line_style, new_figure, plain_number, styled, traces
 from tradestudy.figures.sweeps import frontier, moved_cameras, reference_distance
 from tradestudy.report.curve_values import curve_values
 from tradestudy.results.views.decision import has_winners, winners
@@ -440,3 +442,37 @@ def test_bars_and_maps_have_tables_of_their_values(make_tree: Callable[..., xr.D
         values = depth.sel(camera=camera.key).transpose("f", "b").values
         assert reported == [[pretty(float(one), LENGTH) for one in row] for row in values]
     assert drawings["whole_range"].values() == ()
+
+
+def test_a_figure_of_many_cameras_shows_those_that_answers_name_and_says_so(tree: xr.DataTree) -> None:
+    keys = [*(f"copy-{number}" for number in range(22)), *tree["cameras"]["camera"].values]
+    groups = {name: tree[name].to_dataset() for name in ("cameras", "depth")}
+    many = {name: data.isel(camera=np.arange(25) % 3).assign_coords(camera=keys) for name, data in groups.items()}
+    many["cameras"]["title"] = ("camera", [f"Camera {number}" for number in range(25)])
+    crowd = xr.DataTree.from_dict({**many, "decision": tree["decision"].to_dataset()})
+    assert [camera.key for camera in traces(crowd)] == [*keys[:16], "r5", "stereo-65deg"]
+    for name in ("whole_range", "close_range", "variance_shares"):
+        drawing = figures.build(crowd)[name]
+        assert "18 of 25 cameras" in drawing.caption
+        assert not unreadable(drawing.draw()), name
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_an_area_of_few_points_looks_like_that_of_all(scale: str) -> None:
+    x = np.geomspace(0.05, 10.0, 401)
+    low, high = 0.02 * x, np.where(x < 1.0, 0.5 + 0.3 * np.sin(3.0 * x), 0.9)
+    known = (x > 0.1) & (x < 5.0)
+    with styled():
+        axes = new_figure(2.0).subplots()
+        axes.set(xscale="log", yscale=scale, xlim=(0.05, 10.0), ylim=(1e-3, 1.0))
+        fill(axes, x, low, high, known)
+    (area,) = axes.collections
+    (path,) = area.get_paths()
+    drawn = axes.transData.transform(path.vertices)
+    middle = axes.transData.transform(np.column_stack([x, np.sqrt(low * high)]))
+    lower, upper = (drawn[side(drawn[:, 1], np.interp(drawn[:, 0], *middle.T))] for side in (np.less, np.greater))
+    for edge, wanted in ((lower, low), (upper, high)):
+        here, there = axes.transData.transform(np.column_stack([x, wanted])[known]).T
+        order = np.argsort(edge[:, 0], kind="stable")
+        assert len(order) < 150
+        np.testing.assert_allclose(np.interp(here, *edge[order].T), there, atol=0.139)

@@ -10,9 +10,10 @@ import xarray as xr
 
 from tradestudy.figures import calibration_trust, posterior, ranks, sensitivity
 from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.style import selection_words, traces
 from tradestudy.figures.value_tables import residual_tables, source_tables
 from tradestudy.results.views.depth import largest_source
-from tradestudy.results.views.groups import camera_titles, group, titles_in
+from tradestudy.results.views.groups import camera_titles, group
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import in_words
 
@@ -32,16 +33,18 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     place = sensitivity.tornado_distance(tree)
+    selection = selection_words(tree, "sensitivity")
+    shown = {camera.key: camera.title for camera in traces(tree, "sensitivity")}
     sentences = [
         f"{title}: {in_words(largest)}, {_source_words(tree, key, largest, place)}. "
-        for key, title in titles_in(tree, "sensitivity").items()
+        for key, title in shown.items()
         if (largest := largest_source(tree, key, place)) is not None
     ]
     yield Drawing(
         name="tornado",
         caption=f"Depth uncertainty at {pretty(place, LENGTH)} (half the width of the central 68.27 % interval) from "
         "each source alone. Correlated parameters, such as those of a joint calibration, count as one source: moving "
-        "one of them alone would describe cameras that the calibration rules out.",
+        "one of them alone would describe cameras that the calibration rules out." + selection,
         alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
         draw=partial(sensitivity.draw_tornado, tree),
         values=partial(source_tables, tree, place),
@@ -50,7 +53,7 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
         name="sobol-indices",
         caption="Total (lines) and first-order (rings) Sobol indices of inverse depth on the axis, of the "
         "independent sources whose total index reaches 0.02. A line above its ring shows interaction with other "
-        "sources; total indices then sum to more than 1, so they are not shares.",
+        "sources; total indices then sum to more than 1, so they are not shares." + selection,
         alt="One chart per camera of total and first-order Sobol indices against distance. Largest total index at "
         f"{pretty(place, LENGTH)}: " + _index_words(tree, place),
         draw=partial(sensitivity.draw_indices, tree),
@@ -69,14 +72,14 @@ def _index_words(tree: xr.DataTree, place: float) -> str:
     """The largest total index of each camera on the axis at a distance [m]."""
     there = group(tree, "sensitivity")["total_index"].sel(field=0.0, distance=place)
     sentences = []
-    for key, title in titles_in(tree, "sensitivity").items():
-        values = np.asarray(there.sel(camera=key).values, dtype=np.float64)
+    for camera in traces(tree, "sensitivity"):
+        values = np.asarray(there.sel(camera=camera.key).values, dtype=np.float64)
         if np.isfinite(values).any():
             first = int(np.nanargmax(values))
             source = in_words(str(there["source"].values[first]))
-            sentences.append(f"{title}: {source} {significant(float(values[first]), 2)}. ")
+            sentences.append(f"{camera.title}: {source} {significant(float(values[first]), 2)}. ")
         else:
-            sentences.append(f"{title}: none is known. ")
+            sentences.append(f"{camera.title}: none is known. ")
     return "".join(sentences)
 
 

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.curves import NamedCurve, beneath, name_ends, name_places
+from tradestudy.figures.curves import NamedCurve, beneath, fill, name_ends, name_places
 from tradestudy.figures.style import (
     DECLARED,
     FAINT,
@@ -23,6 +23,7 @@ from tradestudy.figures.style import (
     SOFT,
     CameraTrace,
     StudyFigure,
+    all_traces,
     distance_axis,
     distance_label,
     distance_tick,
@@ -55,7 +56,7 @@ _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), 
 def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
     """Two panels over distances from `near` to `far` [m]: discrimination and uncertainty, in millimetres."""
     depth, shown = where_measured(nominal(tree)), traces(tree)
-    figure = new_figure(4.1)
+    figure = new_figure(max(4.1, 1.1 + 0.28 * len(shown)))  # names beside the panels need this room
     upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     distance = np.asarray(depth["distance"].values, dtype=float)
     # One more point on each side, so that curves reach the edge of the panel.
@@ -150,16 +151,9 @@ def draw_curve(
 def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:
     """Fill the band between the step nearer and the step farther; an infinite step has no upper edge."""
     top = np.where(np.isinf(farther), 1e9, farther * MM)
-    axes.fill_between(
-        np.asarray(view["distance"].values, dtype=float),
-        nearer * MM,
-        top,
-        where=np.isfinite(nearer).tolist(),
-        color=camera.style.color,
-        alpha=0.13,
-        linewidth=0,
-        **camera.shows("depth_discrimination"),
-    )
+    distance = np.asarray(view["distance"].values, dtype=float)
+    look = {"color": camera.style.color, "alpha": 0.13, **camera.shows("depth_discrimination")}
+    fill(axes, distance, nearer * MM, top, np.isfinite(nearer), **look)
 
 
 @styled()
@@ -317,8 +311,7 @@ def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None
 
 
 def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> None:
-    by_key = {camera.key: camera for camera in shown}
-    titles = {camera.key: camera.title for camera in shown}
+    by_key = {camera.key: camera for camera in all_traces(tree)}
     row = len(shown) + 0.25
     distance = nominal(tree)["distance"].values
     for start, end, answer in winners(tree):
@@ -330,7 +323,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
             (bar,) = axes.barh(middle, end - start, left=start, height=height, color=color, linewidth=0)
             bar.set_gid("best")
         if len(best) == 1:
-            name = shortened(titles[best[0]])
+            name = shortened(by_key[best[0]].title)
             if len(name) <= _LETTERS_ACROSS * np.log(end / start) / np.log(distance[-1] / distance[0]):
                 color = letters_on(by_key[best[0]].style.color)
                 middle = float(np.sqrt(start * end))

@@ -29,7 +29,7 @@ from tradestudy.figures.hard_cases import hard_cases_drawing
 from tradestudy.figures.pictures import pictures_drawing
 from tradestudy.figures.rank_acceptability import rank_drawing
 from tradestudy.figures.requirement_margins import margins_drawing
-from tradestudy.figures.style import CameraTrace, traces
+from tradestudy.figures.style import CameraTrace, selection_words, traces
 from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.figures.worths import worths_drawing
@@ -107,9 +107,9 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     kinds = {"dashed" if over[0] < over[1] else "diamonds" for over, _ in depth_curves.required_uncertainties(tree)}
     if kinds:
         caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows."
-    caption += _design_words(tree)
+    caption += _selection_words(tree)
     if has_winners(tree) and len(shown) > 1:
-        among = [camera.title for camera in shown if camera.key in candidates(tree)]
+        among = [title for key, title in camera_titles(tree).items() if key in candidates(tree)]
         caption += (
             f" Last bar: the usable {f'one of the candidates {listed(among)}' if among else 'camera'} with the "
             "smallest uncertainty, or several whose uncertainties differ by less than the numerical error."
@@ -133,13 +133,13 @@ def _is_judged_by_radius(depth: xr.Dataset, camera: str) -> bool:
     return bool(np.any(radius > 1.01 * half_width))
 
 
-def _design_words(tree: xr.DataTree) -> str:
-    """Say which of the swept designs the curves show; empty without a sweep."""
-    depth = nominal(tree)
+def _selection_words(tree: xr.DataTree) -> str:
+    """Say which of the swept designs the curves show, and which cameras; empty if all."""
+    depth, cameras = nominal(tree), selection_words(tree)
     if not (names := swept(tree["depth"].to_dataset())):
-        return ""
+        return cameras
     values = {name: sweeps.shown_value(depth[name], depth[name].item()) for name in names}
-    return f" Of the swept designs, the figure shows {design_words(tree, values)}."
+    return f" Of the swept designs, the figure shows {design_words(tree, values)}.{cameras}"
 
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
@@ -154,7 +154,7 @@ def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
     if not has_winners(tree) or len(shown) == 1:
         return ""
     chosen = candidates(tree)
-    titles = {camera.key: camera.title for camera in shown}
+    titles = camera_titles(tree)
     nobody = "no candidate" if chosen else "no camera"
     found = [f"{answer_title(titles, names, nobody)} from {span(a, b)}" for a, b, names in reported_winners(tree)]
     return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {'; '.join(found)}."
@@ -178,7 +178,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
         caption=f"Depth discrimination and depth uncertainty from {where}. Discrimination: the change of depth that "
         "moves the disparity by its declared step, without noise or calibration errors; the band extends from the "
         "change for a nearer point to that for a farther one. Uncertainty: from noise and calibration errors."
-        + _design_words(tree),
+        + _selection_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discrimination and uncertainty. "
         f"Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
@@ -215,7 +215,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
         "variance due to correlated errors is divided fairly among them, so that the shares sum to 100 %). Grey: "
         f"matching noise, which averaging reduces; coloured: error sources that averaging does not reduce{pale}{blank}."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
-        + _design_words(tree),
+        + _selection_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
         draw=partial(variance_shares.draw_variance_shares, tree),
     )
@@ -257,7 +257,7 @@ def _off_axis(tree: xr.DataTree) -> Drawing:
         name="off_axis",
         caption=f"Depth uncertainty (half the width of the central 68.27 % interval) {fields} of the sensor where "
         "it is largest, and on the axis. A line ends where the camera sees the point towards no corner, or the "
-        "interval has no far end.",
+        "interval has no far end." + selection_words(tree),
         alt=f"One log-log chart per camera. Uncertainty {field_words(float(last['field']))}: " + "".join(sentences),
         draw=partial(off_axis.draw_off_axis, tree),
     )
@@ -306,7 +306,8 @@ def _readings(tree: xr.DataTree) -> Drawing:
 
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     names = parameter_words(tree, swept(tree["depth"].to_dataset()))
-    place, why = distance(sweeps.reference_distance(tree)), sweeps.why_this_distance(tree)
+    place = distance(sweeps.reference_distance(tree))
+    why = sweeps.why_this_distance(tree) + selection_words(tree)
     unseen = (
         " Dash: the camera does not see the point, or the uncertainty has no bound." if sweeps.has_gaps(tree) else ""
     )

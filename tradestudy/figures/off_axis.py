@@ -13,7 +13,6 @@ from tradestudy.figures.style import (
     CameraTrace,
     StudyFigure,
     camera_panels,
-    distance_axis,
     legend,
     length_tick,
     line_style,
@@ -38,7 +37,7 @@ def draw_off_axis(tree: xr.DataTree) -> StudyFigure:
     depth, off, shown = nominal(tree), group(tree, "depth_field"), traces(tree)
     fields = [float(field) for field in off["field"].values]
     figure = new_figure(0.7 + 1.6 * -(-len(shown) // PANELS_IN_A_ROW))
-    panels = camera_panels(figure, len(shown), float(depth["distance"].values[-1]))
+    panels = camera_panels(figure, len(shown), depth["distance"].values)
     for axes, camera in zip(panels, shown, strict=True):
         _panel(axes, depth, off, camera)
     log_axis(panels[0], "y", tick=length_tick)
@@ -80,7 +79,6 @@ def _panel(axes: Axes, depth: xr.Dataset, off: xr.Dataset, camera: CameraTrace) 
             linewidth=1.3,
             label=field_words(float(field)),
         )
-    distance_axis(axes, (float(distance[0]), float(distance[-1])))
     axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
 
 

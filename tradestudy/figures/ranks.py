@@ -16,7 +16,6 @@ from tradestudy.figures.style import (
     SOFT,
     StudyFigure,
     camera_panels,
-    distance_axis,
     line_style,
     new_figure,
     styled,
@@ -34,7 +33,7 @@ def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
     distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
     pairs = list(zip(data["pair_first"].values, data["pair_second"].values, strict=True))
     figure = new_figure(0.4 + 1.7 * -(-len(pairs) // PANELS_IN_A_ROW))
-    panels = camera_panels(figure, len(pairs), float(distance[-1]))
+    panels = camera_panels(figure, len(pairs), distance, dense=len(pairs) == 1)
     letters = _LETTERS * PANELS_IN_A_ROW // min(PANELS_IN_A_ROW, len(pairs))
     for axes, pair, (first, second) in zip(panels, data["pair"].values, pairs, strict=True):
         error_sources = enumerate(data["rank_error_source"].values)
@@ -43,7 +42,6 @@ def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
             for order, error_source in error_sources
         ]
         axes.axhline(0.5, color=SOFT, linewidth=0.8, zorder=0)
-        distance_axis(axes, (float(distance[0]), float(distance[-1])), dense=len(pairs) == 1)
         axes.set_ylim(0.0, 1.0)
         if axes in (*panels[PANELS_IN_A_ROW - 1 :: PANELS_IN_A_ROW], panels[-1]):  # only the last panel of a row
             name_ends(axes, lines)

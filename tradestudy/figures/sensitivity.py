@@ -18,7 +18,6 @@ from tradestudy.figures.style import (
     CameraTrace,
     StudyFigure,
     camera_panels,
-    distance_axis,
     legend,
     length_tick,
     line_style,
@@ -26,7 +25,7 @@ from tradestudy.figures.style import (
     new_figure,
     shortened,
     styled,
-    traces_in,
+    traces,
 )
 from tradestudy.results.views.depth import field_words
 from tradestudy.wording import in_words
@@ -49,7 +48,7 @@ def tornado_distance(tree: xr.DataTree) -> float:
 @styled()
 def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     """Draw, per camera, half the central 68.27 % interval of depth from each independent source, largest first."""
-    shown = traces_in(tree, "sensitivity")
+    shown = traces(tree, "sensitivity")
     place = tornado_distance(tree)
     data = tree["sensitivity"].to_dataset().sel(distance=place)
     columns = min(_COLUMNS, len(shown))
@@ -104,15 +103,14 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
 @styled()
 def draw_indices(tree: xr.DataTree) -> StudyFigure:
     """Draw, per camera, total Sobol indices of inverse depth against distance, and first-order ones as rings."""
-    shown = traces_in(tree, "sensitivity")
+    shown = traces(tree, "sensitivity")
     data = tree["sensitivity"].to_dataset().sel(field=0.0)
     names = _main_sources(data)
     columns = min(_COLUMNS, len(shown))
     figure = new_figure(0.6 + 1.5 * -(-len(shown) // columns))
     distance = np.asarray(data["distance"].values, dtype=np.float64)
-    panels = camera_panels(figure, len(shown), float(distance[-1]), columns)
+    panels = camera_panels(figure, len(shown), distance, columns)
     for axes, camera in zip(panels, shown, strict=True):
-        distance_axis(axes, (float(distance[0]), float(distance[-1])))
         axes.set_ylim(0.0, 1.05)
         axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
         name_ends(axes, list(_indices(axes, data.sel(camera=camera.key), names)))

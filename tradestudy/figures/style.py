@@ -22,6 +22,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from tradestudy.figures.fonts import printable
+from tradestudy.results.views.decision import tied
 from tradestudy.results.views.groups import FloatArray, camera_titles, titles_in
 
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
@@ -48,6 +49,7 @@ _RC: dict[Any, Any] = {
     "axes.titlesize": 9.0,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # by default, its place is found again in every pass of the layout
     "axes.labelsize": 8.5,
     "axes.labelcolor": INK,
     "axes.edgecolor": SOFT,
@@ -133,6 +135,7 @@ _ON_COLOR: Final = "#1b1e23"  # not INK, which dark pages replace by a light col
 _HANDLE, _LETTER = 6.5, 0.58  # of a legend, in units of its font size: a line with gaps, and a mean letter
 LONGEST_LABEL: Final = 44  # characters
 PANELS_IN_A_ROW: Final = 3  # at most, of one camera each
+MOST_CAMERAS: Final = 18  # in a figure: their names fit beside a panel, and their panels on a page
 
 
 @contextlib.contextmanager
@@ -280,15 +283,19 @@ def _widest_row(widths: Sequence[float], columns: int) -> float:
     return sum(max(widths[first : first + rows]) for first in range(0, len(widths), rows))
 
 
-def camera_panels(figure: StudyFigure, count: int, farthest: float, in_a_row: int = PANELS_IN_A_ROW) -> list[Axes]:
-    """Make panels for `count` cameras over distances up to `farthest` [m], in rows; hide those left over."""
+def camera_panels(
+    figure: StudyFigure, count: int, distance: FloatArray, in_a_row: int = PANELS_IN_A_ROW, *, dense: bool = False
+) -> list[Axes]:
+    """Make panels for `count` cameras over these distances [m], in rows; hide those left over."""
     columns = min(in_a_row, count)
     grid = figure.subplots(-(-count // columns), columns, sharex=True, sharey=True, squeeze=False)
     for axes in grid.flat[count:]:
         axes.set_visible(False)
+    ends = float(distance[0]), float(distance[-1])
+    distance_axis(grid[0, 0], ends, dense=dense)  # which the other panels share
     for column in range(columns):
         last = grid[(count - 1 - column) // columns, column]
-        last.set_xlabel(distance_label(farthest))
+        last.set_xlabel(distance_label(ends[1]))
         last.tick_params(labelbottom=True)
     return list(grid.flat[:count])
 
@@ -313,15 +320,25 @@ class CameraTrace:
         return {"label": self.title, "gid": "/".join(filter(None, (variable, self.key, where)))}
 
 
-def traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
-    """The traces of cameras that measure depth, or of all cameras if the results contain no depth."""
-    return traces_in(tree, "depth") if "depth" in tree.children else all_traces(tree)
-
-
-def traces_in(tree: xr.DataTree, name: str) -> tuple[CameraTrace, ...]:
-    """The traces of the cameras that a group is about."""
-    keys = titles_in(tree, name)
+def traces(tree: xr.DataTree, name: str = "depth") -> tuple[CameraTrace, ...]:
+    """The traces of the cameras of a group that figures show; :func:`selection_words` names their choice."""
+    every = titles_in(tree, name)
+    decision = tree["decision"].to_dataset() if "decision" in tree.children else xr.Dataset()
+    best = np.unique(decision["best_camera"].values.astype(str)).tolist() if "best_camera" in decision else []
+    compared = (decision.attrs.get(which, "") for which in ("first", "second", "candidates"))
+    first = [key for names in (*best, *compared) for key in tied(names) if key in every]
+    keys = list(dict.fromkeys([*first, *every]))[:MOST_CAMERAS]
     return tuple(trace for trace in all_traces(tree) if trace.key in keys)
+
+
+def selection_words(tree: xr.DataTree, name: str = "depth") -> str:
+    """Say which cameras of a group figures leave out; empty if none."""
+    if (count := len(titles_in(tree, name))) <= MOST_CAMERAS:
+        return ""
+    return (
+        f" The figure shows {MOST_CAMERAS} of {count} cameras: first those that are best at some distance, then those "
+        "that the decision compares, then others in the order of the study. The tables contain all."
+    )
 
 
 def all_traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:

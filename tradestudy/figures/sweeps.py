@@ -36,7 +36,7 @@ from tradestudy.figures.style import (
 from tradestudy.figures.value_tables import Tables, grid
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.designs import path_words
-from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.groups import FloatArray, titles_in
 from tradestudy.units import LENGTH
 from tradestudy.wording import distance
 
@@ -75,7 +75,8 @@ def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
     values = depth["depth_uncertainty"].transpose("camera", "distance", ...).values
     flat = values.reshape(*values.shape[:2], -1)
     moved = [not np.array_equal(one, np.broadcast_to(one[:, :1], one.shape), equal_nan=True) for one in flat]
-    return tuple(camera for camera, moves in zip(traces(tree), moved, strict=True) if moves)
+    keys = {str(key) for key, moves in zip(depth["camera"].values, moved, strict=True) if moves}
+    return tuple(camera for camera in traces(tree) if camera.key in keys)
 
 
 # SI unit: factor and unit of an axis.
@@ -262,12 +263,12 @@ def usable_designs(tree: xr.DataTree) -> Mapping[str, FloatArray]:
     """The designs of each camera usable at the reference distance, one per row: near end and uncertainty there [m]."""
     depth, place = tree["depth"].to_dataset(), reference_distance(tree)
     found = {}
-    for camera in traces(tree):
-        near = depth["usable_near"].sel(camera=camera.key).min("interval")
-        there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
+    for camera in titles_in(tree, "depth"):
+        near = depth["usable_near"].sel(camera=camera).min("interval")
+        there = depth.sel(camera=camera).sel(distance=place, method="nearest")
         sigma = there["depth_uncertainty"].where(there["usable"])
         points = np.stack([array.values.ravel() for array in xr.broadcast(near, sigma)], axis=1)
-        found[camera.key] = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
+        found[camera] = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
     return found
 
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from numpy.lib.stride_tricks import sliding_window_view
 
+from tradestudy.figures.curves import Flags, fill
 from tradestudy.figures.style import (
     DECLARED,
     INK,
@@ -21,7 +21,6 @@ from tradestudy.figures.style import (
     CameraTrace,
     StudyFigure,
     camera_panels,
-    distance_axis,
     legend,
     letters_on,
     line_style,
@@ -37,7 +36,6 @@ from tradestudy.results.views.groups import FloatArray
 _LEAST = 0.005  # a smaller share can hardly be seen
 _NOISE = "#c3c8cf"
 _NEARLY = 0.95  # of the largest room
-Flags = npt.NDArray[np.bool_]
 _LETTER, _SPARE = 0.62, 0.5  # in units of the font size: mean width of a letter, and room above and below lines
 
 
@@ -60,11 +58,11 @@ def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
     depth, shown = where_measured(nominal(tree)), traces(tree)
     names = shown_parts(depth)
     figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
-    panels = camera_panels(figure, len(shown), float(depth["distance"].values[-1]))
+    panels = camera_panels(figure, len(shown), depth["distance"].values)
+    panels[0].set(ylim=(0.0, 1.0), yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
     named = {name for axes, camera in zip(panels, shown, strict=True) for name in _panel(axes, depth, camera, names)}
     for axes in panels[::PANELS_IN_A_ROW]:
         axes.set_ylabel("share of variance")
-    panels[0].set(ylim=(0.0, 1.0), yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
     if thin := [name for name in names if name not in named]:
         handles = [Patch(facecolor=_color(names, name)) for name in thin]
         legend(figure, handles, thin, columns=4)
@@ -85,10 +83,8 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str])
     usable = depth["usable"].sel(camera=camera.key).values.astype(bool)
     for name, share in zip(names, np.nan_to_num(shares), strict=True):
         if share.any():
-            axes.fill_between(
-                distance, bottom, bottom + share, where=known.tolist(), color=_color(names, name), linewidth=0.0,
-                label=name, gid=f"variance_share:{name}/{camera.key}",
-            )  # fmt: skip
+            look = {"color": _color(names, name), "label": name, "gid": f"variance_share:{name}/{camera.key}"}
+            fill(axes, distance, bottom, bottom + share, known, **look)
             for words in (name, name.replace(" ", "\n")):
                 if (place := _free_place(axes, words, bottom, bottom + share, known, usable)) is not None:
                     middle, level = place
@@ -103,7 +99,6 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str])
     nothing = ((distance[0], distance[0]),)  # pages that show another design move it
     for near, far in _not_usable(depth, camera.key, distance) or nothing:
         axes.axvspan(near, far, color="white", alpha=0.6, linewidth=0, zorder=2, gid=f"unusable/{camera.key}")
-    distance_axis(axes, (float(distance[0]), float(distance[-1])))
     axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
 
 
