@@ -149,7 +149,7 @@ class Result:
         dict
             The keys above.
         """
-        from tradestudy.results.views.conclusions_json import conclusions_as_json
+        from tradestudy.results.views.conclusions import conclusions_as_json
 
         found = conclusions_as_json(self.data)
         return found if directory is None else {**found, "report": str(Path(directory) / "report.html")}

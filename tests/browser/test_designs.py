@@ -8,15 +8,15 @@ from tests.browser.conftest import Open, Run
 from tests.browser.test_figures import known, reported
 from tradestudy.report.document import plain_text
 from tradestudy.report.sections.answer import describe_design
-from tradestudy.results.views.depth import where_measured
-from tradestudy.results.views.designs import value_words
-from tradestudy.results.views.groups import camera_titles
-from tradestudy.results.views.one_design import (
+from tradestudy.results.views.decision import (
     best_cameras_of_designs,
     design_places,
     requirements_of_designs,
     shown_place,
 )
+from tradestudy.results.views.depth import where_measured
+from tradestudy.results.views.designs import value_words
+from tradestudy.results.views.groups import camera_titles
 from tradestudy.results.views.requirement_conclusions import conclusions_of_design
 
 OUTLINES = "[...document.querySelectorAll('.plot svg path')].map((one) => one.getAttribute('d') ?? '')"

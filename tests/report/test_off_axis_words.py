@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.results.views.conclusions import never_usable, terminal_lines
-from tradestudy.results.views.off_axis import off_axis_words
+from tradestudy.results.views.depth import off_axis_words
 
 MakeTree = Callable[..., xr.DataTree]
 RIG = "stereo-65deg"

@@ -19,8 +19,14 @@ from tradestudy.api import Result
 from tradestudy.cli import app
 from tradestudy.comparison import compare_runs
 from tradestudy.errors import StudyError
-from tradestudy.results.views.conclusions import best_ranges, measure_first, rests_on, terminal_lines, worths
-from tradestudy.results.views.conclusions_json import conclusions_as_json
+from tradestudy.results.views.conclusions import (
+    best_ranges,
+    conclusions_as_json,
+    measure_first,
+    rests_on,
+    terminal_lines,
+    worths,
+)
 from tradestudy.results.views.designs import parameter_words, path_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 

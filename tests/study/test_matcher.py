@@ -22,7 +22,7 @@ from tradestudy.plan.plan import plan_of
 from tradestudy.plan.problems.depth import depth_problems
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Table, Text, all_blocks, spans
-from tradestudy.results.views.matching import best_of_any_matcher
+from tradestudy.results.views.depth import best_of_any_matcher
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition

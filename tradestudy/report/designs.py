@@ -12,18 +12,18 @@ from tradestudy.report.curve_values import CurveValues, depth_values
 from tradestudy.report.document import Block, Callout, Table
 from tradestudy.report.sections.answer import describe_design
 from tradestudy.report.sections.registers import requirement_table
-from tradestudy.results.views.decision import tied
-from tradestudy.results.views.depth import swept
-from tradestudy.results.views.designs import path_words, value_words
-from tradestudy.results.views.groups import camera_titles, group
-from tradestudy.results.views.one_design import (
+from tradestudy.results.views.decision import (
     BestCameras,
     best_cameras_of_designs,
     camera_depths,
     design_places,
     requirements_of_designs,
     shown_place,
+    tied,
 )
+from tradestudy.results.views.depth import swept
+from tradestudy.results.views.designs import path_words, value_words
+from tradestudy.results.views.groups import camera_titles, group
 from tradestudy.results.views.requirement_conclusions import conclusions_of_design
 from tradestudy.wording import listed
 

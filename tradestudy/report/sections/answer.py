@@ -30,15 +30,25 @@ from tradestudy.results.views.conclusions import (
     question_words,
     rests_on,
 )
-from tradestudy.results.views.decision import answer_title, flips, handovers, readings_in_words, solved_questions, tied
-from tradestudy.results.views.depth import least_broken
+from tradestudy.results.views.decision import (
+    BestCameras,
+    answer_title,
+    best_cameras,
+    flips,
+    handovers,
+    readings_in_words,
+    solved_questions,
+    tied,
+)
+from tradestudy.results.views.depth import (
+    best_of_any_matcher,
+    least_broken,
+    measured_words,
+    off_axis_words,
+    offset_words,
+)
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, consequences, group, has, perfectly_calibrated, titles_in
-from tradestudy.results.views.matching import best_of_any_matcher
-from tradestudy.results.views.measured_depth import measured_words
-from tradestudy.results.views.off_axis import off_axis_words
-from tradestudy.results.views.offset import offset_words
-from tradestudy.results.views.one_design import BestCameras, best_cameras
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
     requirement_conclusions,

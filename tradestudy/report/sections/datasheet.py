@@ -9,8 +9,8 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import length, or_dash, percent, share
+from tradestudy.results.views.depth import at_the_bound, best_of_any_matcher, declared_matchers
 from tradestudy.results.views.groups import camera_titles, group, has
-from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, declared_matchers
 from tradestudy.units import ANGLE, pretty, significant
 from tradestudy.wording import distance, span
 

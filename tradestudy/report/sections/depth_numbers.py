@@ -12,10 +12,17 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.words import distance_with_error, interval, length, or_dash, share, with_error
 from tradestudy.results import judged_uncertainty
-from tradestudy.results.views.depth import nominal, shares_at, table_depth, table_distances
+from tradestudy.results.views.depth import (
+    at_the_bound,
+    best_of_any_matcher,
+    false_matches_declared,
+    nominal,
+    offset_words,
+    shares_at,
+    table_depth,
+    table_distances,
+)
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, records, titles_in
-from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared
-from tradestudy.results.views.offset import offset_words
 from tradestudy.wording import distance, in_words, with_article
 
 _NEGLIGIBLE_SHARE = 1e-6  # what the numerical error of a share amounts to

@@ -10,9 +10,8 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import share
-from tradestudy.results.views.depth import table_depth
+from tradestudy.results.views.depth import at_the_bound, best_of_any_matcher, declared_matchers, table_depth
 from tradestudy.results.views.groups import group, has, titles_in
-from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, declared_matchers
 from tradestudy.units import significant
 from tradestudy.wording import distance, listed
 

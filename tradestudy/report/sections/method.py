@@ -8,8 +8,8 @@ from typing import Any
 import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Equation, Heading, Paragraph, say
+from tradestudy.results.views.depth import declared_matchers
 from tradestudy.results.views.groups import depth_methods, group, has
-from tradestudy.results.views.matching import declared_matchers
 
 
 def describe_method(tree: xr.DataTree) -> Iterator[Block]:

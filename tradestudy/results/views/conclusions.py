@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import answer_title, candidates, reported_winners, solved_questions
-from tradestudy.results.views.depth import least_broken, nominal, nominal_is_declared, where_usable
+from tradestudy.results.views.depth import (
+    at_the_bound,
+    least_broken,
+    measured_numbers,
+    measured_words,
+    nominal,
+    nominal_is_declared,
+    off_axis_words,
+    offset_words,
+    where_usable,
+)
 from tradestudy.results.views.designs import (
     feasible_designs,
     feasible_words,
     path_words,
 )
 from tradestudy.results.views.groups import camera_titles, consequences, group, has, perfectly_calibrated, records
-from tradestudy.results.views.matching import at_the_bound
-from tradestudy.results.views.measured_depth import measured_words
-from tradestudy.results.views.off_axis import off_axis_words
-from tradestudy.results.views.offset import offset_words
-from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
-from tradestudy.results.views.trade_off import trade_off_conclusion
-from tradestudy.results.views.wave_conclusions import wave_words
+from tradestudy.results.views.requirement_conclusions import (
+    RequirementConclusion,
+    requirement_conclusions,
+    requirement_sentence,
+)
+from tradestudy.results.views.trade_off import candidates_by_rank, trade_off_conclusion
+from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers, wave_words
 from tradestudy.units import FRACTION, pretty, significant
 from tradestudy.wording import counted, distance, limit_words, listed, plain_span, with_unit_symbols
 
@@ -316,3 +326,104 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     else:
         yield from lines
     yield from last
+
+
+JSON_FORMAT: Final = 1
+
+
+def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
+    """The conclusions of a run with numbers in SI; see `Result.conclusions` for the keys."""
+    return {
+        "format": JSON_FORMAT,
+        **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
+        "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_ranges(tree)],
+        "best_nowhere": [{"camera": title, "at_least": ratio} for title, ratio in never_best(tree)],
+        "lower_bounds": list(lower_bounds(tree)),
+        "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
+        **_designs_as_json(tree),
+        "questions": _questions_as_json(tree),
+        "trade_off": [
+            {"camera": one.title, "first": one.ranks[0], "error": one.first_error} for one in candidates_by_rank(tree)
+        ],
+        "measured": _rows_as_json(measured_numbers(tree)),
+        "light_spot": _rows_as_json(light_numbers(tree)),
+        "fresnel_validity": _rows_as_json(fresnel_numbers(tree)),
+        "hard_cases": hard_case_numbers(tree),
+        "rests_on": list(rests_on(tree)),
+        "measure_first": measure_first(tree),
+        "assumptions": [
+            {"assumption": one.says, "between": one.between, "worth": one.worth, "error": one.error}
+            for one in worths(tree)
+        ],
+    }
+
+
+def _rows_as_json(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    return [{key: value if isinstance(value, str) else _number(value) for key, value in one.items()} for one in rows]
+
+
+def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
+    }
+    found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity", "probability")}
+    found["on_lower_bound"] = one.at_lower_bound
+    if one.others:
+        found["others"] = [
+            {"camera": other.title, "met": other.met, "margin": _number(other.margin), "reason": other.reason}
+            for other in one.others
+        ]
+    if (best := one.bound_alone) is not None:
+        found["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
+    if one.readings:
+        found |= {
+            "readings": one.readings,
+            "other_verdicts": [
+                {"reading": other.says, "met": other.met, "camera": other.camera, "reason": other.reason}
+                for other in one.other_verdicts
+            ],
+        }
+    if one.designs is not None:
+        found |= {"designs_met": one.designs[0], "designs": one.designs[1]}
+    if one.met_ranges is not None:
+        found["met_with"] = [
+            {
+                "parameter": along.parameter,
+                "from": along.low,
+                "to": along.high,
+                "error": along.error,
+                "camera": along.camera,
+            }
+            for along in one.met_ranges
+        ]
+    return found
+
+
+def _questions_as_json(tree: xr.DataTree) -> list[dict[str, Any]]:
+    if not has(tree, "decision", "solved_answer"):
+        return []
+    return [
+        {
+            "name": str(row["question"]),
+            "says": str(row["solved_says"]),
+            "answer": str(row["solved_answer"]),
+            "value": _number(float(row["solved_value"])),
+            "error": _number(float(row["solved_error"])),
+            "units": str(row["solved_units"]),
+            "solutions": int(row["solution_count"]),
+        }
+        for row in records(tree, "decision", "question")
+    ]
+
+
+def _designs_as_json(tree: xr.DataTree) -> dict[str, Any]:
+    found = feasible_designs(tree)
+    if found is None:
+        return {}
+    best = {"values": found.best.values, "margin": _number(found.best.margin)}
+    return {"designs": {"count": found.designs, "feasible": found.count, "best": best}}
+
+
+def _number(value: float) -> float | None:
+    """The value, or None for NaN and infinity, which JSON lacks."""
+    return value if np.isfinite(value) else None

@@ -1,16 +1,19 @@
-"""Views of depth and depth of field: arrays by camera, usable and sharp ranges, and the largest error sources."""
+"""Views of depth: by camera, in ranges, off the axis, from error sources, biased, or measured in pictures."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from tradestudy.results import distances_without_decision
-from tradestudy.results.views.groups import FloatArray, group, has, ranges_of
-from tradestudy.units import significant
+from tradestudy.results import distances_without_decision, judged_uncertainty
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, ranges_of, titles_in
+from tradestudy.units import FRACTION, LENGTH, pretty, significant
+from tradestudy.wording import distance, listed, with_article
 
 _SEEN_TWICE: Final = ("overlap", "availability")  # limits on the share of points
 _MEASURED: Final = (
@@ -147,3 +150,157 @@ def largest_source(tree: xr.DataTree, camera: str, distance: float) -> str | Non
     sources = group(tree, "sensitivity")["source_uncertainty"].sel(camera=camera, field=0.0, distance=distance)
     array = np.asarray(sources.values, dtype=np.float64)
     return str(sources["source"].values[int(np.nanargmax(array))]) if np.isfinite(array).any() else None
+
+
+_CLEARLY_WORSE: Final = 1.1  # times the depth uncertainty on the axis
+
+
+def off_axis_words(tree: xr.DataTree) -> list[str]:
+    """How much less certain depth is off the axis, where it is most so; cameras that it hardly affects are left out."""
+    if not has(tree, "depth_field", "depth_uncertainty") or not nominal_is_declared(tree):
+        return []
+    depth, off, titles = nominal(tree), group(tree, "depth_field"), camera_titles(tree)
+    on_axis, off_axis = judged_uncertainty(depth), judged_uncertainty(off)
+    distances = np.asarray(depth["distance"].values, dtype=np.float64)
+    found = []
+    for camera in map(str, depth["camera"].values):
+        usable = np.zeros(distances.shape, dtype=bool)
+        for near, far in where_usable(depth, camera):
+            usable |= (near <= distances) & (distances <= far)
+        there = off_axis.sel(camera=camera).transpose("field", "corner", "distance").values
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(usable, there / on_axis.sel(camera=camera).values, np.nan)
+        if not np.any(ratio > _CLEARLY_WORSE):
+            continue
+        field, corner, place = np.unravel_index(np.nanargmax(ratio), ratio.shape)
+        worst = float(ratio[field, corner, place])
+        times = f"up to {significant(worst, 3)} times as uncertain" if math.isfinite(worst) else "unbounded"
+        towards = field_words(float(off["field"].values[field]), str(off["corner"].values[corner]))
+        where = f"{towards}, at {distance(float(distances[place]))}"
+        found.append(f"depth by {with_article(titles[camera])} is {times} ({where})")
+    return found
+
+
+_REPORTED: Final = 0.1  # of the depth uncertainty
+
+
+def offset_words(tree: xr.DataTree) -> list[str]:
+    """The cameras whose median is off by more than a tenth of the depth uncertainty where they are usable.
+
+    Each with the distance at which the offset is the largest share of the depth uncertainty.
+    """
+    if not has(tree, "depth", "depth_quantile"):
+        return []
+    depth, titles, found = where_measured(nominal(tree)), camera_titles(tree), []
+    median = depth["depth_quantile"].sel(error_source="both").sel(quantile=0.5, method="nearest")
+    for camera in map(str, depth["camera"].values):
+        places = np.asarray(depth["distance"].values, dtype=np.float64)
+        offset = np.asarray(median.sel(camera=camera).values, dtype=np.float64) - places
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = np.abs(offset) / of_camera(depth, "depth_uncertainty", camera)
+        shares = np.where(of_camera(depth, "usable", camera) > 0.0, np.nan_to_num(shares, nan=0.0, posinf=0.0), 0.0)
+        worst = int(np.argmax(shares))
+        if shares[worst] <= _REPORTED:
+            continue
+        side = "far" if offset[worst] > 0.0 else "near"
+        off = pretty(abs(float(offset[worst])), LENGTH, digits=2)
+        of_it = pretty(float(shares[worst]), FRACTION, digits=2)
+        found.append(
+            f"half of all measurements by {with_article(titles[camera])} are at least {off} too {side} at "
+            f"{distance(float(places[worst]))}, {of_it} of the depth uncertainty there"
+        )
+    return found
+
+
+_CAUSES: Final = "disparity_causes"
+
+
+def declared_matchers(tree: xr.DataTree) -> dict[str, str]:
+    """The declared matcher in words, by title, of each camera whose disparity error is derived."""
+    if not has(tree, _CAUSES, "matcher"):
+        return {}
+    words = dict(zip(group(tree, _CAUSES)["camera"].values, group(tree, _CAUSES)["matcher"].values, strict=True))
+    return {title: str(words[key]) for key, title in titles_in(tree, _CAUSES).items() if words[key]}
+
+
+def false_matches_declared(tree: xr.DataTree) -> bool:
+    """Whether failed measurements contain false matches."""
+    return has(tree, _CAUSES, "false_matches") and bool((group(tree, _CAUSES)["false_matches"] > 0.0).any())
+
+
+def at_the_bound(tree: xr.DataTree) -> tuple[str, ...]:
+    """Titles of the cameras whose derived disparity error is the bound, because they declare no matcher."""
+    if not has(tree, _CAUSES):
+        return ()
+    real = declared_matchers(tree)
+    return tuple(title for title in titles_in(tree, _CAUSES).values() if title not in real)
+
+
+def best_of_any_matcher(titles: tuple[str, ...]) -> str:
+    """The caveat on errors at the bound of matching; empty if no camera has such errors."""
+    if not titles:
+        return ""
+    what = "disparity error of {} is a lower bound" if len(titles) == 1 else "disparity errors of {} are lower bounds"
+    return f"The {what.format(listed(titles))} derived from the picture; no matcher does better."
+
+
+_NUMBERS: Final = ("spread", "spread_error", "bias", "bias_error", "predicted", "filled")
+
+
+def measured_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
+    """The depth that each camera measured, of the scene and of each plane; NaN where it measured nothing."""
+    found: list[dict[str, Any]] = []
+    for name, camera in (("pictures", "mapped_camera"), ("depth_loop", "camera")):
+        if not has(tree, name, "depth_spread"):
+            continue
+        titles = camera_titles(tree)
+        table = group(tree, name)[[f"depth_{number}" for number in _NUMBERS]].to_dataframe().reset_index()
+        for row in table.rename(columns=lambda column: str(column).removeprefix("depth_")).to_dict("records"):
+            values = {str(key): value for key, value in row.items() if key != camera}
+            found.append({"camera": titles[row[camera]], "of": "scene" if name == "pictures" else "plane", **values})
+    return found
+
+
+def measured_words(tree: xr.DataTree, *, of_scene: str = "In pictures of the scene, ") -> tuple[str, ...]:
+    """How well cameras measured planes and the scene, without full stops; empty if the study measured neither.
+
+    ``of_scene`` begins the sentences on the scene; empty where a heading says it.
+    """
+    return (*_of_planes(tree), *(f"{of_scene}{sentence}" for sentence in _of_scene(tree)))
+
+
+def _of_planes(tree: xr.DataTree) -> Iterator[str]:
+    """For each camera, the range over its planes of the ratio of measured to predicted spread."""
+    if not has(tree, "depth_loop", "depth_spread"):
+        return
+    data, titles = group(tree, "depth_loop"), camera_titles(tree)
+    reached: list[str] = []
+    failed: dict[str, list[str]] = {}  # the cameras, by the reason that all their planes share
+    for name in data["camera"].values:
+        over = data["depth_relative_spread"].sel(camera=name).values
+        over, title = over[np.isfinite(over)], titles[str(name)]
+        if not over.size:
+            reasons = np.unique(data["reason"].sel(camera=name).values.astype(str))
+            failed.setdefault(f": {reasons[0]}" if reasons.size == 1 and reasons[0] else "", []).append(title)
+            continue
+        low, high = significant(float(over.min()), 2), significant(float(over.max()), 2)
+        reached.append(f"{low} for {title}" if low == high else f"{low} to {high} for {title}")
+    if reached:
+        yield f"In pictures of planes, the ratio of measured to predicted depth spread is {'; '.join(reached)}"
+    for reason, cameras in failed.items():
+        yield f"In pictures of planes, {listed(cameras)} measured nothing{reason}"
+
+
+def _of_scene(tree: xr.DataTree) -> Iterator[str]:
+    """Spread, bias and fill rate of each camera."""
+    for row in (row for row in measured_numbers(tree) if row["of"] == "scene"):
+        if not np.isfinite(row["spread"]):
+            yield f"{row['camera']} measured nothing"
+            continue
+        spread, predicted, bias = (pretty(row[key], LENGTH, digits=2) for key in ("spread", "predicted", "bias"))
+        yield (
+            f"{row['camera']} measured {pretty(row['filled'], FRACTION, digits=2)} of the points visible in two "
+            f"pictures, with a spread of ±{spread}"
+            + (f" (predicted uncertainty: ±{predicted})" if np.isfinite(row["predicted"]) else "")
+            + f" and a bias of {bias}"
+        )

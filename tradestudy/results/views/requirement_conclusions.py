@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from tradestudy.results.views.depth import at_the_bound
 from tradestudy.results.views.designs import (
     dimension_of,
     interval_words,
@@ -17,7 +18,6 @@ from tradestudy.results.views.designs import (
     path_words,
 )
 from tradestudy.results.views.groups import camera_titles, group, has, records
-from tradestudy.results.views.matching import at_the_bound
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import listed
 

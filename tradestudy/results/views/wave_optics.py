@@ -1,11 +1,17 @@
-"""Views of wave optics: the window, f-number and method that stand for the others in figures and sentences."""
+"""Views of wave optics: conclusions on light spots, Fresnel's law and hard cases, and what figures show of them."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from tradestudy.light_methods import most_complete
+from tradestudy.light_methods import most_complete, title_within_a_sentence
+from tradestudy.results.views.groups import group, has
+from tradestudy.units import FRACTION, pretty, significant
+from tradestudy.wording import listed
 
 
 def middle_window(fresnel_validity: xr.Dataset) -> float:
@@ -29,3 +35,92 @@ def published_place(fresnel_validity: xr.Dataset, element: str) -> float:
 def reference_method(images: xr.Dataset) -> str:
     """The method of ``/images`` with which the others are compared: the most complete one."""
     return most_complete(str(name) for name in images["propagator"].values)
+
+
+def light_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
+    """Method, stated error and difference from the reference (NaN for the reference) of every picture of the spot."""
+    if not has(tree, "images", "image"):
+        return []
+    data = group(tree, "images")
+    reference = reference_method(data)
+    return [
+        {
+            "method": method,
+            "reference": reference,
+            "difference": float(data["difference"].sel(propagator=method, against=reference))
+            if method != reference
+            else float("nan"),
+            "error": float(data["numerical_error"].sel(propagator=method)),
+        }
+        for method in map(str, data["propagator"].values)
+    ]
+
+
+def fresnel_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
+    """For every lens and lens phase, the f-number from which Fresnel's law stays within the limit at all wavelengths.
+
+    Zero where it does at every f-number of the study, infinite where it does at none.
+    """
+    if not has(tree, "fresnel_validity", "limit_f_number"):
+        return []
+    data = group(tree, "fresnel_validity")
+    window = middle_window(data)
+    found = data["limit_f_number"].sel(metric="l1", window=window)
+    return [
+        {
+            "element": element_title(data, str(element)),
+            "lens_phase": str(phase),
+            "window": window,
+            "limit": float(data.attrs["error_limit"]),
+            "f_number": float(np.max(found.sel(element=element, lens_phase=phase).values)),
+        }
+        for element in data["element"].values
+        for phase in data["lens_phase"].values
+    ]
+
+
+def hard_case_numbers(tree: xr.DataTree) -> dict[str, int]:
+    """Number of hard cases, and how many the program gets right; empty if the study computed none."""
+    if not has(tree, "hard_cases", "met"):
+        return {}
+    met = group(tree, "hard_cases")["met"].values
+    return {"cases": int(met.size), "met": int(np.count_nonzero(met))}
+
+
+def wave_words(tree: xr.DataTree) -> Iterator[str]:
+    """Sentences, without full stops, on the light spot, Fresnel's law and hard cases, if computed."""
+    yield from _of_light(light_numbers(tree))
+    yield from _of_fresnel(fresnel_numbers(tree))
+    if found := hard_case_numbers(tree):
+        yield f"The program gets {found['met']} of {found['cases']} hard cases right"
+
+
+def _of_light(pictures: list[dict[str, Any]]) -> Iterator[str]:
+    others = [one for one in pictures if one["method"] != one["reference"]]
+    if others:
+        each = "; ".join(
+            f"{title_within_a_sentence(one['method'])} {pretty(one['difference'], FRACTION, digits=3)}"
+            for one in others
+        )
+        reference = title_within_a_sentence(others[0]["reference"])
+        yield f"Summed difference of the light spot from that by {reference}: {each}"
+    elif pictures:
+        method, error = title_within_a_sentence(pictures[0]["method"]), pictures[0]["error"]
+        yield f"The light spot is computed by {method}, stated error {pretty(error, FRACTION, digits=2)}"
+
+
+def _of_fresnel(limits: list[dict[str, Any]]) -> Iterator[str]:
+    for element in dict.fromkeys(one["element"] for one in limits):
+        each = [one for one in limits if one["element"] == element]
+        within = f"{pretty(each[0]['limit'], FRACTION)} over {significant(each[0]['window'])} Airy radii"
+        phases: dict[str, list[str]] = {}
+        for one in each:
+            phases.setdefault(_f_number(one["f_number"]), []).append(one["lens_phase"])
+        words = ", ".join(f"{where} ({listed(names)} lens phase)" for where, names in phases.items())
+        yield f"{element}: Fresnel agrees with Kirchhoff to {within} {words}"
+
+
+def _f_number(value: float) -> str:
+    if value == 0.0:
+        return "at every f-number"
+    return f"from f/{significant(value)}" if np.isfinite(value) else "at no f-number"
