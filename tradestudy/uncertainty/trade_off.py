@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
@@ -292,6 +291,8 @@ def _scrambles(
     seed: int,
 ) -> Iterator[_Scramble]:
     """For each scramble: shares of ranks, shares of first ranks, sums of the weights for these, mean weight, draws."""
+    from scipy.special import ndtri  # `check` reads `WeightSpace` and must not wait for scipy
+
     for replicate in range(_SCRAMBLES):
         stream = scrambled_sobol(dimensions, point_generator(seed=seed, point="trade-off", replicate=replicate))
         drawn, others = weights.draw(stream, _DRAWS)
