@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, cast
+from itertools import chain, takewhile
+from typing import Any, NoReturn, TypeVar, cast
 
 from ruamel.yaml import YAML
 from ruamel.yaml import events as yaml_events
@@ -18,6 +19,7 @@ from tradestudy.errors import Problem, nearest
 from tradestudy.study.document import (
     BASES,
     Annotation,
+    Basis,
     Entry,
     ListEntry,
     MappingEntry,
@@ -27,7 +29,10 @@ from tradestudy.study.document import (
     Scalar,
     ScalarEntry,
     Value,
+    child,
+    count_values,
     scalar_text,
+    walk,
 )
 
 # Enough for 100 cameras and a list of 100 000 distances, but not for a file made to exhaust the machine.
@@ -92,12 +97,12 @@ def _composed(text: str, start: Place, tags: bool) -> tuple[Entry, tuple[Problem
     if nesting := _ENDLESS_NESTING.search(text):
         composer.fail(composer.place_in(text, nesting.start()), _TOO_DEEP)
     try:
-        for event in YAML(typ="safe", pure=True).parse(text):
-            composer.take(event)
+        root = composer.document(YAML(typ="safe", pure=True).parse(text))
     except UnreadableError:
         raise
     except MarkedYAMLError as error:
-        composer.fail(_marked(error, start), _syntax(error))
+        mark = error.problem_mark or error.context_mark
+        composer.fail(start if mark is None else composer.place_at(mark.line, mark.column), _syntax(error))
     except ReaderError as error:
         place = composer.place_in(text, error.position)
         composer.fail(
@@ -106,9 +111,9 @@ def _composed(text: str, start: Place, tags: bool) -> tuple[Entry, tuple[Problem
     except (YAMLError, ValueError, OverflowError, TypeError, AttributeError, IndexError) as error:
         # The parser raises these instead of its own errors on some malformed escapes and directives.
         composer.fail(composer.last, f"this is not valid YAML ({error})")
-    if composer.root is None:
+    if root is None:
         composer.fail(start, "it is empty; `tradestudy new NAME` writes a starter study")
-    return composer.root, (*composer.problems,)
+    return root, (*composer.problems,)
 
 
 def entry_of_value(value: Value, place: Place) -> tuple[Entry, list[Problem]]:
@@ -120,42 +125,26 @@ def entry_of_value(value: Value, place: Place) -> tuple[Entry, list[Problem]]:
         If it contains too many or too deeply nested values.
     """
     composer = _Composer(start=place, last=place)
-    composer.take_value(value)
-    return composer.root, composer.problems
+    return composer.of_value(value, ()), composer.problems
 
 
-@dataclass(kw_only=True)
-class _Frame:
-    """A mapping or a list that is still open."""
-
-    place: Place
-    anchor: str | None
-    count_before: int
-    members: dict[str, Member] | None  # None for a list
-    items: list[Entry] = field(default_factory=list)
-    key: tuple[str, Place] | None = None
-    height: int = 0
-
-    def step(self) -> str | int:
-        """Index or key now being read."""
-        if self.members is None:
-            return len(self.items)
-        return self.key[0] if self.key else ""
+_Part = TypeVar("_Part")
 
 
 @dataclass(kw_only=True)
 class _Composer:
-    """Builds entries from events without recursion; an alias shares the entry of its anchor but counts at each use."""
+    """Builds entries from events; an alias shares the entry of its anchor but counts at each use.
+
+    A path has one step for each open mapping or list, so that its length limits the recursion; the step into a key, or
+    below one that is no text, is empty.
+    """
 
     start: Place
     last: Place
     may_have_tags: bool = False
-    root: Any = None
     problems: list[Problem] = field(default_factory=list)
-    frames: list[_Frame] = field(default_factory=list)
-    anchors: dict[str, tuple[Entry, int, int] | None] = field(default_factory=dict)  # entry, values, height; None: open
+    anchors: dict[str, Entry | None] = field(default_factory=dict)  # None while the value is open
     count: int = 0
-    documents: int = 0
 
     def place_at(self, line: int, column: int) -> Place:
         """Place in the file of a line and column of the text, counted from 0."""
@@ -166,147 +155,119 @@ class _Composer:
         before = text[:position]
         return self.place_at(before.count("\n"), len(before) - before.rfind("\n") - 1)
 
-    def path(self) -> Path:
-        """Path of the value now being read."""
-        return tuple(step for frame in self.frames if (step := frame.step()) != "")
-
-    def note(self, place: Place, what: str, path: Path | None = None) -> None:
+    def note(self, place: Place, what: str, path: Path) -> None:
         """Record a mistake."""
-        self.problems.append(place.problem(self.path() if path is None else path, what))
+        self.problems.append(place.problem(tuple(step for step in path if step != ""), what))
         if len(self.problems) >= MOST_MISTAKES:
             self.fail(place, "reading stopped here, after too many mistakes")
 
-    def fail(self, place: Place, what: str) -> None:
+    def fail(self, place: Place, what: str) -> NoReturn:
         """Record a mistake and stop reading."""
         self.problems.append(place.problem((), what))
         raise UnreadableError(self.problems)
 
-    def take(self, event: Any) -> None:
-        """Process one event of the parser."""
+    def document(self, events: Iterator[Any]) -> Entry | None:
+        """The only document of a stream; None if it is empty."""
+        root: Entry | None = None
+        documents = 0
+        for event in events:
+            self.last = self.place_at(event.start_mark.line, event.start_mark.column)
+            if isinstance(event, yaml_events.NodeEvent):
+                root = self.of_event(event, events, ())
+            documents += isinstance(event, yaml_events.DocumentStartEvent)
+            if documents > 1:
+                self.fail(self.last, "a second document begins here; a study is one document")
+        return root
+
+    def of_event(self, event: Any, events: Iterator[Any], path: Path) -> Entry:
+        """The entry that begins with an event of the parser, and ends before the next event."""
         self.last = place = self.place_at(event.start_mark.line, event.start_mark.column)
-        if isinstance(event, yaml_events.DocumentStartEvent):
-            self.documents += 1
-            if self.documents > 1:
-                self.fail(place, "a second document begins here; a study is one document")
-        elif isinstance(event, yaml_events.MappingStartEvent | yaml_events.SequenceStartEvent):
-            is_mapping = isinstance(event, yaml_events.MappingStartEvent)
-            self.open(place, is_mapping=is_mapping, anchor=event.anchor, tag=event.tag)
-        elif isinstance(event, yaml_events.MappingEndEvent | yaml_events.SequenceEndEvent):
-            self.close()
-        elif isinstance(event, yaml_events.ScalarEvent):
-            is_plain = event.implicit[0] and not event.style
-            self.scalar(event.value, place, is_plain=is_plain, anchor=event.anchor, tag=event.tag)
-        elif isinstance(event, yaml_events.AliasEvent):
-            self.alias(event.anchor, place)
+        if isinstance(event, yaml_events.AliasEvent):
+            return self.alias(event.anchor, place, path)
+        if event.tag is not None and not self.may_have_tags:  # the schema defines the type of each value
+            self.note(place, _NO_TAGS, path)
+        if event.anchor:
+            self.anchors[event.anchor] = None
+        if isinstance(event, yaml_events.ScalarEvent):
+            entry: Entry = self.scalar(event.value, place, path, is_plain=event.implicit[0] and not event.style)
+        else:
+            parts = takewhile(lambda part: not isinstance(part, yaml_events.CollectionEndEvent), events)
+            build = self.mapping if isinstance(event, yaml_events.MappingStartEvent) else self.sequence
+            entry = build(place, parts, lambda part, at: self.of_event(part, events, at), path)
+        if event.anchor:
+            self.anchors[event.anchor] = entry
+        return entry
 
-    def take_value(self, value: Value) -> None:
-        """Process a Python value; all of it has the place where reading began."""
+    def of_value(self, value: Value, path: Path) -> Entry:
+        """The entry of a Python value; all of it has the place where reading began."""
         if isinstance(value, Mapping):
-            self.open(self.start, is_mapping=True)
-            for key, item in value.items():
-                self.take_value(key)
-                self.take_value(item)
-            self.close()
-        elif isinstance(value, list | tuple):
-            self.open(self.start, is_mapping=False)
-            for item in value:
-                self.take_value(item)
-            self.close()
-        elif isinstance(value, str):
-            self.scalar(value, self.start, is_plain=False)
-        else:  # including numbers of other libraries, as they print themselves
-            self.scalar(scalar_text(cast(Scalar, value)), self.start, is_plain=True)
+            return self.mapping(self.start, chain.from_iterable(value.items()), self.of_value, path)
+        if isinstance(value, list | tuple):
+            return self.sequence(self.start, iter(value), self.of_value, path)
+        # Numbers of other libraries, too, are read as they print themselves.
+        text = value if isinstance(value, str) else scalar_text(cast(Scalar, value))
+        return self.scalar(text, self.start, path, is_plain=not isinstance(value, str))
 
-    def scalar(self, written: str, place: Place, *, is_plain: bool, anchor: str | None = None, tag: Any = None) -> None:
-        """Add a single value; unless it is plain, quotes make it text."""
+    def scalar(self, written: str, place: Place, path: Path, *, is_plain: bool) -> ScalarEntry:
+        """A single value; unless it is plain, quotes make it text."""
         self.count_values(place, 1)
-        self.tags(tag, place)
-        text = self.text(written, place)
-        self.add(ScalarEntry(place=place, value=_resolved(text) if is_plain else text, text=text), anchor, 1, 0)
+        if "\0" in written:
+            self.note(place, "an escape gives the null character, which no text may contain", path)
+        if any("\ud800" <= letter <= "\udfff" for letter in written):
+            self.note(place, "an escape gives half a character (a lone surrogate)", path)
+        text = re.sub("[\0\ud800-\udfff]", "\ufffd", written)
+        return ScalarEntry(place=place, value=_resolved(text) if is_plain else text, text=text)
 
-    def open(self, place: Place, *, is_mapping: bool, anchor: str | None = None, tag: Any = None) -> None:
-        """Begin a mapping or a list."""
+    def sequence(
+        self, place: Place, parts: Iterator[_Part], entry_of: Callable[[_Part, Path], Entry], path: Path
+    ) -> ListEntry:
+        """A list of parts, each an event or a Python value."""
         self.count_values(place, 1)
-        self.check_depth(place, 0)
-        self.tags(tag, place)
-        if anchor:
-            self.anchors[anchor] = None
-        members: dict[str, Member] | None = {} if is_mapping else None
-        self.frames.append(_Frame(place=place, anchor=anchor, count_before=self.count - 1, members=members))
+        self.check_depth(place, len(path))
+        items = tuple(entry_of(part, (*path, index)) for index, part in enumerate(parts))
+        return ListEntry(place=place, items=items)
 
-    def close(self) -> None:
-        """End the innermost mapping or list."""
-        frame = self.frames[-1]
-        if frame.members is None:
-            entry: Entry = ListEntry(place=frame.place, items=tuple(frame.items))
+    def mapping(
+        self, place: Place, parts: Iterator[_Part], entry_of: Callable[[_Part, Path], Entry], path: Path
+    ) -> Entry:
+        """A mapping of parts, keys and values in turn."""
+        self.count_values(place, 1)
+        self.check_depth(place, len(path))
+        members: dict[str, Member] = {}
+        for part in parts:
+            key, key_place = self.key(entry_of(part, (*path, "")), path)
+            here = (*path, key)
+            entry = entry_of(next(parts), here)
+            if key == "<<":
+                self.note(key_place, "YAML 1.2 has no merge key; cameras share values by from: and like:", here)
+            elif key in members:
+                first = members[key].key_place.line
+                self.note(key_place, f"duplicate key, first on line {first}; remove one of them", here)
+            elif key:  # else the mistake in the key is already recorded
+                members[key] = Member(key_place, entry)
+        return self.unwrapped(MappingEntry(place=place, members=members), path)
+
+    def alias(self, name: str, place: Place, path: Path) -> Entry:
+        """An anchored entry again."""
+        entry = self.anchors.get(name)
+        if entry is not None:
+            self.count_values(place, count_values(entry))
+            self.check_depth(place, len(path) + max(len(below) for below, _ in walk(entry, ())))
+            return entry
+        if name in self.anchors:
+            self.note(place, f"'*{name}' is inside '&{name}' and would refer to itself without end", path)
         else:
-            entry = self.unwrapped(MappingEntry(place=frame.place, members=frame.members))
-        self.frames.pop()
-        self.add(entry, frame.anchor, self.count - frame.count_before, frame.height)
+            self.note(place, f"there is no anchor '&{name}'{nearest_name(name, self.anchors)}", path)
+        return ScalarEntry(place=place, value=None, text="")
 
-    def alias(self, name: str, place: Place) -> None:
-        """Insert an anchored entry again."""
-        entry: Entry = ScalarEntry(place=place, value=None, text="")
-        if name not in self.anchors:
-            self.note(place, f"there is no anchor '&{name}'{nearest_name(name, self.anchors)}")
-        elif (anchored := self.anchors[name]) is None:
-            self.note(place, f"'*{name}' is inside '&{name}' and would refer to itself without end")
-        else:
-            entry, count, height = anchored
-            self.count_values(place, count)
-            self.check_depth(place, height)
-            self.add(entry, None, count, height)
-            return
-        self.add(entry, None, 1, 0)
-
-    def add(self, entry: Entry, anchor: str | None, count: int, height: int) -> None:
-        """Add a finished entry to the innermost open mapping or list."""
-        if anchor:
-            self.anchors[anchor] = (entry, count, height)
-        if not self.frames:
-            self.root = entry
-            return
-        frame = self.frames[-1]
-        frame.height = max(frame.height, height + 1)
-        if frame.members is None:
-            frame.items.append(entry)
-        elif frame.key is None:
-            frame.key = self.key(entry)
-        else:
-            (name, key_place), members = frame.key, frame.members
-            if name == "<<":
-                self.note(key_place, "YAML 1.2 has no merge key; cameras share values by from: and like:")
-            elif not name:
-                pass  # the mistake in the key is already recorded
-            elif name in members:
-                first = members[name].key_place.line
-                self.note(key_place, f"duplicate key, first on line {first}; remove one of them")
-            else:
-                members[name] = Member(key_place, entry)
-            frame.key = None
-
-    def key(self, entry: Entry) -> tuple[str, Place]:
+    def key(self, entry: Entry, path: Path) -> tuple[str, Place]:
         """Read an entry as a key; one that is not text is a mistake, and its text as written stands for it."""
         if isinstance(entry, ScalarEntry) and isinstance(entry.value, str) and entry.value:
             return entry.value, entry.place
         text = entry.text if isinstance(entry, ScalarEntry) else ""
-        self.note(entry.place, f"a key is text; write '{text}' in quotes" if text else "a name is expected as the key")
+        what = f"a key is text; write '{text}' in quotes" if text else "a name is expected as the key"
+        self.note(entry.place, what, path)
         return text, entry.place
-
-    def text(self, written: str, place: Place) -> str:
-        """Refuse escapes of lone surrogates and of the null character."""
-        if "\0" in written:
-            self.note(place, "an escape gives the null character, which no text may contain")
-            written = written.replace("\0", "\ufffd")
-        if any("\ud800" <= letter <= "\udfff" for letter in written):
-            self.note(place, "an escape gives half a character (a lone surrogate)")
-            return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in written)
-        return written
-
-    def tags(self, tag: Any, place: Place) -> None:
-        """Refuse tags, since the schema defines the type of each value."""
-        if tag is not None and not self.may_have_tags:
-            self.note(place, _NO_TAGS)
 
     def count_values(self, place: Place, count: int) -> None:
         """Refuse more values, after expansion, than any study needs."""
@@ -314,18 +275,17 @@ class _Composer:
         if self.count > MOST_VALUES:
             self.fail(place, f"the file contains more than {MOST_VALUES} values, repetitions by '*' included")
 
-    def check_depth(self, place: Place, height: int) -> None:
+    def check_depth(self, place: Place, depth: int) -> None:
         """Refuse deeper nesting than any study needs."""
-        if len(self.frames) + height >= DEEPEST:
+        if depth >= DEEPEST:
             self.fail(place, _TOO_DEEP)
 
-    def unwrapped(self, entry: MappingEntry) -> Entry:
+    def unwrapped(self, entry: MappingEntry, here: Path) -> Entry:
         """The value of ``{value: …, basis: …, note: …}`` with its annotation; any other mapping as it is."""
         others = [key for key in entry.members if key != "value"]
         if "value" not in entry.members or not others or any(nearest(key, ("basis", "note")) is None for key in others):
             return entry
         value = entry.members["value"].entry
-        here = self.path()
         for key in others:
             if key not in ("basis", "note"):
                 what = f"unknown key beside a value{nearest_name(key, ('basis', 'note'))}"
@@ -333,36 +293,20 @@ class _Composer:
         if isinstance(value, MappingEntry) or value.annotation is not None:
             self.note(value.place, "a basis belongs to a single value or to a list", (*here, "value"))
             return entry
-        return _annotated(value, Annotation(basis=self.basis(entry, here), note=self.remark(entry, here)))
-
-    def basis(self, entry: MappingEntry, here: Path) -> Any:
-        """Read the basis of a value; None if it is not one."""
-        if "basis" not in entry.members:
-            return None
-        stated = entry.members["basis"].entry
-        if isinstance(stated, ScalarEntry) and stated.value in BASES:
-            return stated.value
-        shown = f"'{stated.text}'" if isinstance(stated, ScalarEntry) else "this"
-        close = nearest_name(stated.text, BASES) if isinstance(stated, ScalarEntry) else ""
-        what = f"{shown} is not a basis; one of {', '.join(BASES)} is expected{close if 'nearest' in close else ''}"
-        self.note(stated.place, what, (*here, "basis"))
-        return None
-
-    def remark(self, entry: MappingEntry, here: Path) -> str:
-        """Read the note of a value."""
-        if "note" not in entry.members:
-            return ""
-        stated = entry.members["note"].entry
-        if isinstance(stated, ScalarEntry) and isinstance(stated.value, str):
-            return stated.value
-        self.note(stated.place, "a note is text; write it in quotes", (*here, "note"))
-        return ""
-
-
-def _annotated(value: ScalarEntry | ListEntry, annotation: Annotation) -> Entry:
-    if isinstance(value, ListEntry):
-        return ListEntry(place=value.place, items=value.items, annotation=annotation)
-    return ScalarEntry(place=value.place, value=value.value, text=value.text, annotation=annotation)
+        basis, note = child(entry, "basis"), child(entry, "note")
+        stated = basis.value if isinstance(basis, ScalarEntry) else None
+        if basis is not None and stated not in BASES:
+            text = basis.text if isinstance(basis, ScalarEntry) else ""
+            close = nearest(text, BASES)
+            shown = f"'{text}'" if isinstance(basis, ScalarEntry) else "this"
+            what = f"{shown} is not a basis; one of {', '.join(BASES)} is expected"
+            self.note(basis.place, what + (f"; nearest: {close!r}" if close else ""), (*here, "basis"))
+            stated = None
+        remark = note.value if isinstance(note, ScalarEntry) else None
+        if note is not None and not isinstance(remark, str):
+            self.note(note.place, "a note is text; write it in quotes", (*here, "note"))
+        said = Annotation(basis=cast(Basis | None, stated), note=remark if isinstance(remark, str) else "")
+        return replace(value, annotation=said)
 
 
 def _resolved(text: str) -> Scalar:
@@ -378,14 +322,6 @@ def _resolved(text: str) -> Scalar:
             text.replace(".inf", "inf").replace(".Inf", "inf").replace(".INF", "inf").lower().replace(".nan", "nan")
         )
     return text
-
-
-def _marked(error: MarkedYAMLError, start: Place) -> Place:
-    """Place of a syntax error."""
-    mark = error.problem_mark or error.context_mark
-    if mark is None:
-        return start
-    return Place(start.file, start.line + mark.line, mark.column + (start.column if mark.line == 0 else 1))
 
 
 def _syntax(error: MarkedYAMLError) -> str:
