@@ -16,6 +16,10 @@ Functions take and return NumPy arrays. Lengths are in metres, angles in radians
 and targets (the points at which a field is computed) share the same x and y axes: a source at x > 0 has its real image
 at x < 0.
 
+An argument of the wrong type raises Python's ``TypeError``, which names it: "focal_length must be a number in SI units,
+not '50 mm'". Lists are accepted where arrays are, and whole numbers where real ones are. A value that does not make
+sense raises ``OutOfRangeError`` with the values that do.
+
 Fields, images and metrics come with an estimate of their numerical error. The exceptions are the fields of
 `propagate_samples`, `diffraction_limited_peak`, `ChainImage.microlens_share`, and `at`, `moments` and `power_in` of
 `PointSpread`. A function whose result misses the tolerance raises ``NotConvergedError``, with two exceptions. The

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import check_angle, checked
+from tradestudy.optics.arguments import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lateral_resolution import FIRST_DARK_RING
 from tradestudy.optics.microlens_camera import FocalLengths, focal_length_for, reference_focal_length

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.argument_types import check_wavelength, checked, checked_fields
+from tradestudy.optics.arguments import check_wavelength, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.lit_part import array_reach
 from tradestudy.optics.chain.scene import Gaps, Layout, LightPath, Microlenses, PixelGrid
@@ -19,7 +19,7 @@ from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSou
 from tradestudy.optics.propagation.pupil import Pupil
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class FocalLengths:
     """Focal length f(θ, λ) of a lens as a table over field angle and wavelength, interpolated linearly.
@@ -162,7 +162,7 @@ _LENSES_BEYOND = 1.0  # pitches beyond the light's reach, for the light that the
 _NEXT_LENSES = 2.0  # pitches beyond the microlenses of an image, where others may send light to its pixels
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class MicrolensCamera:
     """Data of a camera with a microlens array; `light_path` finds the microlenses and pixels that a source lights.

@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import checked, checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray, unit_phasor
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class QuadratureNodes:
     """Nodes and weights for integrals over an area: ∬ g dA ≈ ``sum(weights * g(x, y))`` for any smooth function g.

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.optics.argument_types import checked
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave

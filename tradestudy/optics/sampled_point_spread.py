@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
-from tradestudy.optics.argument_types import checked
 from tradestudy.optics.propagation.result import ApertureField
 from tradestudy.optics.propagation.targets import TargetGrid, Targets
 
@@ -28,7 +27,7 @@ _FEW_VALUES = 4  # number of values up to which all are written out
 _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic spline approaches 1/64
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Measured:
     """A number or an array of numbers, each with its numerical error.
@@ -85,7 +84,7 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.{digits}g} ± {error:.1g}"
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class PointSpread:
     """Intensity of the image of a point, sampled on a uniform grid.

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import check_angle, checked
+from tradestudy.optics.arguments import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.sampled_point_spread import (
     Measured,

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import checked
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread, SpreadField, as_point_spread, measured
 from tradestudy.optics.spread_metrics import encircled_energy

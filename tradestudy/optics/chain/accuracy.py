@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.scene import PixelGrid
 from tradestudy.optics.sampled_point_spread import Measured
@@ -35,7 +35,7 @@ _KNOBS = (
 )
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class ChainAccuracy:
     """Tolerance of an image computed by `chain_image`, and factors that scale its sampling.

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tradestudy.optics.argument_types import checked
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, ComputeParts, in_turn
 from tradestudy.optics.chain.array_field import PupilWave

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.argument_types import check_wavelength
+from tradestudy.optics.arguments import check_wavelength
 from tradestudy.optics.chain.accuracy import ChainImage, relative_change
 from tradestudy.optics.chain.scene import Legs, LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource

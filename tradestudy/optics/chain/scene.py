@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import checked, checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
 from tradestudy.optics.propagation.pupil import Pupil
@@ -20,7 +20,7 @@ ApertureShape = Literal["circular", "square"]
 Gaps = Literal["opaque", "clear"]
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Microlenses:
     """A microlens array: n thin lenses in one plane, each with its own centre and focal length.
@@ -293,7 +293,7 @@ WaveMethod = Literal["boundary_wave", "fresnel", "kirchhoff"]
 LEG_METHODS: tuple[LegMethod, ...] = ("geometric", "boundary_wave", "fresnel", "kirchhoff")
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Legs:
     """The methods of propagation from the main lens to the microlens array, and from there to the detector.
@@ -354,7 +354,7 @@ KIRCHHOFF_FRESNEL = Legs(to_array="kirchhoff", to_detector="fresnel")
 KIRCHHOFF = Legs(to_array="kirchhoff", to_detector="kirchhoff")
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class PixelGrid:
     """Grid of square pixels: row i begins at y = ``edges_y[i]``, column j at x = ``edges_x[j]``.
@@ -439,7 +439,7 @@ class PixelGrid:
         return np.asarray(self.corner[1] + self.pitch * np.arange(self.shape[0] + 1))
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class LightPath:
     """Main lens, microlens array and detector on one axis.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.argument_types import checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, plane_wave_degrees
@@ -21,7 +21,7 @@ _LARGEST_PHASE = 3e3
 Symmetry = tuple[int, int, bool]  # signs of x and y, then whether x and y are swapped
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class DiscSource:
     """A disc of uniform brightness, parallel to the plane of the main lens.

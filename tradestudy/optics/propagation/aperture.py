@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.optics.argument_types import check_wavelength, checked
+from tradestudy.optics.arguments import check_wavelength, checked
 from tradestudy.optics.arrays import ComplexArray, FloatArray, IndexArray
 from tradestudy.optics.propagation.boundary_wave import Rays, find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.hybrid import hybrid_field

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import check_wavelength, checked_fields
+from tradestudy.optics.arguments import check_wavelength, checked
 from tradestudy.optics.arrays import ComplexArray, FloatArray, phasor_sum
 from tradestudy.optics.propagation.lens import Obliquity, check_obliquity
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.quadrature import QuadratureNodes
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class KirchhoffKernel:
     """Kirchhoff's integral with exact paths: U(P) = ∬ U(q) C exp(i k s)/(iλ s) dq, where s = |P − q|.
@@ -259,7 +259,7 @@ class KirchhoffKernel:
         return np.asarray(z / squared * (1 + 1j / (self.wavenumber * s)))
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class FresnelKernel:
     """Fresnel's integral: U(P) = exp(i k z)/(iλ z) ∬ U(q) exp(i k ρ²/(2 z)) dq.
@@ -384,7 +384,7 @@ Kernel = KirchhoffKernel | FresnelKernel
 _PAIRS_AT_ONCE = 16_000  # node–target pairs per block: a few blocks of this size stay in the cache
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class ApertureSamples:
     """A wave sampled on the quadrature nodes of an aperture.

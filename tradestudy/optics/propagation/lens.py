@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import checked, checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import unit_phasor
 from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, PathTerm, SphericalPath
 from tradestudy.optics.propagation.pupil import Pupil, checked_map
@@ -39,7 +39,7 @@ def check_obliquity(obliquity: str) -> None:
         raise OutOfRangeError("obliquity", value=repr(obliquity), limit=" | ".join(OBLIQUITIES), remedy="choose one")
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class PointSource:
     """A monochromatic point source of unit strength in front of a lens, or a virtual one behind it.
@@ -114,7 +114,7 @@ class PointSource:
         return cls(x=AS_AT_INFINITY * math.tan(angle_x), y=AS_AT_INFINITY * math.tan(angle_y), distance=AS_AT_INFINITY)
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class CircularLens:
     """A thin lens that fills a circular aperture.

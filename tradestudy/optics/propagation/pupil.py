@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval2d
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.argument_types import check_wavelength, checked, checked_fields
+from tradestudy.optics.arguments import check_wavelength, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.paths import Array, Expansion
 
@@ -154,7 +154,7 @@ _LEAST_SAMPLES = 6  # a side of a map, for a quintic spline
 _STEP = 1e-4  # of the radius, for the slope of a function: fourth-order differences are then accurate to 1e-12
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Pupil:
     """Amplitude transmission and aberrations of an aperture.

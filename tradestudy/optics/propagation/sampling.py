@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.argument_types import checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import PathSum
@@ -22,7 +22,7 @@ _PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow c
 _TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """Limits on the resources that a computation may use.
@@ -61,7 +61,7 @@ class Limits:
                 raise OutOfRangeError(f"limit of {name}", value=f"{value:g}", limit="> 0", remedy="raise the limit")
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class NodeCounts:
     """Numbers of quadrature nodes on a disc: how many rings, and how many nodes on a ring at the edge.

@@ -15,14 +15,14 @@ import numpy.typing as npt
 import scipy.special
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.argument_types import checked, checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import ComplexArray, FloatArray, IndexArray
 from tradestudy.optics.propagation.sampling import bessel_margin
 
 _MOST_ON_AXIS = 10**7
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class TargetPoints:
     """Targets, that is, points at which a field is computed, anywhere behind the lens plane.
@@ -110,7 +110,7 @@ class TargetPoints:
         return np.array([np.argmin(rising), np.argmin(falling), np.argmax(falling), np.argmax(rising)])
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class TargetGrid:
     """Targets, that is, points at which a field is computed, on a regular grid parallel to the lens plane.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.optics.argument_types import checked, checked_fields
+from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.fast_sum import FastField, fast_sum
 from tradestudy.optics.propagation.kernels import ApertureSamples, FresnelKernel, Kernel, direct_sum
@@ -74,7 +74,7 @@ def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: FieldA
     )
 
 
-@checked_fields
+@checked
 @dataclass(frozen=True, kw_only=True)
 class FieldAccuracy:
     """Tolerance of a field, and the targets at which the result is checked.
