@@ -5,8 +5,8 @@ import itertools
 import mpmath
 import numpy as np
 import pytest
-from scipy import integrate, optimize
-from scipy.special import ndtr
+from scipy import integrate
+from scipy.special import ndtri
 
 from tests.uncertainty.published_cases import (
     ISHIGAMI,
@@ -21,7 +21,7 @@ from tests.uncertainty.published_cases import (
 )
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.propagation import Sampling, linear, propagate, validity
+from tradestudy.uncertainty.propagation import Sampling, linear, propagate
 from tradestudy.uncertainty.sensitivity import sobol_indices
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
@@ -57,31 +57,32 @@ def propagated():
 @pytest.mark.parametrize("case", PROPAGATION_CASES, ids=lambda case: case.name)
 def test_monte_carlo_agrees_with_the_published_numbers(case, propagated):
     mine, printed = propagated[case.name], case.monte_carlo
-    assert mine.moments_exist[0]
     assert mine.mean[0] == pytest.approx(printed.estimate, abs=printed.rounding + 3.0 * mine.mean_error[0])
     deviation, error = mine.standard_deviation[0], mine.standard_deviation_error[0]
     assert deviation == pytest.approx(printed.standard_uncertainty, abs=printed.rounding + 3.0 * error)
-    ends = mine.shortest[:, 0] if case.shortest else mine.symmetric_interval[:, 0]
-    errors = mine.shortest_error[:, 0] if case.shortest else mine.quantiles_error[[0, 4], 0]
+    if case.shortest:  # printed, but not computed here
+        return
+    ends, errors = mine.quantiles[[0, 4], 0], mine.quantiles_error[[0, 4], 0]
     assert np.all(np.abs(ends - printed.interval) <= printed.interval_rounding + 3.0 * errors)
 
 
 @pytest.mark.parametrize("case", PROPAGATION_CASES, ids=lambda case: case.name)
 def test_linear_propagation_agrees_with_the_published_numbers(case):
-    mine, printed = linear(model_of(case), sources_of(case), inverse_depth=False), case.linear
+    mine, printed = linear(model_of(case), sources_of(case)), case.linear
     assert mine.estimate[0] == pytest.approx(printed.estimate, abs=printed.rounding)
     assert mine.standard_uncertainty[0] == pytest.approx(printed.standard_uncertainty, abs=printed.rounding)
-    assert mine.evaluations == 2 * len(case.inputs) + 1
     if printed.interval is not None:
-        np.testing.assert_allclose(mine.symmetric_interval[:, 0], printed.interval, atol=printed.interval_rounding)
+        ends = mine.estimate[0] + np.array([-1.0, 1.0]) * ndtri(0.975) * mine.standard_uncertainty[0]
+        np.testing.assert_allclose(ends, printed.interval, atol=printed.interval_rounding)
 
 
-@pytest.mark.parametrize("case", [c for c in PROPAGATION_CASES if c.exact_interval], ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    "case", [c for c in PROPAGATION_CASES if c.exact_interval and not c.shortest], ids=lambda case: case.name
+)
 def test_intervals_agree_with_closed_forms(case, propagated):
     mine = propagated[case.name]
-    ends = mine.shortest[:, 0] if case.shortest else mine.symmetric_interval[:, 0]
-    errors = mine.shortest_error[:, 0] if case.shortest else mine.quantiles_error[[0, 4], 0]
-    # The rank of a quantile in n draws is only known to 1/n, which a shortest interval at a cliff feels.
+    ends, errors = mine.quantiles[[0, 4], 0], mine.quantiles_error[[0, 4], 0]
+    # The rank of a quantile in n draws is only known to 1/n.
     grain = 2.0 / 2**14 / 0.95 * np.ptp(ends)
     assert np.all(errors < 8e-3)  # plain draws: 0.015
     assert np.all(np.abs(ends - case.exact_interval) <= 4.0 * errors + grain)
@@ -107,15 +108,6 @@ def test_the_dominant_rectangle_has_its_exact_interval(propagated):
     assert mine.quantiles_error[4, 0] < 1e-2
 
 
-def test_the_dominant_rectangle_invalidates_the_linear_interval(propagated):
-    case = SUM_WITH_A_DOMINANT_UNIFORM
-    line = linear(model_of(case), sources_of(case), inverse_depth=False)
-    judged = validity(line.symmetric_interval, propagated[case.name], standard_uncertainty=line.standard_uncertainty)
-    assert judged.verdict[0] == "invalid"
-    assert judged.tolerance[0] == pytest.approx(0.5)
-    assert judged.low_difference[0] == pytest.approx(19.9 - 17.0, abs=0.1)
-
-
 def test_the_mass_agrees_with_direct_integration(propagated):
     """Given the buoyancy, the mass is normal: three rectangles are integrated by Gauss-Legendre."""
     mine = propagated[MASS_CALIBRATION.name]
@@ -130,25 +122,6 @@ def test_the_mass_agrees_with_direct_integration(propagated):
     assert mine.standard_deviation[0] == pytest.approx(
         np.sqrt(variance), abs=3.0 * mine.standard_deviation_error[0] + 1e-6
     )
-    assert mine.shortest_width[0] == pytest.approx(
-        np.ptp(MASS_CALIBRATION.monte_carlo.interval), abs=3.0 * mine.shortest_width_error[0] + 3e-4
-    )
-    # Shortest interval of the same mixture of normals.
-    share, centre, spread = share.ravel(), centre.ravel(), np.hypot(0.05, 0.02) * (1.0 + buoyancy.ravel())
-
-    def cumulative(x):
-        return np.sum(share * ndtr((x - centre) / spread))
-
-    def width(low):
-        target = cumulative(low) + 0.95
-        return optimize.brentq(lambda x: cumulative(x) - target, 1.3, 1.6, xtol=1e-10) - low
-
-    best = optimize.minimize_scalar(width, bounds=(1.08, 1.0849), method="bounded")
-    assert mine.shortest_width[0] == pytest.approx(best.fun, abs=3.0 * mine.shortest_width_error[0])
-    # The ends of a shortest interval are several times noisier than its width.
-    assert mine.shortest_width_error[0] < 3e-4
-    assert np.all(mine.shortest_error[:, 0] > 2.0 * mine.shortest_width_error[0])
-    assert np.all(np.abs(mine.shortest[:, 0] - [best.x, best.x + best.fun]) <= 3.0 * mine.shortest_error[:, 0])
 
 
 def test_the_logarithm_has_its_exact_moments(propagated):
@@ -199,6 +172,4 @@ def test_stereo_with_a_normal_yaw_has_its_closed_form():
         assert error < 1e-3
     beyond = STEREO_YAW.probability_beyond_infinity
     assert beyond == pytest.approx(STEREO_YAW_BEYOND_INFINITY_PRINTED, rel=3e-3)
-    assert mine.infinite_fraction[0] == pytest.approx(beyond, abs=3.0 * mine.infinite_fraction_error[0])
-    assert not mine.moments_exist[0]
-    assert np.isnan([mine.mean[0], mine.bias[0], mine.standard_deviation[0]]).all()
+    assert np.isnan([mine.mean[0], mine.standard_deviation[0]]).all()

@@ -100,7 +100,7 @@ def test_weakly_correlated_parameters_get_a_bar_each_and_held_sources_stay_nomin
     )
     assert bars.names == ("z", "f")
     np.testing.assert_allclose(bars.half_width[:, 0], [1.0, 3.0], rtol=1e-3)
-    np.testing.assert_allclose(bars.bars[0].nominal, 5.0)
+    np.testing.assert_allclose(bars.bars[0].quantiles[2], 5.0, rtol=1e-4)
 
 
 def test_grouped_indices_share_out_the_variance_of_correlated_parameters():

@@ -79,11 +79,6 @@ def ranked(outcome: Outcome, *, inverse_depth: bool, draws: int) -> tuple[FloatA
     return np.ascontiguousarray(depth_from_inverse(values).T if inverse_depth else values.T), counts
 
 
-def evaluate_nominal(model: Model, sources: Sources, *, inverse_depth: bool) -> FloatArray:
-    """Evaluate the model at the nominal parameters, shape (outputs,); NaN where it fails there."""
-    return ranked(model(sources.nominal()), inverse_depth=inverse_depth, draws=1)[0][:, 0]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoreAlignment:
     """A rotation of the standard normal scores that assigns the first coordinates to what changes the outputs most.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -67,11 +67,6 @@ def _position(probability: FloatArray, n: int) -> FloatArray:
 PROBABILITIES = (0.025, float(ndtr(-1.0)), 0.5, float(ndtr(1.0)), 0.975)
 """Quantiles that are always computed: the ends of the central 95 % and 68.27 % intervals, and the median."""
 
-COVERAGE = 0.95
-"""Coverage of the shortest interval."""
-
-_OMITTED_BELOW = np.linspace(0.0, 1.0 - COVERAGE, 401)
-
 POLE_MARGIN = 6.0
 """Mean and standard deviation of depth are stated only if infinity is at least this many standard deviations of inverse
 depth away (probability below 1e-9 for a normal one); otherwise, they would depend on the number of draws."""
@@ -91,41 +86,11 @@ class ReplicateStatistics:
 
     quantiles: FloatArray
     half_width: FloatArray
-    shortest: FloatArray
-    low_ends: FloatArray
-    high_ends: FloatArray
-    widths: FloatArray
     mean: FloatArray
     standard_deviation: FloatArray
     tail_shape: FloatArray
     pole_margin: FloatArray
     infinite_fraction: FloatArray
-    failed_fraction: FloatArray
-
-
-def shortest_interval(ascending: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Shortest interval with `COVERAGE` of each sorted row (JCGM 101, 7.7): ends (2, rows) and width (rows,).
-
-    If more than the omitted share is +∞, no interval is bounded: the ends are (NaN, +∞), and the width is +∞.
-    """
-    n = ascending.shape[-1]
-    steps = min(int(COVERAGE * n + 0.5), n - 1)
-    upper, lower = ascending[..., steps:], ascending[..., : n - steps]
-    width = np.full(upper.shape, np.inf)
-    np.subtract(upper, lower, out=width, where=np.isfinite(upper))
-    best = np.argmin(width, axis=-1)[..., None]
-    width = np.take_along_axis(width, best, -1)[..., 0]
-    low = np.take_along_axis(lower, best, -1)[..., 0]
-    high = np.take_along_axis(upper, best, -1)[..., 0]
-    unbounded = np.isinf(width)
-    return np.stack([np.where(unbounded, np.nan, low), np.where(unbounded, np.inf, high)]), width
-
-
-def _difference(high: FloatArray, low: FloatArray) -> FloatArray:
-    """high − low, or +∞ where high is infinite, whatever low is."""
-    difference = np.full(high.shape, np.inf)
-    np.subtract(high, low, out=difference, where=np.isfinite(high))
-    return difference
 
 
 def _upper_tail_shape(ascending: FloatArray) -> FloatArray:
@@ -181,21 +146,17 @@ def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
     _require_squares(ascending)
     finite = np.where(has_infinite[:, None], 0.0, ascending) if np.any(has_infinite) else ascending
     quantiles = order_quantile(ascending, PROBABILITIES)
-    low_ends = order_quantile(ascending, _OMITTED_BELOW)
-    high_ends = order_quantile(ascending, _OMITTED_BELOW + COVERAGE)
     freedom = 1 if ascending.shape[-1] > 1 else 0
     margin = (
         _pole_margin(quantiles[2], order_quantile(ascending, 1.0 - _TAIL_PROBABILITY))
         if depth
         else np.full(quantiles.shape[1], np.inf)
     )
+    half_width = np.full(margin.shape, np.inf)  # wherever the upper end is infinite, whatever the lower one is
+    np.multiply(0.5, quantiles[3] - quantiles[1], out=half_width, where=np.isfinite(quantiles[3]))
     return (
         quantiles,
-        0.5 * _difference(quantiles[3], quantiles[1]),
-        shortest_interval(ascending)[0],
-        low_ends,
-        high_ends,
-        _difference(high_ends, low_ends),
+        half_width,
         np.where(has_infinite, np.nan, np.mean(finite, axis=-1)),
         np.where(has_infinite, np.nan, np.std(finite, axis=-1, ddof=freedom)),
         _tail_shape(ascending, has_infinite),
@@ -230,24 +191,15 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
     ascending = np.sort(values, axis=-1)
     counts = draws - np.sum(failures, axis=0)
     columns = {
-        "quantiles": np.full((len(PROBABILITIES), outputs), np.nan),
-        "half_width": np.full(outputs, np.nan),
-        "shortest": np.full((2, outputs), np.nan),
-        "low_ends": np.full((_OMITTED_BELOW.size, outputs), np.nan),
-        "high_ends": np.full((_OMITTED_BELOW.size, outputs), np.nan),
-        "widths": np.full((_OMITTED_BELOW.size, outputs), np.nan),
-        "mean": np.full(outputs, np.nan),
-        "standard_deviation": np.full(outputs, np.nan),
-        "tail_shape": np.full(outputs, np.nan),
-        "pole_margin": np.full(outputs, np.nan),
-        "infinite_fraction": np.full(outputs, np.nan),
+        field.name: np.full((len(PROBABILITIES), outputs) if field.name == "quantiles" else outputs, np.nan)
+        for field in fields(ReplicateStatistics)
     }
     for count in np.unique(counts[counts > 0]):
         rows = np.flatnonzero(counts == count)
         statistics = _of_ranked(ascending[rows, :count], depth=depth)
         for column, statistic in zip(columns.values(), statistics, strict=True):
             column[..., rows] = statistic
-    return ReplicateStatistics(**columns, failed_fraction=failures / draws)
+    return ReplicateStatistics(**columns)
 
 
 class RunningMean:
@@ -291,87 +243,38 @@ RunningStatistics = Mapping[str, RunningMean]
 class Propagated:
     """Distribution of each output; quantiles refer to the draws that have a rank.
 
-    Outputs are the last axis. Errors are standard errors from replicate to replicate. The ``status`` of an output is
-    ``converged``, ``budget`` (the tolerance was not reached), ``memory`` (neither tolerance nor budget were reached:
-    propagate fewer outputs at a time, or raise ``memory_bytes``), or ``unranked`` (no draw has a rank).
+    Outputs are the last axis. Errors are standard errors from replicate to replicate. Mean and standard deviation are
+    NaN where second moments do not exist. The ``status`` of an output is ``converged``, ``budget`` (the tolerance was
+    not reached), ``memory`` (neither tolerance nor budget were reached: propagate fewer outputs at a time, or raise
+    ``memory_bytes``), or ``unranked`` (no draw has a rank). ``failed`` counts the draws without a rank, by cause.
     """
 
-    nominal: FloatArray
     quantiles: FloatArray
     quantiles_error: FloatArray
     half_width: FloatArray
     half_width_error: FloatArray
-    shortest: FloatArray
-    shortest_error: FloatArray
-    shortest_width: FloatArray
-    shortest_width_error: FloatArray
-    moments_exist: BoolArray
     mean: FloatArray
     mean_error: FloatArray
     standard_deviation: FloatArray
     standard_deviation_error: FloatArray
-    tail_shape: FloatArray
-    pole_margin: FloatArray
-    infinite_fraction: FloatArray
-    infinite_fraction_error: FloatArray
-    failed_fraction: FloatArray
-    failed_fraction_error: FloatArray
     failed: NDArray[np.int64]
     status: NDArray[np.str_]
     draws: int
-    evaluations: int
     replicates: int
-    seconds: float
 
     @property
-    def median(self) -> FloatArray:
-        """Median of each output."""
-        return np.asarray(self.quantiles[2])
-
-    @property
-    def bias(self) -> FloatArray:
-        """Mean minus nominal; NaN where no mean is stated."""
-        return self.mean - self.nominal
-
-    @property
-    def symmetric_interval(self) -> FloatArray:
-        """Ends of the probabilistically symmetric 95 % interval, shape (2, outputs)."""
-        return self.quantiles[[0, 4]]
-
-    @property
-    def unbounded(self) -> BoolArray:
-        """Whether the central 95 % interval reaches infinity."""
-        return np.asarray(np.isinf(self.quantiles[4]))
-
-
-def _shortest(running: RunningStatistics) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ends (2, outputs) of the shortest interval, its width (outputs,), and the error of the width (outputs,).
-
-    The width is averaged over replicates before it is minimised, because the minimum of a single noisy curve is too
-    small by more than its scatter shows.
-    """
-    widths = running["widths"].mean
-    best = np.argmin(np.where(np.isnan(widths), np.inf, widths), axis=0)[None]
-
-    def at_best(values: FloatArray) -> FloatArray:
-        return np.asarray(np.take_along_axis(values, best, 0)[0])
-
-    width = at_best(widths)
-    low = np.where(np.isinf(width), np.nan, at_best(running["low_ends"].mean))
-    high = np.where(np.isinf(width), np.inf, at_best(running["high_ends"].mean))
-    return np.stack([low, high]), width, at_best(running["widths"].standard_error)
+    def failed_fraction(self) -> FloatArray:
+        """Share of the draws that have no rank, by cause, shape (causes, outputs)."""
+        return self.failed / self.draws
 
 
 def summarise(
     running: RunningStatistics,
     *,
-    nominal: FloatArray,
     failed: NDArray[np.int64],
     status: NDArray[np.str_],
     sources_have_variance: bool,
     draws: int,
-    evaluations: int,
-    seconds: float,
 ) -> Propagated:
     """Collect replicates into a result, with mean and standard deviation only where second moments exist."""
     exist = (
@@ -380,37 +283,18 @@ def summarise(
         & (running["infinite_fraction"].mean == 0.0)
         & sources_have_variance
     )
-
-    shortest, width, width_error = _shortest(running)
-
-    def stated(value: FloatArray) -> FloatArray:
-        return np.where(exist, value, np.nan)
-
+    mean, deviation = running["mean"], running["standard_deviation"]
     return Propagated(
-        nominal=nominal,
         quantiles=running["quantiles"].mean,
         quantiles_error=running["quantiles"].standard_error,
         half_width=running["half_width"].mean,
         half_width_error=running["half_width"].standard_error,
-        shortest=shortest,
-        shortest_error=running["shortest"].standard_error,
-        shortest_width=width,
-        shortest_width_error=width_error,
-        moments_exist=exist,
-        mean=stated(running["mean"].mean),
-        mean_error=stated(running["mean"].standard_error),
-        standard_deviation=stated(running["standard_deviation"].mean),
-        standard_deviation_error=stated(running["standard_deviation"].standard_error),
-        tail_shape=running["tail_shape"].mean,
-        pole_margin=running["pole_margin"].mean,
-        infinite_fraction=running["infinite_fraction"].mean,
-        infinite_fraction_error=running["infinite_fraction"].standard_error,
-        failed_fraction=running["failed_fraction"].mean,
-        failed_fraction_error=running["failed_fraction"].standard_error,
+        mean=np.where(exist, mean.mean, np.nan),
+        mean_error=np.where(exist, mean.standard_error, np.nan),
+        standard_deviation=np.where(exist, deviation.mean, np.nan),
+        standard_deviation_error=np.where(exist, deviation.standard_error, np.nan),
         failed=failed,
         status=status,
         draws=draws,
-        evaluations=evaluations,
         replicates=running["quantiles"].count,
-        seconds=seconds,
     )

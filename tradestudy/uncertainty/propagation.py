@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.uncertainty.distributions import FloatArray
@@ -17,12 +16,9 @@ from tradestudy.uncertainty.evaluation import (
     Model,
     Replicate,
     alignment_with,
-    depth_from_inverse,
-    evaluate_nominal,
     ranked,
 )
 from tradestudy.uncertainty.outputs import (
-    COVERAGE,
     Propagated,
     ReplicateStatistics,
     RunningMean,
@@ -42,77 +38,24 @@ _STEP = 1e-3
 class Linear:
     """First-order estimate of each output; outputs are the last axis.
 
-    ``estimate`` and ``standard_uncertainty`` are in the unit of the output (depth for an inverse-depth
-    model); NaN where the model fails at a point of the difference quotient. ``sensitivity`` has shape
-    (parameters, outputs).
+    ``estimate`` and ``standard_uncertainty`` are in the unit of the output; NaN where the model fails at a point of the
+    difference quotient. ``sensitivity`` has shape (parameters, outputs).
     """
 
     estimate: FloatArray
     standard_uncertainty: FloatArray
     sensitivity: FloatArray
-    inverse_estimate: FloatArray | None
-    inverse_uncertainty: FloatArray | None
-    evaluations: int
-
-    @property
-    def symmetric_interval(self) -> FloatArray:
-        """Estimate ± 1.96 u, shape (2, outputs): the interval of a normal output."""
-        half = float(ndtri(0.5 * (1.0 + COVERAGE))) * self.standard_uncertainty
-        return np.stack([self.estimate - half, self.estimate + half])
-
-    def mapped_quantiles(self, probabilities: ArrayLike) -> FloatArray:
-        """Quantiles of depth from the linear model of inverse depth, shape (probabilities, outputs).
-
-        Z_p = 1/(w₀ + Φ⁻¹(1 − p) u(w)). This is accurate where inverse depth is nearly linear in its sources and nearly
-        normal, as for stereo disparity; +∞ where inverse depth is zero or negative.
-
-        Raises
-        ------
-        OutOfRangeError
-            The model is not one of inverse depth.
-        """
-        if self.inverse_estimate is None or self.inverse_uncertainty is None:
-            raise OutOfRangeError(
-                "quantiles mapped from inverse depth to depth",
-                value="a model of the output itself",
-                limit="models of inverse depth",
-                remedy="propagate inverse depth, with inverse_depth=True",
-            )
-        score = ndtri(1.0 - np.atleast_1d(np.asarray(probabilities, float)))[:, None]
-        return depth_from_inverse(self.inverse_estimate + score * self.inverse_uncertainty)
 
 
-def _covariance(sources: Sources) -> FloatArray:
-    covariance = sources.covariance()
-    if covariance is None:
-        missing = [group.name for group in sources.active_groups if group.covariance is None]
-        raise OutOfRangeError(
-            "linear propagation needs standard deviations",
-            value=f"none for {', '.join(missing)}",
-            limit="sources with a finite variance",
-            remedy="use Monte Carlo, whose quantiles exist",
-        )
-    return covariance
-
-
-def _evaluate(model: Model, sources: Sources, offsets: FloatArray) -> FloatArray:
-    """Outputs (points, outputs) at nominal + offsets (points, parameters); NaN where the model fails."""
-    nominal = sources.nominal()
-    parameters = {name: nominal[name] + offsets[:, [k]] for k, name in enumerate(sources.parameters)}
-    return ranked(model(parameters), inverse_depth=False, draws=offsets.shape[0])[0].T
-
-
-def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
+def linear(model: Model, sources: Sources) -> Linear:
     """Law of propagation of uncertainty, u² = cᵀ V c, with the sensitivities c by central differences.
 
     Parameters
     ----------
     model : Model
-        Vectorised model; it is evaluated 2 n + 1 times for n uncertain parameters (17 for eight).
+        Vectorised model; it is evaluated at 2 n + 1 points for n uncertain parameters (17 for eight).
     sources : Sources
         The uncertain sources; their full covariance V is used.
-    inverse_depth : bool
-        Whether the model returns inverse depth; the result is then that of depth, u(Z) = Z² u(w).
 
     Raises
     ------
@@ -121,111 +64,31 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
 
     Notes
     -----
-    JCGM 100:2008, eq. 13. :func:`validity` judges whether the linear model is good enough.
+    JCGM 100:2008, eq. 13.
     """
-    covariance = _covariance(sources)
+    covariance = sources.covariance()
+    if covariance is None:
+        raise OutOfRangeError(
+            "linear propagation needs standard deviations",
+            value=f"none for {', '.join(group.name for group in sources.active_groups if group.covariance is None)}",
+            limit="sources with a finite variance",
+            remedy="use Monte Carlo, whose quantiles exist",
+        )
     deviation = np.sqrt(np.diag(covariance))
     uncertain = np.flatnonzero(deviation > 0.0)
     steps = np.zeros((uncertain.size, deviation.size))
     steps[np.arange(uncertain.size), uncertain] = _STEP * deviation[uncertain]
     offsets = np.concatenate([np.zeros((1, deviation.size)), steps, -steps])
-    values = _evaluate(model, sources, offsets)
+    nominal = sources.nominal()
+    parameters = {name: nominal[name] + offsets[:, [k]] for k, name in enumerate(sources.parameters)}
+    values = ranked(model(parameters), inverse_depth=False, draws=offsets.shape[0])[0].T
     above, below = values[1 : 1 + uncertain.size], values[1 + uncertain.size :]
     sensitivity = np.zeros((deviation.size, values.shape[1]))
     sensitivity[uncertain] = (above - below) / (2.0 * _STEP * deviation[uncertain, None])
     variance = np.einsum("ko,kl,lo->o", sensitivity, covariance, sensitivity)
     # With a correlation of ±1, rounding can make the variance slightly negative.
-    estimate, uncertainty = values[0], np.sqrt(np.maximum(variance, 0.0))
-    if not inverse_depth:
-        return Linear(
-            estimate=estimate,
-            standard_uncertainty=uncertainty,
-            sensitivity=sensitivity,
-            inverse_estimate=None,
-            inverse_uncertainty=None,
-            evaluations=offsets.shape[0],
-        )
-    depth = depth_from_inverse(estimate)
-    return Linear(
-        estimate=depth,
-        standard_uncertainty=depth * depth * uncertainty,
-        sensitivity=-depth * depth * sensitivity,
-        inverse_estimate=estimate,
-        inverse_uncertainty=uncertainty,
-        evaluations=offsets.shape[0],
-    )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Validity:
-    """Whether a linear 95 % interval may be used, by comparison with Monte Carlo (JCGM 101:2008, clause 8).
-
-    For each output, ``verdict`` is ``valid``, ``invalid``, or ``undecided`` if the Monte Carlo error exceeds a fifth of
-    the tolerance. ``low_difference`` and ``high_difference`` are |linear − Monte Carlo| at the ends of the interval, to
-    be compared with ``tolerance``.
-    """
-
-    verdict: NDArray[np.str_]
-    low_difference: FloatArray
-    high_difference: FloatArray
-    tolerance: FloatArray
-
-
-def numerical_tolerance(standard_uncertainty: ArrayLike, significant_digits: int) -> FloatArray:
-    """Half a unit in the last significant digit of u (JCGM 101:2008, 7.9.2): for u = c·10^l, δ = ½·10^l.
-
-    Parameters
-    ----------
-    standard_uncertainty : array, any shape
-        u [unit of the output]; zero and NaN have no digits and give zero and NaN.
-    significant_digits : int
-        Digits of c, usually 1 or 2.
-    """
-    u = np.asarray(standard_uncertainty, float)
-    positive = np.where(u > 0.0, u, 1.0)
-    exponent = np.floor(np.log10(positive)) - (significant_digits - 1)
-    # Rounding can carry into the next power of ten: with two digits, 0.0999 is 0.10.
-    carried = np.round(positive / 10.0**exponent) >= 10.0**significant_digits
-    tolerance = 0.5 * 10.0 ** (exponent + carried)
-    return np.where(u > 0.0, tolerance, np.where(np.isnan(u), np.nan, 0.0))
-
-
-def validity(
-    interval: FloatArray,
-    propagated: Propagated,
-    *,
-    standard_uncertainty: FloatArray,
-    significant_digits: int = 2,
-) -> Validity:
-    """Judge the ends of an analytic 95 % interval against Monte Carlo.
-
-    Parameters
-    ----------
-    interval : array, shape (2, outputs)
-        Ends of the linear interval, or of the interval mapped from inverse depth.
-    propagated : Propagated
-        Monte Carlo result for the same outputs.
-    standard_uncertainty : array, shape (outputs,)
-        u of the analytic method, whose last digit sets the tolerance.
-    significant_digits : int
-        Number of significant digits of u.
-    """
-    tolerance = numerical_tolerance(standard_uncertainty, significant_digits)
-    reference = propagated.symmetric_interval
-    both_infinite = np.isinf(interval) & np.isinf(reference)
-    difference = np.zeros(reference.shape)
-    np.subtract(interval, reference, out=difference, where=~both_infinite)
-    difference = np.abs(difference)
-    error = np.max(propagated.quantiles_error[[0, 4]], axis=0)
-    worst = np.max(difference, axis=0)
-    agrees = np.where(worst <= tolerance, "valid", "invalid")
-    clear = (error <= tolerance / 5.0) | (worst > tolerance + 5.0 * error)
-    return Validity(
-        verdict=np.where(clear, agrees, "undecided"),
-        low_difference=difference[0],
-        high_difference=difference[1],
-        tolerance=tolerance,
-    )
+    uncertainty = np.sqrt(np.maximum(variance, 0.0))
+    return Linear(estimate=values[0], standard_uncertainty=uncertainty, sensitivity=sensitivity)
 
 
 FEWEST_REPLICATES = 8
@@ -340,12 +203,6 @@ def _converged(running: RunningStatistics, sampling: Sampling) -> NDArray[np.boo
     return np.asarray(np.all(error <= allowed, axis=0))
 
 
-def _status(running: RunningStatistics, failed: NDArray[np.int64], draws: int, sampling: Sampling) -> NDArray[np.str_]:
-    """Status of each output: converged, budget (so far), or unranked."""
-    settled = np.where(_converged(running, sampling), "converged", "budget")
-    return np.where(np.sum(failed, axis=0) == draws, "unranked", settled)
-
-
 @dataclass(kw_only=True)
 class _Progress:
     """Results so far: statistics over replicates of one length, and the draws that failed."""
@@ -374,7 +231,8 @@ def _add(progress: _Progress, looks: Iterable[Look], sampling: Sampling) -> None
         for name, running in progress.running.items():
             running.add(getattr(statistics, name))
         progress.failed = progress.failed + failures
-    progress.status = _status(progress.running, progress.failed, progress.draws, sampling)
+    settled = np.where(_converged(progress.running, sampling), "converged", "budget")
+    progress.status = np.where(np.sum(progress.failed, axis=0) == progress.draws, "unranked", settled)
 
 
 def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool) -> _Progress:
@@ -447,7 +305,7 @@ def propagate(
     Returns
     -------
     Propagated
-        Quantiles, intervals, moments where they exist, errors, and failures by cause.
+        Quantiles, moments where they exist, errors, and failures by cause.
 
     Raises
     ------
@@ -464,8 +322,7 @@ def propagate(
     (:func:`alignment_with`), at the cost of two evaluations per dimension. Results are bit-identical for any
     ``batch_draws``.
     """
-    start = time.perf_counter()
-    nominal = evaluate_nominal(model, sources, inverse_depth=inverse_depth)
+    outputs = ranked(model(sources.nominal()), inverse_depth=inverse_depth, draws=1)[0].shape[0]
     alignment = alignment_with([model], sources)
 
     def begin(number: int) -> Replicate:
@@ -480,14 +337,11 @@ def propagate(
             inverse_depth=inverse_depth,
         )
 
-    progress = _run(begin, sampling, outputs=nominal.size, depth=inverse_depth)
+    progress = _run(begin, sampling, outputs=outputs, depth=inverse_depth)
     return summarise(
         progress.running,
-        nominal=nominal,
         failed=progress.failed,
         status=progress.status,
         sources_have_variance=sources.covariance() is not None,
         draws=progress.draws,
-        evaluations=progress.draws + 2 * sources.dimensions + 1,
-        seconds=time.perf_counter() - start,
     )

@@ -130,7 +130,7 @@ LARGEST_CORRELATION = 0.3
 class Tornado:
     """Distributions of the outputs when the sources of one bar are drawn and all others are nominal.
 
-    ``bars`` has the order of the sources; the length of a bar is its ``symmetric_interval`` or ``half_width``.
+    ``bars`` has the order of the sources; the length of a bar is its ``half_width``.
     """
 
     names: tuple[str, ...]

@@ -141,7 +141,7 @@ def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[...,
             return np.asarray(sum(w * values[name] for w, name in zip(weights, names, strict=True)))
 
         if not monte_carlo:
-            exact = linear(_model(model), _joint(names, means, covariance), inverse_depth=False)
+            exact = linear(_model(model), _joint(names, means, covariance))
             return Stated(value=float(exact.standard_uncertainty[0]), error=math.nan)
         found = _propagate(model, names, means, covariance, inverse_depth=False)[0]
         error = _CONFIDENCE * float(found.half_width_error[0])
@@ -211,7 +211,7 @@ def _scales() -> tuple[OutcomeCase, ...]:
     def of_input(scale: float) -> Callable[[], str]:
         def asked() -> str:
             sources = Sources(groups=(_normal("x", scale),))
-            found = linear(_model(lambda values: values["x"]), sources, inverse_depth=False)
+            found = linear(_model(lambda values: values["x"]), sources)
             return f"standard uncertainty {float(found.standard_uncertainty[0]):g}"
 
         return lambda: _answer(asked)
