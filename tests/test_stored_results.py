@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import subprocess
@@ -43,6 +44,39 @@ def _read(folder: Path) -> str:
 
 def _parts(folder: Path) -> list[Path]:
     return list(folder.glob(".*.part"))
+
+
+def test_the_file_reads_like_one_that_xarray_writes() -> None:
+    data = {
+        "empty": (("none", "place"), np.zeros((0, 2))),
+        "no_text": ("none", np.array([], dtype=str)),
+        "text": ("place", ["ä", ""]),
+        "words": (("place", "name"), np.array([["one", "two"], ["", "four"]], dtype=object)),
+        "number": ((), 1.5, {"units": "m", "declared": 2, "values": [1.0, 2.0]}),
+        "counts": ("place", np.array([1, 2], dtype=np.int8)),
+        "flags": ("place", [True, False]),
+        "unknown": ("place", [np.nan, np.inf]),
+    }
+    groups = {
+        "/": xr.Dataset(attrs={"study": "ä", "format_version": 8, "wavelength": 5.5e-7}),
+        "/first": xr.Dataset(data, {"place": [1.0, 2.0], "name": ["p", "q"]}, {"says": "attributes"}),
+        "/second": xr.Dataset({"other": ("place", [1, 2])}),
+    }
+    tree = xr.DataTree.from_dict(groups)
+    content = storage.encoded(tree)
+    assert content == storage.encoded(tree)
+    ours, theirs = (
+        {name: one.load() for name, one in xr.open_groups(io.BytesIO(file), engine="h5netcdf").items()}
+        for file in (content, bytes(tree.to_netcdf(engine="h5netcdf")))
+    )
+    assert list(ours) == list(theirs)
+    for name, group in ours.items():
+        xr.testing.assert_identical(group, theirs[name])
+        assert list(group.data_vars) == list(theirs[name].data_vars)
+        stored = [(one.dtype, one.encoding.get("dtype")) for one in group.variables.values() if one.size]
+        assert stored == [
+            (theirs[name][v].dtype, theirs[name][v].encoding.get("dtype")) for v in group.variables if group[v].size
+        ]
 
 
 # Writes another run over a finished one, once for every rename, and dies there, before or after it.
