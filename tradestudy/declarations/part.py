@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, ClassVar
+from itertools import pairwise
+from typing import Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 
 from tradestudy.errors import nearest
 
@@ -51,6 +52,23 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
     absent: ClassVar[Mapping[str, str]] = {}
     """What leaving a key out means, such as "unlimited", for keys where that is an assumption."""
+    exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    """Groups of keys of which exactly one must be given."""
+    increasing: ClassVar[tuple[str, ...]] = ()
+    """Keys whose values must increase strictly in this order."""
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        for keys in self.exactly_one:
+            given = sum(getattr(self, key) is not None for key in keys)
+            if given != 1:
+                remedy = " (null removes an inherited one)" if given else ""
+                raise MistakeAt((), f"give exactly one of {', '.join(keys[:-1])} and {keys[-1]}{remedy}")
+        for low, high in pairwise(self.increasing):
+            if not getattr(self, low) < getattr(self, high):
+                names = {key: field.alias or key for key, field in type(self).model_fields.items()}
+                raise MistakeAt((names[high],), f"must lie beyond {names[low]}")
+        return self
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:  # noqa: ARG003 - for parts that refer to names

@@ -37,6 +37,8 @@ from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, parse
 class ExpectPart(Part):
     """The result to be expected if the claim is true: a value with a tolerance, or a bound."""
 
+    exactly_one = (("about", "above", "below"),)
+
     about: QuantityText | None = Field(default=None, description="Expected value, with its unit.")
     within: PositiveFraction | None = Field(
         default=None, description="Relative tolerance on the expected value; needed with `about`."
@@ -49,9 +51,7 @@ class ExpectPart(Part):
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if sum(part is not None for part in (self.about, self.above, self.below)) != 1:
-            raise MistakeAt((), "give exactly one of about, above and below")
+    def _has_a_tolerance(self) -> Self:
         if (self.about is None) != (self.within is None):
             raise MistakeAt((), "about and within belong together")
         return self
@@ -153,6 +153,8 @@ class DepthOfFieldClaim(_ClaimPart, BlurPart):
 class DepthOfFieldRatioClaim(_ClaimPart):
     """A claim about the ratio of one camera's depth of field to another's, at equal blur or at equal resolution."""
 
+    exactly_one = (("blur", "resolution"),)
+
     quantity: Literal["depth_of_field_ratio"]
     camera: CameraName = Field(description="Camera whose depth of field is the numerator.")
     against: CameraName = Field(description="Camera whose depth of field is the denominator.")
@@ -174,9 +176,7 @@ class DepthOfFieldRatioClaim(_ClaimPart):
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.blur is None) == (self.resolution is None):
-            raise MistakeAt((), "give exactly one of blur and resolution")
+    def _diffraction_where_it_belongs(self) -> Self:
         if self.diffraction is not None and self.blur is None:
             raise MistakeAt(("diffraction",), "belongs to blur; resolution is compared geometrically")
         return self

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import Field, PlainValidator, WithJsonSchema
 
 from tradestudy import units
 from tradestudy.cameras.parts import Sensor
 from tradestudy.declarations.matcher import MatcherPart
-from tradestudy.declarations.part import MistakeAt, Part
+from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     DETAIL,
     DetailSize,
@@ -89,6 +89,7 @@ class LightPart(Part):
     """The light that a pixel collects during an exposure."""
 
     absent: ClassVar[Mapping[str, str]] = {"at_pixel_pitch": "every pixel collects this light, whatever its size"}
+    exactly_one = (("electrons", "photons"),)
 
     electrons: PositiveElectrons | None = Field(
         default=None, description="Mean number of electrons that a pixel on the optical axis collects."
@@ -107,12 +108,6 @@ class LightPart(Part):
         description="Pixel pitch at which a pixel collects this light. At other pitches, the light is proportional to "
         "the area of the pixel. Default: every pixel collects this light, whatever its size.",
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.electrons is None) == (self.photons is None):
-            raise MistakeAt((), "give exactly one of electrons and photons (null removes an inherited one)")
-        return self
 
     def light(self, sensor: Sensor | None) -> Light:
         """The light that a sensor collects, in SI: ``μ_e = η μ_p``, or the declared electrons.

@@ -79,16 +79,12 @@ _AT = "Instead of `over`: the only distance at which the requirement must hold."
 class _OverOrAtPart(Part):
     """The distances that count: a range, or a single one."""
 
+    exactly_one = (("over", "at"),)
+
     over: Span | None = Field(
         default=None, description="Nearest and farthest of the distances at which the requirement must hold."
     )
     at: ObjectDistance | None = Field(default=None, description=_AT)
-
-    @model_validator(mode="after")
-    def _one_place(self) -> Self:
-        if (self.over is None) == (self.at is None):
-            raise MistakeAt((), "give exactly one of over (a range of distances) and at (a single distance)")
-        return self
 
     @property
     def distances(self) -> tuple[float, ...]:
@@ -103,16 +99,12 @@ def _ends(over: tuple[float, ...] | None, at: float | None) -> tuple[float, ...]
 class BoundOverPart(_OverOrAtPart):
     """An upper bound on the depth uncertainty, absolute or relative to the distance."""
 
+    exactly_one = (("over", "at"), ("below", "below_relative"))
+
     below: PositiveLength | None = Field(default=None, description="Value below which the depth uncertainty must stay.")
     below_relative: PositiveFraction | None = Field(
         default=None, description="Instead of `below`: the bound as a fraction of the distance."
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.below is None) == (self.below_relative is None):
-            raise MistakeAt((), "give exactly one of below and below_relative")
-        return self
 
     @property
     def is_relative(self) -> bool:
@@ -150,6 +142,8 @@ class LengthBelowPart(_OverOrAtPart):
 class SharpPart(Part):
     """The distances that must be sharp, or the smallest total depth of field that meets the requirement."""
 
+    exactly_one = (("over", "at", "above"),)
+
     over: Span | None = Field(
         default=None, description="Nearest and farthest distance of the range that must be sharp throughout."
     )
@@ -163,16 +157,6 @@ class SharpPart(Part):
         "default: the first.",
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if sum(one is not None for one in (self.over, self.at, self.above)) != 1:
-            raise MistakeAt(
-                (),
-                "give exactly one of over (a range that must be sharp), at (a distance that must be sharp) and above "
-                "(a smallest depth of field)",
-            )
-        return self
-
     @property
     def distances(self) -> tuple[float, ...]:
         """Nearest and farthest distance that must be sharp [m]; empty for a smallest depth of field."""
@@ -181,6 +165,8 @@ class SharpPart(Part):
 
 class CriterionPart(Part):
     """A bound on a criterion that cameras declare under attributes.others, or that the program derives."""
+
+    exactly_one = (("below", "above"),)
 
     name: Text = Field(
         description="Name of the criterion: one of attributes.others or, in a study with `relief`, one that the "
@@ -194,12 +180,6 @@ class CriterionPart(Part):
         default=None,
         description="Instead of `below`: smallest value of the criterion that meets the requirement, with its unit.",
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.below is None) == (self.above is None):
-            raise MistakeAt((), "give exactly one of below and above")
-        return self
 
     @property
     def side(self) -> str:
@@ -222,6 +202,8 @@ class GuardBandPart(Part):
     lateral_resolution; a requirement on depth_of_field or on a `criterion` does not accept it.
     """
 
+    exactly_one = (("standard_errors", "risk"),)
+
     standard_errors: PositiveNumber | None = Field(
         default=None, description="Width of the guard band, in standard errors of the value."
     )
@@ -230,12 +212,6 @@ class GuardBandPart(Part):
         description="Instead of standard_errors: largest probability, below 50 %, that the bound is violated "
         "although the requirement counts as met.",
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.standard_errors is None) == (self.risk is None):
-            raise MistakeAt((), "give exactly one of standard_errors and risk")
-        return self
 
     @property
     def width(self) -> float:
@@ -257,6 +233,8 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 class RequirementPart(Part):
     """A requirement on one quantity, to be met by a named camera, by at least one camera, or by every camera."""
+
+    exactly_one = (_QUANTITIES,)
 
     says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(
@@ -299,17 +277,11 @@ class RequirementPart(Part):
     )
 
     @model_validator(mode="after")
-    def _one_quantity(self) -> Self:
-        if sum(getattr(self, name) is not None for name in _QUANTITIES) != 1:
-            raise MistakeAt((), f"give exactly one of {', '.join(_QUANTITIES[:-1])} and {_QUANTITIES[-1]}")
+    def _fits_its_quantity(self) -> Self:
         if self.guard_band is not None and not self.needs_usable_range:
             raise MistakeAt(
                 ("guard_band",), f"{self.quantity} has no standard error, so a guard band does not apply; remove it"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _field_of_errors(self) -> Self:
         if self.field is not None and not self.varies_over_picture:
             raise MistakeAt(
                 ("field",), f"{self.quantity} is judged for the picture as a whole or on its axis; remove field"

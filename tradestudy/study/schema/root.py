@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self, get_args
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Final, Literal, Self, get_args
 
 from pydantic import Field, field_validator, model_validator
 
@@ -53,6 +53,16 @@ FORMAT = 2
 NAME_PATTERN = r"^[\w][\w.+-]*$"
 LONGEST_NAME = 80
 Location = tuple[str | int, ...]
+# The places that name something of each kind; NAME is any key, [] any position of a list.
+_REFERENCES: Final = {
+    "camera": (
+        "decision.between.[]", "decision.candidates.[]", "decision.compare.[].[]", "scene.image.cameras.[]",
+        "depth_loop.cameras.[]", "trade_off.candidates.[]", "solve.NAME.equal.[]", "solve.NAME.camera",
+        "claims.NAME.camera", "claims.NAME.against", "requirements.NAME.camera",
+    ),
+    "reading": ("claims.NAME.under.[]", "claims.NAME.reading", "value_of_information.assumptions.NAME.readings.[]"),
+    "requirement": ("solve.NAME.requirement", "solve.NAME.requirement.[]"),
+}  # fmt: skip
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=LONGEST_NAME)]
 
 
@@ -116,19 +126,16 @@ class StudyFile(Part):
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:
         """References to cameras, readings and requirements that do not exist."""
-        found: list[MistakeAt] = []
-        for kind, named in (
-            ("camera", _named_cameras(tree)),
-            ("reading", _named_readings(tree)),
-            ("requirement", _named_requirements(tree)),
-        ):
-            known = [str(name) for name in _mapping(tree.get(f"{kind}s"))]
-            found += [
+        mistakes: list[MistakeAt] = []
+        for kind in _REFERENCES:
+            declared = tree.get(f"{kind}s")
+            known = list(map(str, declared)) if isinstance(declared, Mapping) else []
+            mistakes += [
                 MistakeAt(path, f"no {kind} is called {name!r}{nearest_name(name, known)}")
-                for path, name in named
-                if isinstance(name, str) and name not in known
+                for path, name in _named(kind, tree)
+                if name not in known
             ]
-        return found
+        return mistakes
 
     @model_validator(mode="after")
     def _asks_what_can_be_answered(self) -> Self:
@@ -137,57 +144,64 @@ class StudyFile(Part):
         return self
 
     def _mistakes_between_parts(self) -> list[MistakeAt]:
+        attributes = {name: part.attributes for name, part in self.cameras.items()}
+        measuring = {name for name, part in self.cameras.items() if isinstance(part, DepthCameraDeclaration)}
+        has_relief, picture = self.relief is not None, None if self.scene is None else self.scene.picture
+        is_off_axis = any(place > 0.0 for place in self.propagation.field_places)
+        needs_no_camera = (self.fresnel_validity, self.light_spot, self.point_spread, self.hard_cases)
         mistakes = [
             MistakeAt(path, f"{name!r} is a {self.cameras[name].kind} camera and measures no depth")
             for path, name in self._asked_for_depth()
-            if name in self.cameras and not isinstance(self.cameras[name], DepthCameraDeclaration)
+            if name in attributes and name not in measuring
         ]
-        without_cameras = (self.fresnel_validity, self.light_spot, self.point_spread, self.hard_cases)
-        if not self.cameras and all(part is None for part in without_cameras):
-            mistakes.append(
-                MistakeAt(("cameras",), "this key is missing or empty, and the study asks no other question")
-            )
-        if self.cameras and self.scene is None:
-            mistakes.append(MistakeAt(("scene",), "this key is missing; cameras need it"))
-        picture = None if self.scene is None else self.scene.picture
-        off_axis = any(place > 0.0 for place in self.propagation.field_places)
-        if picture is not None and picture.stop_separation > 0.0 and not (picture.field_angle > 0.0 or off_axis):
-            place = ("scene", "picture", "stop_separation")
-            mistakes.append(
-                MistakeAt(place, "has no effect on the axis; give a field_angle or propagation.field_places")
-            )
-        if self.depth_loop is not None and picture is None:
-            mistakes.append(
-                MistakeAt(("depth_loop",), "needs scene.picture, which gives its pictures their light and noise")
-            )
+        wrong: tuple[tuple[bool, str, str], ...] = (
+            (
+                not self.cameras and not any(needs_no_camera),
+                "cameras",
+                "this key is missing or empty, and the study asks no other question",
+            ),
+            (bool(self.cameras) and self.scene is None, "scene", "this key is missing; cameras need it"),
+            (
+                picture is not None
+                and picture.stop_separation > 0.0
+                and not (picture.field_angle > 0.0 or is_off_axis),
+                "scene.picture.stop_separation",
+                "has no effect on the axis; give a field_angle or propagation.field_places",
+            ),
+            (
+                self.depth_loop is not None and picture is None,
+                "depth_loop",
+                "needs scene.picture, which gives its pictures their light and noise",
+            ),
+            (self.depth_of_field is not None and not self.cameras, "depth_of_field", "needs cameras"),
+            (
+                has_relief and self.depth_of_field is None,
+                "relief",
+                "needs depth_of_field, which gives the range of distances",
+            ),
+            (
+                self.value_of_information is not None and not measuring,
+                "value_of_information",
+                "needs cameras that measure depth",
+            ),
+            (self.sensitivity is not None and not measuring, "sensitivity", "needs a camera that measures depth"),
+        )
+        mistakes += [MistakeAt(place.split("."), what) for is_wrong, place, what in wrong if is_wrong]
         if self.light_spot is not None and not self.cameras:  # with cameras, a forced effect may be theirs
             mistakes += law_mistakes(self.light_spot, self.effects)
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
-        if self.depth_of_field is not None and not self.cameras:
-            mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
-        if self.relief is not None and self.depth_of_field is None:
-            mistakes.append(MistakeAt(("relief",), "needs depth_of_field, which gives the range of distances"))
-        attributes = {name: part.attributes for name, part in self.cameras.items()}
-        measuring = {name for name, part in self.cameras.items() if isinstance(part, DepthCameraDeclaration)}
         if self.value_of_information is not None:
-            if not measuring:
-                mistakes.append(MistakeAt(("value_of_information",), "needs cameras that measure depth"))
-            mistakes += self.value_of_information.mistakes_of_owners(
-                {name: tuple(one.set) for name, one in self.readings.items()}
-            )
-        if self.sensitivity is not None and not measuring:
-            mistakes.append(MistakeAt(("sensitivity",), "needs a camera that measures depth"))
+            set_by_readings = {name: tuple(reading.set) for name, reading in self.readings.items()}
+            mistakes += self.value_of_information.mistakes_of_owners(set_by_readings)
         mistakes += requirement_mistakes(
             self.requirements,
             attributes,
             focus=self.depth_of_field,
-            relief=self.relief is not None,
+            relief=has_relief,
             measures_depth=bool(measuring),
         )
         if self.trade_off is not None and set(self.ranked) <= set(attributes):
-            mistakes += trade_off_mistakes(
-                self.trade_off, self.ranked, attributes, measuring, relief=self.relief is not None
-            )
+            mistakes += trade_off_mistakes(self.trade_off, self.ranked, attributes, measuring, relief=has_relief)
         return mistakes
 
     @property
@@ -211,77 +225,37 @@ class StudyFile(Part):
             raise MistakeAt.several(mistakes)
         return changed
 
-    def _asked_for_depth(self) -> list[tuple[Location, str]]:
-        asked: list[tuple[Location, str]] = []
-        for path, name in _named_cameras(dict(self)):
-            claim = self.claims.get(str(path[1])) if path[0] == "claims" else None
-            if claim is not None and claim.quantity in ("depth_of_field", "depth_of_field_ratio"):
+    def _asked_for_depth(self) -> Iterator[tuple[Location, str]]:
+        """The cameras that must measure depth, with the places that name them."""
+        for path, name in _named("camera", dict(self)):
+            part, key = path[0], str(path[1])
+            if part in ("scene", "trade_off"):  # any camera can take pictures; `trade_off_mistakes` checks the other
                 continue
-            if path[0] == "scene":  # any camera can take pictures
+            if part == "claims" and self.claims[key].quantity in ("depth_of_field", "depth_of_field_ratio"):
                 continue
-            if path[0] == "trade_off":  # `trade_off_mistakes` checks it
+            if part == "requirements" and not self.requirements[key].asks_for_depth:
                 continue
-            if path[0] == "requirements" and not self.requirements[str(path[1])].asks_for_depth:
-                continue
-            asked.append((path, name))
-        return asked
+            yield path, name
 
 
-def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
-    """Every place of a study that names a camera, with that name as written."""
-    named: list[tuple[Location, Any]] = []
-    decision = _mapping(tree.get("decision"))
-    for word in ("between", "candidates"):
-        named += [(("decision", word, i), name) for i, name in enumerate(_list(decision.get(word)))]
-    for i, pair in enumerate(_list(decision.get("compare"))):
-        named += [(("decision", "compare", i, side), name) for side, name in enumerate(_list(pair))]
-    taking = _list(_mapping(_mapping(tree.get("scene")).get("image")).get("cameras"))
-    named += [(("scene", "image", "cameras", i), name) for i, name in enumerate(taking)]
-    measuring = _list(_mapping(tree.get("depth_loop")).get("cameras"))
-    named += [(("depth_loop", "cameras", i), name) for i, name in enumerate(measuring)]
-    ranked = _list(_mapping(tree.get("trade_off")).get("candidates"))
-    named += [(("trade_off", "candidates", i), name) for i, name in enumerate(ranked)]
-    for key, question in _mapping(tree.get("solve")).items():
-        named += [(("solve", key, "equal", i), name) for i, name in enumerate(_list(_mapping(question).get("equal")))]
-        named.append((("solve", key, "camera"), _mapping(question).get("camera")))
-    for key, claim in _mapping(tree.get("claims")).items():
-        named += [(("claims", key, word), _mapping(claim).get(word)) for word in ("camera", "against")]
-    for key, requirement in _mapping(tree.get("requirements")).items():
-        if (name := _mapping(requirement).get("camera")) not in ("any", "all"):
-            named.append((("requirements", key, "camera"), name))
-    return [(path, name) for path, name in named if name is not None]
+def _named(kind: str, tree: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
+    """Every place of a study, valid or not, that names something of a kind, with that name as written."""
+    for place in _REFERENCES[kind]:
+        for path, name in _texts(tree, place.split("."), ()):
+            if not (path[0] == "requirements" and name in ("any", "all")):
+                yield path, name
 
 
-def _named_readings(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
-    named: list[tuple[Location, Any]] = []
-    for key, claim in _mapping(tree.get("claims")).items():
-        named += [(("claims", key, "under", i), name) for i, name in enumerate(_list(_mapping(claim).get("under")))]
-        if (reading := _mapping(claim).get("reading")) is not None:
-            named.append((("claims", key, "reading"), reading))
-    assumptions = _mapping(_mapping(tree.get("value_of_information")).get("assumptions"))
-    for key, one in assumptions.items():
-        where: Location = ("value_of_information", "assumptions", key, "readings")
-        named += [((*where, i), name) for i, name in enumerate(_list(_mapping(one).get("readings")))]
-    return named
-
-
-def _named_requirements(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
-    questions = _mapping(tree.get("solve")).items()
-    named: list[tuple[Location, Any]] = []
-    for key, question in questions:
-        asked, place = _mapping(question).get("requirement"), ("solve", key, "requirement")
-        if isinstance(asked, str):
-            named.append((place, asked))
-        named += [((*place, i), name) for i, name in enumerate(_list(asked))]
-    return named
-
-
-def _mapping(value: Any) -> Mapping[Any, Any]:
-    """A mapping, or a validated part as a mapping; empty for anything else."""
-    if isinstance(value, Part):
-        return dict(value)
-    return value if isinstance(value, Mapping) else {}
-
-
-def _list(value: Any) -> list[Any]:
-    return list(value) if isinstance(value, list | tuple) else []
+def _texts(value: Any, steps: Sequence[str], above: Location) -> Iterator[tuple[Location, str]]:
+    """The texts at a place below a value, each with its path."""
+    if not steps:
+        if isinstance(value, str):
+            yield above, value
+        return
+    below: dict[Any, Any] = {}
+    if steps[0] == "[]" and isinstance(value, list | tuple):
+        below = dict(enumerate(value))
+    elif steps[0] != "[]" and isinstance(value, Mapping | Part):
+        below = dict(value)
+    for key in below if steps[0] in ("[]", "NAME") else below.keys() & {steps[0]}:
+        yield from _texts(below[key], steps[1:], (*above, key))

@@ -34,6 +34,8 @@ MOST_DISTANCES = 100_000
 class DistanceRangePart(Part):
     """A range of distances with logarithmic or linear spacing."""
 
+    increasing = ("start", "stop")
+
     start: ObjectDistance = Field(alias="from", description="Nearest distance.")
     stop: ObjectDistance = Field(alias="to", description="Farthest distance.")
     points: Annotated[int, Field(ge=2, le=MOST_DISTANCES, strict=True)] = Field(
@@ -42,12 +44,6 @@ class DistanceRangePart(Part):
     spacing: Literal["log", "linear"] = Field(
         default="log", description="Spacing of the distances: equal ratios (log) or equal differences (linear)."
     )
-
-    @model_validator(mode="after")
-    def _increasing(self) -> Self:
-        if not self.start < self.stop:
-            raise MistakeAt(("to",), "must lie beyond from")
-        return self
 
     def values(self) -> tuple[float, ...]:
         """The distances [m]; the ends are exactly as declared."""
@@ -88,6 +84,8 @@ class StairsPart(Part):
     A `step` has two treads, a `staircase` three or more.
     """
 
+    increasing = ("near", "far")
+
     shape: Literal["step", "staircase"]
     near: ObjectDistance = Field(description="Distance of the nearest tread.")
     far: ObjectDistance = Field(description="Distance of the farthest tread.")
@@ -106,9 +104,7 @@ class StairsPart(Part):
     )
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if not self.near < self.far:
-            raise MistakeAt(("far",), "must lie beyond near")
+    def _fits_its_shape(self) -> Self:
         if self.shape == "step" and (self.treads != 2 or self.tread_width is not None):
             raise MistakeAt((), "a step has two treads without a width; use shape: staircase")
         if self.shape == "staircase" and self.tread_width is None:
@@ -138,6 +134,8 @@ class SpherePart(Part):
 class RockPart(Part):
     """A rough surface made of random noise; it repeats itself after 32 times `feature_size`."""
 
+    increasing = ("near", "far")
+
     shape: Literal["rock"]
     near: ObjectDistance = Field(description="Distance of the nearest point of the rock.")
     far: ObjectDistance = Field(description="Distance of the farthest point of the rock.")
@@ -148,15 +146,11 @@ class RockPart(Part):
         default=0.8, description="Hurst exponent of the power law, from rugged (0 %) to smooth (100 %)."
     )
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if not self.near < self.far:
-            raise MistakeAt(("far",), "must lie beyond near")
-        return self
-
 
 class DepthMapPart(Part):
     """A surface from a depth map (PNG of 8 or 16 bits, TIFF or NPY), with a picture or the scene's texture on it."""
+
+    exactly_one = (("width", "field_of_view"),)
 
     shape: Literal["depth-map"]
     depth: FileName = Field(
@@ -183,9 +177,7 @@ class DepthMapPart(Part):
     )
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.width is None) == (self.field_of_view is None):
-            raise MistakeAt((), "give exactly one of width and field_of_view")
+    def _below_180_degrees(self) -> Self:
         if self.field_of_view is not None and self.field_of_view >= 179.0 * DEGREE:
             raise MistakeAt(("field_of_view",), "an angle below 179 deg is expected")
         return self

@@ -48,17 +48,13 @@ PositiveWaves = Annotated[float, *quantity(units.WAVES, above=0.0)]
 class FNumberRangePart(Part):
     """A range of f-numbers with logarithmic spacing."""
 
+    increasing = ("start", "stop")
+
     start: FNumber = Field(alias="from", description="Smallest f-number.")
     stop: FNumber = Field(alias="to", description="Largest f-number.")
     points: Annotated[int, Field(ge=2, le=200, strict=True)] = Field(
         description="Number of f-numbers, including both ends."
     )
-
-    @model_validator(mode="after")
-    def _increasing(self) -> Self:
-        if not self.start < self.stop:
-            raise MistakeAt(("to",), "must lie beyond from")
-        return self
 
     def values(self) -> tuple[float, ...]:
         """The f-numbers; the ends exactly as written."""
