@@ -15,7 +15,7 @@ from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, figures
 from tradestudy.errors import StudyError
 from tradestudy.execution import Threads
-from tradestudy.execution.point_progress import heard_by
+from tradestudy.execution.executor import heard_by
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text

@@ -22,7 +22,7 @@ from tradestudy.cameras.calibrated_pair import RADIAL
 from tradestudy.cameras.calibration_declaration import calibration_part
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.execution.fingerprint import fingerprint
+from tradestudy.execution.steps import fingerprint
 from tradestudy.uncertainty.distributions import StudentT, Uniform
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.sources import ErrorClass, Source

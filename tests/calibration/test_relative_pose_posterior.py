@@ -17,7 +17,7 @@ from tradestudy.calibration.posteriors import (
     sample_rig,
 )
 from tradestudy.cameras.calibrated_pair import RADIAL
-from tradestudy.execution.point_progress import heard_by
+from tradestudy.execution.executor import heard_by
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ import xarray as xr
 
 from tests.campaigns import record
 from tests.execution.execution_points import keys_on_disk
-from tradestudy.execution.checkpoints import FOLDER as UNFINISHED
+from tradestudy.execution.steps import FOLDER as UNFINISHED
 from tradestudy.verification.study_files import study
 
 PATIENCE = 240.0  # s, for one run on a busy machine

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.execution.checkpoints import FOLDER, _whole_records
+from tradestudy.execution.steps import FOLDER, _whole_records
 from tradestudy.optics.arrays import FloatArray
 
 

@@ -27,10 +27,8 @@ from tests.execution.execution_points import LoggedPoint, compute, keys_on_disk,
 from tradestudy import api
 from tradestudy.errors import OutOfRangeError, ResultsError, UnaffordableError
 from tradestudy.execution import Checkpoints, DaskCluster, Executor, Processes, Serial, Steps, Threads
-from tradestudy.execution.checkpoints import FOLDER
 from tradestudy.execution.executor import UnavailableError
-from tradestudy.execution.fingerprint import fingerprint
-from tradestudy.execution.steps import DeadlyPointError, within_time
+from tradestudy.execution.steps import FOLDER, DeadlyPointError, fingerprint, within_time
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
 
@@ -316,7 +314,7 @@ class TestDask:
 class TestFingerprint:
     def test_is_of_content_in_every_process(self, study_file: Path) -> None:
         script = (
-            "import sys, tradestudy; from tradestudy.execution.fingerprint import fingerprint\n"
+            "import sys, tradestudy; from tradestudy.execution.steps import fingerprint\n"
             "definition = tradestudy.load(sys.argv[1]).definition\n"
             "print(fingerprint(dict(definition.case.cameras), definition.file.cameras['rig']).hex())"
         )
@@ -375,7 +373,7 @@ class TestCheckpoints:
         log = tmp_path / "log"
         log.mkdir()
         with monkeypatch.context() as forged, contextlib.closing(Checkpoints(tmp_path)) as kept:
-            forged.setattr("tradestudy.execution.checkpoints.pickle.dumps", lambda *_, **__: content)
+            forged.setattr("tradestudy.execution.steps.pickle.dumps", lambda *_, **__: content)
             mapped(Serial(), points(log, 3), kept)
         with contextlib.closing(Checkpoints(tmp_path)) as kept:
             assert_same(mapped(Serial(), points(log, 3), kept), 3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tradestudy.execution import Steps, Threads
-from tradestudy.execution.point_progress import part_of_point, tell
+from tradestudy.execution.executor import part_of_point, tell
 
 
 def halves(point: int) -> int:

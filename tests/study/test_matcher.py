@@ -16,7 +16,7 @@ from tradestudy.analysis.requirements import check_requirement
 from tradestudy.api import Result
 from tradestudy.cameras.depth_camera import disparity_error_at
 from tradestudy.errors import StudyError
-from tradestudy.execution.fingerprint import fingerprint
+from tradestudy.execution.steps import fingerprint
 from tradestudy.imaging.picture import at_bound
 from tradestudy.plan.plan import plan_of
 from tradestudy.plan.problems.depth import depth_problems

@@ -34,7 +34,7 @@ from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersP
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.errors import TradestudyError
-from tradestudy.execution.point_progress import part_of_point, tell
+from tradestudy.execution.executor import part_of_point, tell
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.streams import point_generator
 

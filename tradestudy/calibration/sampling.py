@@ -16,7 +16,7 @@ from scipy.special import ndtri
 
 from tradestudy.calibration.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.errors import OutOfRangeError
-from tradestudy.execution.point_progress import tell
+from tradestudy.execution.executor import tell
 from tradestudy.optics.arrays import FloatArray
 
 

@@ -6,16 +6,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tradestudy.execution.checkpoints import Checkpoints
     from tradestudy.execution.dask_cluster import DaskCluster
     from tradestudy.execution.executor import Executor, Serial, Threads
     from tradestudy.execution.processes import Processes
-    from tradestudy.execution.steps import Steps
+    from tradestudy.execution.steps import Checkpoints, Steps
 
 __all__ = ["Checkpoints", "DaskCluster", "Executor", "Processes", "Serial", "Steps", "Threads"]
 
 _MODULES = {
-    "Checkpoints": "checkpoints",
+    "Checkpoints": "steps",
     "DaskCluster": "dask_cluster",
     "Processes": "processes",
     "Steps": "steps",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from tradestudy.errors import TradestudyError
 from tradestudy.execution.executor import LostPointError, Point, Raised, UnavailableError, Value, attempt
-from tradestudy.execution.fingerprint import environment
+from tradestudy.execution.steps import environment
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -1,14 +1,16 @@
-"""The interface of executors, which compute points, and its two simplest implementations; all give identical bits."""
+"""How points are computed: executors, which all give identical bits, and the progress that a point reports."""
 
 from __future__ import annotations
 
 import traceback
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 from tradestudy.errors import OutOfRangeError, TradestudyError
 
@@ -152,3 +154,36 @@ class Threads:
                 yield done.get()
         finally:
             waiting.clear()
+
+
+Listener = Callable[[float], None]
+
+
+_listener: Final[ContextVar[Listener]] = ContextVar("_listener", default=lambda _share: None)
+
+
+def tell(share: float) -> None:
+    """Report the fraction of the running point that is done, from 0 to 1.
+
+    Nobody listens in other processes and threads, nor outside a step.
+    """
+    _listener.get()(share)
+
+
+@contextmanager
+def heard_by(listener: Listener) -> Iterator[None]:
+    """Call the listener with what computations within this block `tell`."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
+
+
+@contextmanager
+def part_of_point(begin: float, end: float) -> Iterator[None]:
+    """Within this block, 0 to 1 stand for ``begin`` to ``end`` of what surrounds it."""
+    outer = _listener.get()
+    with heard_by(lambda share: outer(begin + share * (end - begin))):
+        yield
+    outer(end)

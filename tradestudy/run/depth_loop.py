@@ -16,7 +16,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_map import DepthMap, DepthReaderOfKind, DepthSearch, TrueDepth
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
-from tradestudy.execution.point_progress import part_of_point
+from tradestudy.execution.executor import part_of_point
 from tradestudy.imaging.estimation import DepthScore, flat_picture, score, white_picture
 from tradestudy.imaging.models import PictureSettings, Texture
 from tradestudy.imaging.picture import PictureDisparityError

@@ -19,7 +19,7 @@ from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, Tru
 from tradestudy.cameras.light_cones import Description, Exposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
-from tradestudy.execution.point_progress import part_of_point, tell
+from tradestudy.execution.executor import part_of_point, tell
 from tradestudy.imaging.estimation import DepthScore, fit_matcher, flat_picture, score, white_picture
 from tradestudy.imaging.models import PictureSettings
 from tradestudy.imaging.render.sight import waves_of

@@ -36,7 +36,7 @@ from tradestudy.cameras.microlens_pictures import (
     with_correlated_noise,
 )
 from tradestudy.errors import OutOfRangeError
-from tradestudy.execution.point_progress import tell
+from tradestudy.execution.executor import tell
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.two_apertures import centroid_of_common_part
 from tradestudy.optics.window_matching import (

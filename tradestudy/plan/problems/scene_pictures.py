@@ -15,7 +15,7 @@ from tradestudy.accuracy import Quantity
 from tradestudy.analysis.scene_pictures import declared_image, recording_of, set_up, whole_pictures
 from tradestudy.effects import LENSES, OFF, Change, Changes, Models, SimulationProblem, Slot, models_of
 from tradestudy.errors import OutOfRangeError
-from tradestudy.execution.fingerprint import fingerprint
+from tradestudy.execution.steps import fingerprint
 from tradestudy.imaging.render.sight import waves_of
 from tradestudy.imaging.render.tiles import Tile, electrons_at
 from tradestudy.imaging.render.waves import Waves
