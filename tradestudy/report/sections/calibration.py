@@ -105,15 +105,16 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
 
 def _averaging(tree: xr.DataTree) -> Table:
     """List how many measurements it takes until noise equals calibration error, at the declared distances."""
-    depth, places = table_depth(tree), table_distances(tree)
-
-    def cell(key: str, place: float) -> str:
-        there = depth["depth_uncertainty_by_error_source"].sel(camera=key).sel(distance=place, method="nearest")
-        noise, calibration = (float(there.sel(error_source=error_source)) for error_source in ("noise", "calibration"))
-        return _readings_worth(noise, calibration)
-
-    titles = titles_in(tree, "depth")
-    rows = tuple((title, *(cell(key, float(place)) for place in places)) for key, title in titles.items())
+    places = table_distances(tree)
+    there = table_depth(tree)["depth_uncertainty_by_error_source"].sel(distance=places, method="nearest")
+    noise, calibration = (there.sel(error_source=error_source) for error_source in ("noise", "calibration"))
+    rows = tuple(
+        (
+            title,
+            *map(_readings_worth, noise.sel(camera=key).values.tolist(), calibration.sel(camera=key).values.tolist()),
+        )
+        for key, title in titles_in(tree, "depth").items()
+    )
     meanings = {
         "< 1": "< 1: the noise of one measurement is already below the calibration error.",
         "∞": "∞: calibration errors have no effect there, or one too small to be simulated.",

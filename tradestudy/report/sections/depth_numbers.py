@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,11 +17,10 @@ from tradestudy.results.views.depth import (
     false_matches_declared,
     nominal,
     offset_words,
-    shares_at,
     table_depth,
     table_distances,
 )
-from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, records, titles_in
+from tradestudy.results.views.groups import FloatArray, camera_titles, depth_methods, group, has, records, titles_in
 from tradestudy.wording import distance, in_words, with_article
 
 _NEGLIGIBLE_SHARE = 1e-6  # what the numerical error of a share amounts to
@@ -45,31 +43,38 @@ def _values_at_places(tree: xr.DataTree) -> Table:
     rows: list[tuple[Text, ...]] = []
     quantiles = depth["quantile"].values
     content = share(float(quantiles[-1] - quantiles[0]))
+    u = depth["depth_uncertainty_by_error_source"].sel(error_source=list(_ERROR_SOURCES))
+    u_error = depth["depth_uncertainty_by_error_source_error"].sel(error_source=list(_ERROR_SOURCES))
+    radius, radius_error = depth["depth_error_radius"], depth["depth_error_radius_error"]
+    step = depth["depth_discrimination"].sel(side=["nearer", "farther"])
+    ends = depth["depth_quantile"].sel(error_source="both").isel(quantile=[0, -1])
+    shown_columns = (
+        u,
+        u_error,
+        radius,
+        radius_error,
+        step,
+        ends,
+        judged_uncertainty(depth),
+        depth["usable"],
+        depth["converged"],
+    )
     for place in table_distances(tree):
-        there = depth.sel(distance=place, method="nearest")
+        at = [column.sel(distance=place, method="nearest") for column in shown_columns]
         rows.append((f"At {distance(float(place))}",))
         for key, title in titles_in(tree, "depth").items():
-            camera = there.sel(camera=key)
-            known = [
-                camera[name]
-                for name in ("depth_uncertainty_by_error_source", "depth_uncertainty_by_error_source_error")
-            ]
-            radius, radius_error = (float(camera[f"depth_error_radius{end}"]) for end in ("", "_error"))
-            u = {
-                error_source: tuple(float(one.sel(error_source=error_source)) for one in known)
-                for error_source in _ERROR_SOURCES
-            }
-            nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
-            low, high = camera["depth_quantile"].sel(error_source="both").values[[0, -1]]
+            u_here, u_error_here, r, r_error, steps, (low, high), judged, usable, converged = (
+                column.sel(camera=key).values.tolist() for column in at
+            )
             rows.append(
                 (
                     title,
-                    "yes" if bool(camera["usable"]) else "no",
-                    _step(nearer, farther),
-                    *(with_error(value, error) for value, error in u.values()),
-                    with_error(radius, radius_error),
-                    share(float(judged_uncertainty(camera)) / float(place)),
-                    interval(float(low), float(high)) + ("" if bool(camera["converged"]) else " *"),
+                    "yes" if usable else "no",
+                    _step(*steps),
+                    *map(with_error, u_here, u_error_here),
+                    with_error(r, r_error),
+                    share(judged / float(place)),
+                    interval(low, high) + ("" if converged else " *"),
                 )
             )
     shown = "".join(str(cell) for row in rows for cell in row)
@@ -145,15 +150,15 @@ def _numerical_error(tree: xr.DataTree) -> str:
 
 def _decisive_parts(tree: xr.DataTree) -> Table:
     """List the part with the largest share at the declared distances."""
-    depth, places = table_depth(tree), table_distances(tree)
+    places = table_distances(tree)
+    shares = table_depth(tree)["variance_share"].sel(distance=places, method="nearest").transpose("camera", ..., "part")
+    parts = list(map(in_words, shares["part"].values.astype(str)))
 
-    def cell(key: str, place: float) -> str:
-        shares = shares_at(depth, key, place)
-        values = np.asarray(shares.values, dtype=np.float64)
+    def cell(values: FloatArray) -> str:
         if not np.isfinite(values).any():
             return "—"
         largest = int(np.nanargmax(values))
-        return f"{in_words(str(shares['part'].values[largest]))}, {share(float(values[largest]))}"
+        return f"{parts[largest]}, {share(float(values[largest]))}"
 
     return Table(
         name="parts-table",
@@ -164,7 +169,7 @@ def _decisive_parts(tree: xr.DataTree) -> Table:
             *(Column(title=distance(float(place)), weight=1) for place in places),
         ),
         rows=tuple(
-            (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
+            (title, *map(cell, shares.sel(camera=key).values)) for key, title in titles_in(tree, "depth").items()
         ),
     )
 
@@ -177,6 +182,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
         name: str, variable: str, caption: str, write: Callable[[float], str], notes: tuple[Text, ...] = ()
     ) -> Table:
         data = depth[variable].sel(error_source="both") if "error_source" in depth[variable].dims else depth[variable]
+        data = data.sel(distance=places, method="nearest")
         return Table(
             name=name,
             caption=caption,
@@ -185,7 +191,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
                 *(Column(title=distance(float(place)), align="right") for place in places),
             ),
             rows=tuple(
-                (title, *(write(float(data.sel(camera=key).sel(distance=p, method="nearest"))) for p in places))
+                (title, *map(write, data.sel(camera=key).values.tolist()))
                 for key, title in titles_in(tree, "depth").items()
             ),
             notes=notes,
@@ -256,12 +262,11 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
 
 def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
     """List the ratio of uncertainties, noise and calibration together, for every reading and place."""
-    both = decision.sel(error_source="both")
+    both = decision[["uncertainty_ratio", "certainty_flips"]].sel(error_source="both").transpose("reading", "place")
 
-    def cell(reading: Any, place: Any) -> Text:
-        at = both.sel(reading=reading, place=place)
-        text = or_dash(float(at["uncertainty_ratio"]))
-        return say("**{text}**", text=text) if bool(at["certainty_flips"]) else text
+    def cell(ratio: float, flips: bool) -> Text:
+        text = or_dash(ratio)
+        return say("**{text}**", text=text) if flips else text
 
     places, undecided = decision["place"].values, bool(np.isnan(both["uncertainty_ratio"]).any())
     unbounded = bool(np.isposinf(both["uncertainty_ratio"]).any())
@@ -275,8 +280,14 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
             *(Column(title=distance(float(place)), align="right") for place in places),
         ),
         rows=tuple(
-            (str(reading), str(both["reading_says"].sel(reading=reading).item()), *(cell(reading, p) for p in places))
-            for reading in decision["reading"].values
+            (str(reading), str(says), *map(cell, ratios.tolist(), flips.tolist()))
+            for reading, says, ratios, flips in zip(
+                decision["reading"].values,
+                decision["reading_says"].values,
+                both["uncertainty_ratio"].values,
+                both["certainty_flips"].values,
+                strict=True,
+            )
         ),
         notes=(
             f"Below 1, {pair['first']} is more certain; above 1, {pair['second']}, whether or not they are usable "

@@ -84,24 +84,23 @@ def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
     rows = records(tree, "effects", "decision")
     if not rows:
         return []
-    data = group(tree, "effects")
-    problems = [str(name) for name in data["problem"].values]
+    data = {name: array.values for name, array in group(tree, "effects").variables.items()}
+    problems = list(map(str, data["problem"]))
     found = []
     for number, row in enumerate(rows):
         place = problems.index(str(row["problem_of"]))
-        asked = data["tolerance"].values[place]
-        change = data["change"].values[number]
+        asked, change = data["tolerance"][place], data["change"][number]
         with np.errstate(invalid="ignore"):
             weight = np.where(np.isnan(asked) | np.isnan(change), -1.0, change / asked)
         worst = int(np.argmax(weight))
         found.append(
             row
             | {
-                "title": str(data["problem_title"].values[place]),
+                "title": str(data["problem_title"][place]),
                 "change": float(change[worst]),
-                "quantity": str(data["quantity"].values[worst]),
-                "evidence": str(data["evidence"].values[number, worst]),
-                "at": float(data["change_at"].values[number, worst]),
+                "quantity": str(data["quantity"][worst]),
+                "evidence": str(data["evidence"][number, worst]),
+                "at": float(data["change_at"][number, worst]),
             }
         )
     return found

@@ -238,25 +238,26 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     if not rows or not has(tree, "claims", "value_text", "met"):
         return
     data = group(tree, "claims")
+    names = [name for name in ("met", "value_text", "within_tolerance") if name in data]
+    values = [data[name].transpose("reading", "claim").values.tolist() for name in names]
 
-    def cell(claim: Any, reading: Any) -> Text:
-        one = data.sel(claim=claim, reading=reading)
-        met, text = int(one["met"]), str(one["value_text"].item())
-        near = " ≈" if "within_tolerance" in one and float(one["within_tolerance"]) else ""
-        return f"{text} {'✓' if met == 1 else '✗'}{near}" if met >= 0 else text
+    def cell(met: int, text: str, within_tolerance: float = 0.0) -> Text:
+        return f"{text} {'✓' if met == 1 else '✗'}{' ≈' if within_tolerance else ''}" if met >= 0 else text
 
-    tried = [name for name in data["reading"].values if any(cell(row["claim"], name) for row in rows)]
-    cells = [[cell(row["claim"], name) for row in rows] for name in tried]
+    cells = [[cell(*one) for one in zip(*row, strict=True)] for row in zip(*values, strict=True)]
+    tested = [(name, row) for name, row in zip(data["reading"].values, cells, strict=True) if any(row)]
     says = readings_in_words(data)
     yield Heading(text="Claims under every reading", anchor="claim-readings")
     yield Table(
         name="claim-values",
-        caption="Value found for each claim under each tested reading: " + ", ".join(_marks_in(cells)) + ".",
+        caption="Value found for each claim under each tested reading: "
+        + ", ".join(_marks_in([row for _, row in tested]))
+        + ".",
         columns=(
             Column(title="Reading", weight=1),
             *(Column(title=str(row["claim"]), align="right") for row in rows),
         ),
-        rows=tuple((says[str(name)], *row) for name, row in zip(tried, cells, strict=True)),
+        rows=tuple((says[str(name)], *row) for name, row in tested),
         notes=tuple(
             say(
                 "**{claim}**: {quantity}. Why this expectation: {why}.",

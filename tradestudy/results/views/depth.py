@@ -63,7 +63,8 @@ def where_measured(depth: xr.Dataset) -> xr.Dataset:
         return depth
     shares = depth["limit_value"].sel(limit=[name for name in _SEEN_TWICE if name in depth["limit"].values])
     seen = ~(shares <= 0.0).any("limit")
-    return depth.assign({name: depth[name].where(seen) for name in _MEASURED if name in depth})
+    # Without indexes, which are the same: comparing them takes most of the time of this.
+    return depth.assign({name: depth[name].variable.where(seen.variable) for name in _MEASURED if name in depth})
 
 
 def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], ...]:
@@ -128,11 +129,6 @@ def largest_parts(depth: xr.Dataset) -> tuple[npt.NDArray[np.object_], FloatArra
     largest = depth["part"].values.astype(object)[np.argmax(shares, axis=-1)]
     largest[~np.isfinite(shares).any(axis=-1)] = None
     return np.asarray(largest), np.asarray(shares.max(axis=-1))
-
-
-def shares_at(depth: xr.Dataset, camera: str, distance: float) -> xr.DataArray:
-    """The share of each part in the variance of inverse depth, at the computed distance nearest to `distance` [m]."""
-    return depth["variance_share"].sel(camera=camera).sel(distance=distance, method="nearest")
 
 
 def decided_by_calibration(depth: xr.Dataset, camera: str) -> bool:

@@ -24,14 +24,12 @@ def group(tree: xr.DataTree, name: str) -> xr.Dataset:
 
 def records(tree: xr.DataTree, name: str, dim: str) -> list[dict[str, Any]]:
     """Read the one-dimensional variables of a group row by row; key `dim` contains the label of the row."""
-    if name not in tree.children:
+    if name not in tree.children or dim not in tree[name].sizes:
         return []
     data = group(tree, name)
-    columns = [str(column) for column, array in data.data_vars.items() if array.dims == (dim,)]
-    return [
-        {dim: data[dim].values[index]} | {column: data[column].values[index] for column in columns}
-        for index in range(data.sizes.get(dim, 0))
-    ]
+    columns = {dim: data[dim].values}
+    columns |= {str(column): array.values for column, array in data.data_vars.items() if array.dims == (dim,)}
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def ranges_of(near: npt.ArrayLike, far: npt.ArrayLike) -> tuple[tuple[float, float], ...]:

@@ -264,18 +264,14 @@ def requirement_details(one: RequirementConclusion, *, brief: bool = False) -> s
 
 def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[OtherCamera, ...]:
     """The cameras that a requirement on any or all cameras concerns, without the one that decides it."""
-    row = group(tree, "requirements").isel(requirement=number)
-    if "camera_met" not in row:
+    data = group(tree, "requirements")
+    if "camera_met" not in data:
         return ()
+    columns = [data[f"camera_{what}"].values[number] for what in ("met", "margin_percent", "reason")]
     each = (
-        OtherCamera(
-            title=titles[str(name)],
-            met=_met(int(own["camera_met"])),
-            margin=float(own["camera_margin_percent"]) / 100.0,
-            reason=str(own["camera_reason"].item()),
-        )
-        for name, own in ((name, row.sel(camera=name)) for name in row["camera"].values)
-        if name != row["camera_deciding"].item()
+        OtherCamera(title=titles[str(key)], met=_met(int(met)), margin=float(margin) / 100.0, reason=str(reason))
+        for key, met, margin, reason in zip(data["camera"].values, *columns, strict=True)
+        if key != data["camera_deciding"].values[number]
     )
     asked = [one for one in each if one.reason]  # the requirement does not concern the others
     return tuple(sorted(asked, key=lambda one: (one.met is not True, -np.nan_to_num(one.margin, nan=-np.inf))))
@@ -310,17 +306,12 @@ def _under_readings(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -
     data = group(tree, "requirements")
     if "reading_met" not in data:
         return {}
-    row = data.isel(requirement=number)
+    columns = [data[f"reading_{what}"].values[number] for what in ("met", "camera", "reason")]
     found = [
-        OtherVerdict(
-            says=str(one["reading_says"].item()),
-            met=_met(int(one["reading_met"])),
-            camera=titles[str(one["reading_camera"].item())],
-            reason=str(one["reading_reason"].item()),
-        )
-        for one in (row.isel(reading=k) for k in range(row.sizes["reading"]))
+        OtherVerdict(says=str(says), met=_met(int(met)), camera=titles[str(camera)], reason=str(reason))
+        for says, met, camera, reason in zip(data["reading_says"].values, *columns, strict=True)
     ]
-    declared = _met(int(row["met"]))
+    declared = _met(int(data["met"].values[number]))
     return {"readings": len(found), "other_verdicts": tuple(one for one in found if one.met is not declared)}
 
 
