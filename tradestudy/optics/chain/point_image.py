@@ -24,7 +24,7 @@ from tradestudy.optics.chain.detector_patch import (
     plan_detector,
     resolved_cycles,
 )
-from tradestudy.optics.chain.detector_transfer import fading_length, response
+from tradestudy.optics.chain.detector_transfer import Response, fading_length, response
 from tradestudy.optics.chain.lit_part import lit_part, reached_pixels
 from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
 from tradestudy.optics.chain.scene import LegMethod
@@ -189,32 +189,18 @@ def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: C
     wave, plan, plane = point.wave, point.detector, point.plane
     light = arriving_light(wave, accuracy)
     field = light.read(*plane.positions)
-    spheres = None
-    if to_detector == "boundary_wave":
-        which = np.arange(wave.path.microlenses.count)
-        spheres = split_spheres(wave.path, wave, which=which, cell=plane.cell, field=field)
-    rest = spheres.rest if spheres else field
-    samples = field_on_detector(
+    samples, handed_over = over_detector(
         plane,
-        rest * plane.transmission(wave.source),
+        wave,
+        field,
+        plane.transmission(wave.source),
+        to_detector=to_detector,
         response=response(plan.transfer),
-        per_pixel=plan.per_pixel,
-        tolerance=accuracy.tolerance / 20,
+        reach=point.reach,
+        half_side=plan.kept,
+        accuracy=accuracy,
         threads=1 if plan.transfer.count < _COUNT_OF_THREADS else 0,
     )
-    handed_over = 0.0
-    if spheres and spheres.power > 0.0:
-        carried = add_spheres(
-            samples,
-            path=wave.path,
-            wave=wave,
-            spheres=spheres,
-            reach=point.reach,
-            half_patch=plan.kept,
-            spacing=plan.transfer.spacing,
-            accuracy=accuracy,
-        )
-        handed_over = 1.0 - carried / spheres.power
     pixels = np.zeros(whole.shape)
     pixels[point.rows, point.columns], pixel_error = light_on_pixels(
         squared_magnitude(samples), wave.path.pixels, per_pixel=plan.per_pixel
@@ -228,6 +214,62 @@ def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: C
         pixel_error=pixel_error,
         handed_over=handed_over,
     )
+
+
+def over_detector(
+    plane: MicrolensPlane,
+    wave: PupilWave | RayWave,
+    field: ComplexArray,
+    transmission: ComplexArray,
+    *,
+    to_detector: LegMethod,
+    response: Response,
+    reach: RayReach,
+    half_side: float,
+    accuracy: ChainAccuracy,
+    threads: int,
+) -> tuple[ComplexArray, float]:
+    """Field of all microlenses over the whole detector at once, and the share left by a boundary wave to Kirchhoff.
+
+    Parameters
+    ----------
+    plane, wave
+        Nodes of the microlenses, and the wave of one source point.
+    field, transmission
+        Arriving field and `MicrolensPlane.transmission`, shape (lenses, nodes).
+    to_detector, response
+        Law of the leg, and its transfer function on the grid of the detector.
+    reach, half_side
+        Where rays land, and the distance from there within which boundary waves are followed, along x and y [m].
+    accuracy, threads
+        Tolerance and memory, and the threads of the Fourier transforms; 0 for all.
+    """
+    path, spheres = plane.path, None
+    if to_detector == "boundary_wave":
+        spheres = split_spheres(path, wave, which=np.arange(path.microlenses.count), cell=plane.cell, field=field)
+        field = spheres.rest
+    spacing = response.transfer.spacing
+    samples = field_on_detector(
+        plane,
+        (field * transmission).astype(response.quadrant.dtype, copy=False),
+        response=response,
+        per_pixel=round(path.pixels.pitch / spacing),
+        tolerance=accuracy.tolerance / 20,
+        threads=threads,
+    )
+    if spheres is None or spheres.power == 0.0:
+        return samples, 0.0
+    carried = add_spheres(
+        samples,
+        path=path,
+        wave=wave,
+        spheres=spheres,
+        reach=reach,
+        half_patch=half_side,
+        spacing=spacing,
+        accuracy=accuracy,
+    )
+    return samples, 1.0 - carried / spheres.power
 
 
 def _plane(

@@ -40,7 +40,6 @@ from tradestudy.optics.chain.detector_patch import (
     MicrolensPlane,
     detector_patch,
     disc_ends,
-    field_on_detector,
     lit_radius,
     outermost,
     shadowed,
@@ -54,8 +53,9 @@ from tradestudy.optics.chain.detector_transfer import (
     refuse_large_patch,
     response,
 )
-from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
+from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_share, padded
+from tradestudy.optics.chain.point_image import over_detector
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes, source_nodes, tolerated_density
 from tradestudy.optics.propagation.lens import PointSource
@@ -223,7 +223,8 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
     if isinstance(spot.law, Response):
         return _light_of_all(spot, spot.law, wave, at, table, reach)
     rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
-    canvas = np.zeros((rows, columns), dtype=_kind(spot))
+    single = spot.accuracy.tolerance >= SINGLE_PRECISION_FROM
+    canvas = np.zeros((rows, columns), dtype=np.complex64 if single else np.complex128)
     far, power, carried = np.zeros(spot.path.pixels.shape), 0.0, 0.0
     for group in _lit_groups(spot, wave, at, table):
         rest = group.field
@@ -231,7 +232,16 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
             spheres = split_spheres(spot.path, wave, which=group.which, cell=group.cell, field=group.field)
             rest = spheres.rest
             power += spheres.power
-            carried += _add_edges(spot, canvas, wave, spheres, reach)
+            carried += add_spheres(
+                canvas,
+                path=spot.path,
+                wave=wave,
+                spheres=spheres,
+                reach=reach,
+                half_patch=spot.half_patch,
+                spacing=spot.spacing,
+                accuracy=spot.accuracy,
+            )
         if rest.any():
             far += _add_light(spot, spot.law, canvas, reach, replace(group, field=rest))
     return PointLight(
@@ -259,45 +269,23 @@ def _light_of_all(
         assert spot.tables is not None
         assert table is not None  # waves to the array need one
         field, transmission = spot.tables.field(at, table, *plane.positions), _transmission(spot, wave)
-    rest, spheres = field, None
-    if spot.legs.to_detector == "boundary_wave":
-        spheres = split_spheres(spot.path, wave, which=np.arange(lenses.count), cell=plane.cell, field=field)
-        rest = spheres.rest
-    canvas = field_on_detector(
+    canvas, handed_over = over_detector(
         plane,
-        (rest * transmission).astype(_kind(spot)),
+        wave,
+        field,
+        transmission,
+        to_detector=spot.legs.to_detector,
         response=response,
-        per_pixel=spot.per_pixel,
-        tolerance=spot.accuracy.tolerance / 20,
+        reach=reach,
+        half_side=spot.half_patch,
+        accuracy=spot.accuracy,
         threads=1,
     )
-    handed_over = 0.0
-    if spheres is not None and spheres.power > 0.0:
-        handed_over = 1.0 - _add_edges(spot, canvas, wave, spheres, reach) / spheres.power
     return PointLight(
         intensity=squared_magnitude(canvas) / wave.power(),
         far=np.zeros(spot.path.pixels.shape),
         handed_over=handed_over,
     )
-
-
-def _add_edges(spot: Spot, canvas: ComplexArray, wave: PupilWave | RayWave, spheres: Spheres, reach: RayReach) -> float:
-    """Add spheres by rays and boundary waves; return the power that these carry without Kirchhoff's integral."""
-    return add_spheres(
-        canvas,
-        path=spot.path,
-        wave=wave,
-        spheres=spheres,
-        reach=reach,
-        half_patch=spot.half_patch,
-        spacing=spot.spacing,
-        accuracy=spot.accuracy,
-    )
-
-
-def _kind(spot: Spot) -> type[np.complexfloating]:
-    """Type of fields on the detector, in single or double precision."""
-    return np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
 
 
 @dataclass(frozen=True, kw_only=True)
