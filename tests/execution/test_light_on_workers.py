@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -53,7 +54,7 @@ def test_requests_that_arrive_one_by_one_are_one_object() -> None:
     first, second = (pickle.loads(pickle.dumps(asked)) for _ in range(2))
     assert first is second
     assert first.path.microlenses.centres.tobytes() == PATH.microlenses.centres.tobytes()
-    assert pickle.loads(pickle.dumps(AskedSpot(**{**vars(asked), "wavelength": 500e-9}))).wavelength == 500e-9
+    assert pickle.loads(pickle.dumps(replace(asked, wavelength=500e-9))).wavelength == 500e-9
 
 
 SPREADS = """

@@ -21,10 +21,9 @@ from tradestudy.optics.chain import (
     square_centres,
 )
 from tradestudy.optics.chain import spot_points as module
-from tradestudy.optics.chain.detector_patch import DetectorPatch, detector_patch, disc_ends
+from tradestudy.optics.chain.detector_patch import DetectorPatch
 from tradestudy.optics.chain.point_image import compute_point
-from tradestudy.optics.chain.sources import source_nodes
-from tradestudy.optics.chain.spot_points import point_light, prepare_spot, source_density, tables_at
+from tradestudy.optics.chain.spot_points import AskedSpot
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 WIDE = CircularLens(radius=0.4e-3, focal_length=2e-3, lens_phase="parabolic")  # lights all three microlenses
@@ -34,22 +33,22 @@ MIXED = Legs(to_array="geometric", to_detector="kirchhoff")
 
 
 def patch(path: LightPath, accuracy: ChainAccuracy) -> DetectorPatch:
-    nodes = source_nodes(path, DISC, wavelength=WAVELENGTH, density=source_density(accuracy))
-    return detector_patch(
-        path, DISC, disc_ends(path, DISC, nodes), wavelength=WAVELENGTH, paraxial=False, accuracy=accuracy
-    )
+    return asked(path, KIRCHHOFF, accuracy).patch
+
+
+def asked(path: LightPath, legs: Legs, accuracy: ChainAccuracy) -> AskedSpot:
+    return AskedSpot(path=path, source=DISC, wavelength=WAVELENGTH, legs=legs, accuracy=accuracy)
 
 
 def errors_of_points(path: LightPath, legs: Legs, accuracy: ChainAccuracy) -> list[float]:
     """Relative distance of a few points of the disc from their own, far finer computation."""
-    nodes = source_nodes(path, DISC, wavelength=WAVELENGTH, density=source_density(accuracy))
-    spot = prepare_spot(path, DISC, nodes, WAVELENGTH, legs, accuracy)
-    found = []
+    spot = asked(path, legs, accuracy).prepared()
+    nodes, found = spot.asked.nodes, []
     for x, y in nodes.all[:: len(nodes.all) // 4]:
         at = (float(x), float(y))
-        wave = spot.wave(*at)
+        wave = spot.asked.wave(*at)
         truth = compute_point(wave, legs.to_detector, ChainAccuracy(tolerance=1e-5)).pixels / wave.power()
-        found.append(relative(point_light(spot, at, tables_at(spot, [at])[at]).on_pixels(spot), truth))
+        found.append(relative(spot.light(at).on_pixels(spot), truth))
     return found
 
 
@@ -107,10 +106,9 @@ def test_corners_of_patches_contain_no_light_invented_by_too_few_nodes() -> None
     found = []
     for density in (1.0, 2.0):
         chosen = ChainAccuracy(tolerance=1e-2, diffraction_reach=2.0, microlens_nodes=density)
-        nodes = source_nodes(path, DISC, wavelength=WAVELENGTH, density=source_density(chosen))
-        spot = prepare_spot(path, DISC, nodes, WAVELENGTH, KIRCHHOFF, chosen)
-        assert not spot.whole_detector
-        found.append(point_light(spot, (0.0, 0.0), tables_at(spot, [(0.0, 0.0)])[0.0, 0.0]).on_pixels(spot))
+        spot = asked(path, KIRCHHOFF, chosen).prepared()
+        assert not spot.asked.patch.whole_detector
+        found.append(spot.light((0.0, 0.0)).on_pixels(spot))
     assert relative(found[0], found[1]) < 1e-5
 
 

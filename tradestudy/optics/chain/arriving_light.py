@@ -145,6 +145,11 @@ class RayWave:
         return False
 
     @property
+    def reference(self) -> RayWave:
+        """The wave itself: only a boundary wave is compared with another."""
+        return self
+
+    @property
     def lit(self) -> Disc:
         """Part of the array that the pupil's light covers."""
         x, y = self.path.chief_point(self.source)

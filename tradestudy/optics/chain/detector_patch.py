@@ -15,7 +15,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import ComplexArray, FloatArray, unit_phasor
 from tradestudy.optics.chain.accuracy import MARGIN, ChainAccuracy, samples_per_pixel
-from tradestudy.optics.chain.arriving_light import RayReach, blur_radius, ray_reach
+from tradestudy.optics.chain.arriving_light import RayReach, blur_radius
 from tradestudy.optics.chain.detector_transfer import (
     PatchPlan,
     Response,
@@ -37,7 +37,7 @@ from tradestudy.optics.chain.microlens_nodes import (
     padded,
 )
 from tradestudy.optics.chain.scene import LightPath, Microlenses
-from tradestudy.optics.chain.sources import DiscSource, SourceNodes
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.kernels import ApertureSamples, Kernel, direct_sum
 from tradestudy.optics.propagation.lens import PointSource, lens_paths
 from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
@@ -398,17 +398,6 @@ class DetectorPatch:
         return lit * (self.grid.count**2 + _NODE * self.nodes)
 
 
-def disc_ends(path: LightPath, source: DiscSource, nodes: SourceNodes) -> list[RayReach]:
-    """Rays of the centre of a disc and of its node that is farthest from the axis."""
-    return [ray_reach(path, point) for point in (source.centre, outermost(source, nodes))]
-
-
-def outermost(source: DiscSource, nodes: SourceNodes) -> PointSource:
-    """The node that is farthest from the axis."""
-    edge = nodes.all[np.argmax(np.linalg.norm(nodes.all, axis=1))]
-    return PointSource(x=float(edge[0]), y=float(edge[1]), distance=source.distance)
-
-
 def detector_patch(
     path: LightPath,
     source: DiscSource,
@@ -418,7 +407,7 @@ def detector_patch(
     paraxial: bool,
     accuracy: ChainAccuracy,
 ) -> DetectorPatch:
-    """Choose patches or the whole detector; `reaches` are those of `disc_ends`."""
+    """Choose patches or the whole detector; `reaches` are those of the disc's centre and of its outermost node."""
     patch = _patch(path, reaches, wavelength, paraxial, accuracy)
     within = lit_radius(path, source.centre, wavelength, accuracy)
     chief = np.asarray(path.chief_point(source.centre))

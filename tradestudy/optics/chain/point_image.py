@@ -136,7 +136,7 @@ def stated_point(
 
     A boundary wave is compared with Kirchhoff's integral, so that the change includes what its leading term leaves out.
     """
-    reference = wave.reference if isinstance(wave, PupilWave) else wave
+    reference = wave.reference
     with ThreadPoolExecutor(2) as pool:
         fine, other = pool.map(
             lambda each: compute_point(*each),

@@ -12,9 +12,7 @@ import numpy as np
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, ComputeParts
-from tradestudy.optics.chain.array_field import PupilWave
-from tradestudy.optics.chain.arriving_light import RayWave, point_wave
-from tradestudy.optics.chain.detector_patch import outermost
+from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.lit_part import light_left_out, lit_disc
 from tradestudy.optics.chain.point_image import compute_point, plan_point, reference_law
 from tradestudy.optics.chain.scene import Legs, LightPath
@@ -24,7 +22,6 @@ from tradestudy.optics.chain.sources import (
     Symmetry,
     moved_image,
     orbits,
-    source_nodes,
     symmetries,
 )
 from tradestudy.optics.chain.spot_points import (
@@ -32,10 +29,6 @@ from tradestudy.optics.chain.spot_points import (
     FollowedPoints,
     follow_points,
     forget_spot,
-    point_light,
-    refuse_large_spot,
-    source_density,
-    tables_at,
 )
 
 _SAFETY_OF_ANGLES = 1.5  # one or two rings represent all rings
@@ -204,25 +197,24 @@ def refuse_large_disc(
         If tables, the transfer behind a microlens, or single points that are checked need more memory than allowed.
     """
     lit = lit_disc(path, source, wavelength=wavelength, tolerance=accuracy.tolerance)
-    nodes = source_nodes(path, lit, wavelength=wavelength, density=source_density(accuracy))
-    refuse_large_spot(path, lit, nodes, wavelength, legs, accuracy)
-    _refuse_large_points(AskedSpot(path=path, source=lit, wavelength=wavelength, legs=legs, accuracy=accuracy), nodes)
+    asked = AskedSpot(path=path, source=lit, wavelength=wavelength, legs=legs, accuracy=accuracy)
+    asked.refuse_large()
+    _refuse_large_points(asked)
 
 
-def _refuse_large_points(asked: AskedSpot, nodes: SourceNodes) -> None:
-    for point in (asked.source.centre, outermost(asked.source, nodes)):
+def _refuse_large_points(asked: AskedSpot) -> None:
+    for point in (asked.source.centre, asked.outermost):
         wave = point_wave(asked.path, point, wavelength=asked.wavelength, legs=asked.legs)
-        plan_point(_reference(wave), reference_law(asked.legs.to_detector), asked.accuracy.unstarved())
+        plan_point(wave.reference, reference_law(asked.legs.to_detector), asked.accuracy.unstarved())
 
 
 def _disc_image(
     asked: AskedSpot, rng: np.random.Generator, done: Callable[[float], None], compute: ComputeParts
 ) -> tuple[ChainImage, FloatArray]:
     """The image of a whole disc, and the mean image of its outermost ring of nodes; errors as for `wave_spot_image`."""
-    path, source, accuracy = asked.path, asked.source, asked.accuracy
-    nodes = source_nodes(path, source, wavelength=asked.wavelength, density=source_density(accuracy))
-    _refuse_large_points(asked, nodes)  # before minutes of computation
-    group = symmetries(path, source)
+    source, nodes = asked.source, asked.nodes
+    _refuse_large_points(asked)  # before minutes of computation
+    group = symmetries(asked.path, source)
     images = _ring_images(asked, nodes, group, compute, lambda share: done(_SHARE_OF_NODES * share))
     rings = np.mean([moved_image(images.pixels, one) for one in group], axis=0)
     pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
@@ -326,10 +318,6 @@ def _ring_images(
     )
 
 
-def _reference(wave: PupilWave | RayWave) -> PupilWave | RayWave:
-    return wave.reference if isinstance(wave, PupilWave) else wave
-
-
 def _points_error(asked: AskedSpot, picks: FloatArray, light: float) -> float:
     """Relative L2 difference of random source points' pixels from the single-point computation, with a safety factor.
 
@@ -339,24 +327,23 @@ def _points_error(asked: AskedSpot, picks: FloatArray, light: float) -> float:
     squares: list[float] = []
     sizes: list[float] = []
     spot = asked.prepared()
-    finer = spot.accuracy.unstarved()
+    law, finer = reference_law(asked.legs.to_detector), asked.accuracy.unstarved()
     for number, pick in enumerate(picks):
         if len(squares) == CHECKED_POINTS:
             break
         at = (float(pick[0]), float(pick[1]))
-        fast = point_light(spot, at, tables_at(spot, [at])[at]).on_pixels(spot)
+        fast = spot.light(at).on_pixels(spot)
         left = len(picks) - number
         if fast.sum() < _HARDLY_ANY * light and left > CHECKED_POINTS - len(squares):
             continue
-        wave = spot.wave(*at)
-        law = reference_law(spot.legs.to_detector)
-        truth = compute_point(_reference(wave), law, finer).pixels / wave.power()
+        wave = asked.wave(*at)
+        truth = compute_point(wave.reference, law, finer).pixels / wave.power()
         squares.append(float(np.sum((fast - truth) ** 2)))
         sizes.append(float(np.sum(truth**2)))
     if not any(squares):
         return 0.0  # neither finds any light
     error = math.sqrt(sum(squares) / sum(sizes)) if any(sizes) else math.inf
-    if error > 0.3 and "boundary_wave" not in (spot.legs.to_array, spot.legs.to_detector):
+    if error > 0.3 and "boundary_wave" not in (asked.legs.to_array, asked.legs.to_detector):
         raise NotConvergedError(
             "points of the spot disagree with the single-point computation",
             value=f"{error:.2g}",

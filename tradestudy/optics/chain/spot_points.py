@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from threading import Lock
 from typing import Any
 
@@ -39,9 +39,7 @@ from tradestudy.optics.chain.detector_patch import (
     DetectorPatch,
     MicrolensPlane,
     detector_patch,
-    disc_ends,
     lit_radius,
-    outermost,
     shadowed,
 )
 from tradestudy.optics.chain.detector_transfer import (
@@ -62,134 +60,176 @@ from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.optics.propagation.result import squared_magnitude
 
 _RIM = 64  # points of the rim of a disc
+_PREPARING = Lock()  # so that threads that begin together prepare a spot only once
 
 
-@dataclass(frozen=True, kw_only=True)
-class Spot:
-    """Data shared by all source points; rays to the array need no tables."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AskedSpot:
+    """Everything that a worker needs to prepare a spot by itself.
+
+    Requests compare by identity; all copies of one request that reach another process become one object there.
+    """
 
     path: LightPath
     source: DiscSource
     wavelength: float
     legs: Legs
     accuracy: ChainAccuracy
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _received, (pickle.dumps({field.name: getattr(self, field.name) for field in fields(self)}),)
+
+    @cached_property
+    def nodes(self) -> SourceNodes:
+        """Points that represent the disc."""
+        density = source_density(self.accuracy)
+        return source_nodes(self.path, self.source, wavelength=self.wavelength, density=density)
+
+    @cached_property
+    def outermost(self) -> PointSource:
+        """The node that is farthest from the axis."""
+        edge = self.nodes.all[np.argmax(np.linalg.norm(self.nodes.all, axis=1))]
+        return PointSource(x=float(edge[0]), y=float(edge[1]), distance=self.source.distance)
+
+    @cached_property
+    def patch(self) -> DetectorPatch:
+        """Part of the detector on which light is followed, from the rays of the disc's centre and outermost node."""
+        return detector_patch(
+            self.path,
+            self.source,
+            [ray_reach(self.path, point) for point in (self.source.centre, self.outermost)],
+            wavelength=self.wavelength,
+            paraxial=self.legs.to_detector == "fresnel",
+            accuracy=self.accuracy,
+        )
+
+    @cached_property
+    def lit_within(self) -> float:
+        """Distance from a chief ray within which microlenses are lit [m]."""
+        ends = (self.source.centre, self.outermost)
+        return max(lit_radius(self.path, point, self.wavelength, self.accuracy) for point in ends)
+
+    def wave(self, x: float, y: float) -> PupilWave | RayWave:
+        """Wave of one source point."""
+        point = PointSource(x=x, y=y, distance=self.source.distance)
+        return point_wave(self.path, point, wavelength=self.wavelength, legs=self.legs)
+
+    def farthest_read(self) -> float:
+        """Largest distance from a point's chief ray at which its field is read [m]: at lit lenses, else the nearest.
+
+        Points between the nodes, up to the rim of the disc, estimate the error.
+        """
+        lenses, source, z = self.path.microlenses, self.source, self.path.array_distance
+        on_array = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
+        anywhere = on_array + float(np.linalg.norm(self.nodes.all, axis=1).max()) * z / source.distance
+        if self.patch.whole_detector:
+            return anywhere
+        turn = 2.0 * math.pi * np.arange(_RIM) / _RIM
+        rim = source.diameter / 2.0 * np.column_stack([np.cos(turn), np.sin(turn)]) + [source.x, source.y]
+        nearest, _ = cKDTree(lenses.centres).query(-z / source.distance * np.concatenate([self.nodes.all, rim]))
+        return min(max(self.lit_within, float(np.max(nearest))) + lenses.cell_reach, anywhere)
+
+    def refuse_large(self) -> None:
+        """Refuse what `prepared` could not hold in memory, before it computes anything.
+
+        Raises
+        ------
+        UnaffordableError
+            If the tables of the main-lens field, or the transfer behind a microlens, need more memory than allowed.
+        """
+        if isinstance(self.patch.grid, PatchPlan):
+            refuse_large_patch(self.patch.grid, self.accuracy.memory_limit)
+        if self.legs.to_array != "geometric":
+            wave = PupilWave(
+                path=self.path, source=self.outermost, wavelength=self.wavelength, method=self.legs.to_array
+            )
+            refuse_large_tables(wave, self.farthest_read(), self.accuracy)
+
+    def prepared(self) -> Spot:
+        """Data shared by all points, kept for the latest request only: parts of one spot are computed in sequence."""
+        with _PREPARING:
+            return _prepared(self)
+
+
+@lru_cache(maxsize=1)
+def _received(content: bytes) -> AskedSpot:
+    return AskedSpot(**pickle.loads(content))  # pickled by `AskedSpot.__reduce__`
+
+
+@lru_cache(maxsize=1)
+def _prepared(asked: AskedSpot) -> Spot:
+    """Compute the tables, on the grids that the geometry of centre and rim of the disc asks for."""
+    path, patch, accuracy = asked.path, asked.patch, asked.accuracy
+    plane = MicrolensPlane(
+        path=path,
+        wavelength=asked.wavelength,
+        paraxial=asked.legs.to_detector == "fresnel",
+        cell=cell_nodes(path.microlenses, cycles=patch.cycles),
+    )
+    tables = None
+    if asked.legs.to_array != "geometric":
+        distance = np.linalg.norm(asked.nodes.all, axis=1)
+        tables = source_tables(
+            path,
+            asked.source,
+            (float(distance.min()), float(distance.max())),
+            wavelength=asked.wavelength,
+            method=asked.legs.to_array,
+            accuracy=accuracy,
+            half_width=asked.farthest_read(),
+        )
+    single = accuracy.tolerance >= SINGLE_PRECISION_FROM
+    return Spot(
+        asked=asked,
+        tables=tables,
+        plane=plane,
+        transmission=plane.transmission(asked.source.centre),
+        law=patch_law(patch.grid, memory_limit=accuracy.memory_limit, single=single)
+        if isinstance(patch.grid, PatchPlan)
+        else response(patch.grid, single=single),
+    )
+
+
+def source_density(accuracy: ChainAccuracy) -> float:
+    """Fraction of the cutoff to resolve: light near the cutoff is weak, and the pixel averages it away."""
+    return accuracy.source_sampling * tolerated_density(accuracy)
+
+
+def forget_spot() -> None:
+    """Free the tables of the spot that was prepared last."""
+    _prepared.cache_clear()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spot:
+    """Data shared by all source points; rays to the array need no tables."""
+
+    asked: AskedSpot
     tables: SourceTables | None
     plane: MicrolensPlane
-    cycles: float
     transmission: ComplexArray
     law: PatchLaw | Response
-    half_patch: float
-    per_pixel: int
-    lit_within: float
 
     @property
     def spacing(self) -> float:
         """Distance between detector samples [m]."""
-        return self.path.pixels.pitch / self.per_pixel
-
-    @property
-    def whole_detector(self) -> bool:
-        """Whether all microlenses are followed over the whole detector at once."""
-        return isinstance(self.law, Response)
+        return self.asked.path.pixels.pitch / self.asked.patch.per_pixel
 
     @property
     def samples(self) -> int:
         """Samples along a side of a Fourier transform."""
         return (self.law.transfer if isinstance(self.law, Response) else self.law.plan).count
 
-    def wave(self, x: float, y: float) -> PupilWave | RayWave:
-        """Wave of one source point."""
-        source = PointSource(x=x, y=y, distance=self.source.distance)
-        return point_wave(self.path, source, wavelength=self.wavelength, legs=self.legs)
+    def light(self, at: Place) -> PointLight:
+        """Light of one source point."""
+        (light,) = self.lights([at])
+        return light
 
-
-def prepare_spot(
-    path: LightPath,
-    source: DiscSource,
-    nodes: SourceNodes,
-    wavelength: float,
-    legs: Legs,
-    accuracy: ChainAccuracy,
-) -> Spot:
-    """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
-    distance = np.linalg.norm(nodes.all, axis=1)
-    patch = _patch_of(path, source, nodes, wavelength, legs, accuracy)
-    paraxial = legs.to_detector == "fresnel"
-    plane = MicrolensPlane(
-        path=path,
-        wavelength=wavelength,
-        paraxial=paraxial,
-        cell=cell_nodes(path.microlenses, cycles=patch.cycles),
-    )
-    lit_within = _lit_within(path, source, nodes, wavelength, accuracy)
-    single = accuracy.tolerance >= SINGLE_PRECISION_FROM
-    tables = None
-    if legs.to_array != "geometric":
-        tables = source_tables(
-            path,
-            source,
-            (float(distance.min()), float(distance.max())),
-            wavelength=wavelength,
-            method=legs.to_array,
-            accuracy=accuracy,
-            half_width=_farthest_read(path, source, nodes, math.inf if patch.whole_detector else lit_within),
-        )
-    return Spot(
-        path=path,
-        source=source,
-        wavelength=wavelength,
-        legs=legs,
-        accuracy=accuracy,
-        tables=tables,
-        plane=plane,
-        cycles=patch.cycles,
-        transmission=plane.transmission(source.centre),
-        law=patch_law(patch.grid, memory_limit=accuracy.memory_limit, single=single)
-        if isinstance(patch.grid, PatchPlan)
-        else response(patch.grid, single=single),
-        half_patch=patch.half_side,
-        per_pixel=patch.per_pixel,
-        lit_within=lit_within,
-    )
-
-
-def refuse_large_spot(
-    path: LightPath, source: DiscSource, nodes: SourceNodes, wavelength: float, legs: Legs, accuracy: ChainAccuracy
-) -> None:
-    """Refuse what `prepare_spot` could not hold in memory, before it computes anything.
-
-    Raises
-    ------
-    UnaffordableError
-        If the tables of the main-lens field, or the transfer behind a microlens, need more memory than allowed.
-    """
-    patch = _patch_of(path, source, nodes, wavelength, legs, accuracy)
-    if isinstance(patch.grid, PatchPlan):
-        refuse_large_patch(patch.grid, accuracy.memory_limit)
-    if legs.to_array != "geometric":
-        lit_within = math.inf if patch.whole_detector else _lit_within(path, source, nodes, wavelength, accuracy)
-        wave = PupilWave(path=path, source=outermost(source, nodes), wavelength=wavelength, method=legs.to_array)
-        refuse_large_tables(wave, _farthest_read(path, source, nodes, lit_within), accuracy)
-
-
-def _patch_of(
-    path: LightPath, source: DiscSource, nodes: SourceNodes, wavelength: float, legs: Legs, accuracy: ChainAccuracy
-) -> DetectorPatch:
-    reaches, paraxial = disc_ends(path, source, nodes), legs.to_detector == "fresnel"
-    return detector_patch(path, source, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy)
-
-
-def _lit_within(
-    path: LightPath, source: DiscSource, nodes: SourceNodes, wavelength: float, accuracy: ChainAccuracy
-) -> float:
-    """Distance from a chief ray within which microlenses are lit [m]."""
-    ends = (source.centre, outermost(source, nodes))
-    return max(lit_radius(path, point, wavelength, accuracy) for point in ends)
-
-
-def tables_at(spot: Spot, at: list[Place]) -> dict[Place, FieldTable | None]:
-    """Table of the main-lens field for each place; None for rays."""
-    return dict.fromkeys(at) if spot.tables is None else dict(spot.tables.at(at))
+    def lights(self, places: Sequence[Place]) -> Iterator[PointLight]:
+        """Follow source points side by side; yielded one by one, so that few fine grids are held at once."""
+        shared = self.tables.at(places) if self.tables else {}
+        with ThreadPoolExecutor(POINTS_AT_ONCE) as pool:
+            yield from pool.map(lambda at: _point_light(self, at, shared.get(at)), places)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,34 +253,34 @@ class PointLight:
     def on_pixels(self, spot: Spot) -> FloatArray:
         """Fraction of the point's power on each pixel."""
         intensity = self.intensity.astype(np.float64)
-        return light_on_pixels(intensity, spot.path.pixels, per_pixel=spot.per_pixel)[0] + self.far
+        return light_on_pixels(intensity, spot.asked.path.pixels, per_pixel=spot.asked.patch.per_pixel)[0] + self.far
 
 
-def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
+def _point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
     """Follow the light of one source point from the array to the detector."""
-    wave = spot.wave(*at)
-    reach = ray_reach(spot.path, wave.source)
+    wave = spot.asked.wave(*at)
+    reach = ray_reach(spot.asked.path, wave.source)
     if isinstance(spot.law, Response):
         return _light_of_all(spot, spot.law, wave, at, table, reach)
-    rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
-    single = spot.accuracy.tolerance >= SINGLE_PRECISION_FROM
+    rows, columns = (n * spot.asked.patch.per_pixel + 2 * MARGIN for n in spot.asked.path.pixels.shape)
+    single = spot.asked.accuracy.tolerance >= SINGLE_PRECISION_FROM
     canvas = np.zeros((rows, columns), dtype=np.complex64 if single else np.complex128)
-    far, power, carried = np.zeros(spot.path.pixels.shape), 0.0, 0.0
+    far, power, carried = np.zeros(spot.asked.path.pixels.shape), 0.0, 0.0
     for group in _lit_groups(spot, wave, at, table):
         rest = group.field
-        if spot.legs.to_detector == "boundary_wave":
-            spheres = split_spheres(spot.path, wave, which=group.which, cell=group.cell, field=group.field)
+        if spot.asked.legs.to_detector == "boundary_wave":
+            spheres = split_spheres(spot.asked.path, wave, which=group.which, cell=group.cell, field=group.field)
             rest = spheres.rest
             power += spheres.power
             carried += add_spheres(
                 canvas,
-                path=spot.path,
+                path=spot.asked.path,
                 wave=wave,
                 spheres=spheres,
                 reach=reach,
-                half_patch=spot.half_patch,
+                half_patch=spot.asked.patch.half_side,
                 spacing=spot.spacing,
-                accuracy=spot.accuracy,
+                accuracy=spot.asked.accuracy,
             )
         if rest.any():
             far += _add_light(spot, spot.law, canvas, reach, replace(group, field=rest))
@@ -260,9 +300,11 @@ def _light_of_all(
     reach: RayReach,
 ) -> PointLight:
     """Follow the light of all microlenses over the whole detector at once; none is lost beyond patches."""
-    plane, lenses = spot.plane, spot.path.microlenses
+    plane, lenses = spot.plane, spot.asked.path.microlenses
     if isinstance(wave, RayWave):
-        cells = [shadowed(lenses, plane.cell, wave.lit, index, spot.cycles) for index in range(lenses.count)]
+        cells = [
+            shadowed(lenses, plane.cell, wave.lit, index, spot.asked.patch.cycles) for index in range(lenses.count)
+        ]
         plane = replace(plane, cell=padded(cells))
         field, transmission = wave.field(*plane.positions), plane.transmission(wave.source)
     else:
@@ -274,16 +316,16 @@ def _light_of_all(
         wave,
         field,
         transmission,
-        to_detector=spot.legs.to_detector,
+        to_detector=spot.asked.legs.to_detector,
         response=response,
         reach=reach,
-        half_side=spot.half_patch,
-        accuracy=spot.accuracy,
+        half_side=spot.asked.patch.half_side,
+        accuracy=spot.asked.accuracy,
         threads=1,
     )
     return PointLight(
         intensity=squared_magnitude(canvas) / wave.power(),
-        far=np.zeros(spot.path.pixels.shape),
+        far=np.zeros(spot.asked.path.pixels.shape),
         handed_over=handed_over,
     )
 
@@ -298,34 +340,17 @@ class _Lit:
     transmission: ComplexArray
 
 
-def _farthest_read(path: LightPath, source: DiscSource, nodes: SourceNodes, lit_within: float) -> float:
-    """Largest distance from a point's chief ray at which its field is read [m]: at lit microlenses, else the nearest.
-
-    Points between the nodes, up to the rim of the disc, estimate the error.
-    """
-    lenses = path.microlenses
-    on_array = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
-    anywhere = on_array + float(np.linalg.norm(nodes.all, axis=1).max()) * path.array_distance / source.distance
-    if lit_within == math.inf:
-        return anywhere
-    turn = 2.0 * math.pi * np.arange(_RIM) / _RIM
-    rim = source.diameter / 2.0 * np.column_stack([np.cos(turn), np.sin(turn)]) + [source.x, source.y]
-    chief = -path.array_distance / source.distance * np.concatenate([nodes.all, rim])
-    nearest, _ = cKDTree(lenses.centres).query(chief)
-    return min(max(lit_within, float(np.max(nearest))) + lenses.cell_reach, anywhere)
-
-
 def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None) -> Iterator[_Lit]:
     """Microlenses that light of a source point reaches; those that the edge of a shadow cuts come one by one."""
-    lenses, plane = spot.path.microlenses, spot.plane
+    lenses, plane = spot.asked.path.microlenses, spot.plane
     if isinstance(wave, RayWave):
         share = lit_share(lenses, wave.lit)
         whole = np.flatnonzero(share == 1.0)
         for index in np.flatnonzero(share == 0.5):
-            cell = shadowed(lenses, plane.cell, wave.lit, int(index), spot.cycles)
+            cell = shadowed(lenses, plane.cell, wave.lit, int(index), spot.asked.patch.cycles)
             if cell.x.size == 0:  # the edge passes between a corner of the aperture and the circle about it
                 continue
-            cut = replace(plane, path=replace(spot.path, microlenses=lenses.only(int(index))), cell=cell)
+            cut = replace(plane, path=replace(spot.asked.path, microlenses=lenses.only(int(index))), cell=cell)
             yield _Lit(
                 which=np.array([index]),
                 cell=cell,
@@ -334,7 +359,7 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
             )
     else:
         distance = np.linalg.norm(lenses.centres - wave.path.chief_point(wave.source), axis=1)
-        whole = np.flatnonzero(distance <= max(spot.lit_within, float(distance.min())))
+        whole = np.flatnonzero(distance <= max(spot.asked.lit_within, float(distance.min())))
     x, y = (c[whole] for c in plane.positions)
     if spot.tables is None or table is None:
         field = wave.field(x, y) if isinstance(wave, RayWave) else None
@@ -346,7 +371,7 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
 
 def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> FloatArray:
     """Add the light of some microlenses on their patches of the detector; return the light that leaves the patches."""
-    origin = np.asarray(spot.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
+    origin = np.asarray(spot.asked.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
     nearest = np.rint((reach.image[lit.which] - origin) / spot.spacing).astype(int)
     middles = origin + nearest * spot.spacing
     patches = patch_fields(
@@ -354,8 +379,8 @@ def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach,
         x=lit.cell.x,
         y=lit.cell.y,
         strengths=(lit.field * lit.transmission).astype(canvas.dtype),
-        middles=middles - spot.path.microlenses.centres[lit.which],
-        tolerance=spot.accuracy.tolerance / 20,
+        middles=middles - spot.asked.path.microlenses.centres[lit.which],
+        tolerance=spot.asked.accuracy.tolerance / 20,
     )
     _add_patches(canvas, patches, nearest - law.plan.half)
     sent = np.sum(squared_magnitude(lit.field) * lit.cell.weights, axis=-1)
@@ -363,14 +388,14 @@ def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach,
     half = law.plan.side * spot.spacing / 2
     # The law around a disc of rays assumes a round edge. Square apertures use the law of a point focus, which is their
     # mean far away.
-    round_edge = spot.path.microlenses.aperture == "circular"
+    round_edge = spot.asked.path.microlenses.aperture == "circular"
     radii = reach.spread[lit.which] if round_edge else np.zeros(lit.which.size)
-    return far_light(spot.path.pixels, middles, half, np.maximum(sent - held, 0.0), radii)
+    return far_light(spot.asked.path.pixels, middles, half, np.maximum(sent - held, 0.0), radii)
 
 
 def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
     """Phasors of the lenses; those of perfect lenses depend on the source."""
-    if spot.path.microlenses.lens_phase == "perfect":
+    if spot.asked.path.microlenses.lens_phase == "perfect":
         return spot.plane.transmission(wave.source)
     return spot.transmission
 
@@ -384,70 +409,16 @@ def _add_patches(canvas: ComplexArray, patches: ComplexArray, first: IndexArray)
             canvas[y0:y1, x0:x1] += patch[y0 - i : y1 - i, x0 - j : x1 - j]
 
 
-def lights_of(spot: Spot, places: FloatArray) -> Iterator[PointLight]:
-    """Follow source points, shape (n, 2), side by side; yielded one by one, so that few fine grids are held at once."""
-    at = [(float(x), float(y)) for x, y in places]
-    shared = tables_at(spot, at)
-    with ThreadPoolExecutor(POINTS_AT_ONCE) as pool:
-        yield from pool.map(lambda place: point_light(spot, place, shared[place]), at)
-
-
 def mean_on_pixels(spot: Spot, part: Iterable[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
     """Weighted mean of points on the pixels, and the error of its integration over them."""
-    rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
-    points, intensity, far = 0, np.zeros((rows, columns)), np.zeros(spot.path.pixels.shape)
+    rows, columns = (n * spot.asked.patch.per_pixel + 2 * MARGIN for n in spot.asked.path.pixels.shape)
+    points, intensity, far = 0, np.zeros((rows, columns)), np.zeros(spot.asked.path.pixels.shape)
     for n, light in part:
         points += n
         intensity += n * light.intensity
         far += n * light.far
-    pixels, error = light_on_pixels(intensity / points, spot.path.pixels, per_pixel=spot.per_pixel)
+    pixels, error = light_on_pixels(intensity / points, spot.asked.path.pixels, per_pixel=spot.asked.patch.per_pixel)
     return pixels + far / points, error
-
-
-_PREPARING = Lock()  # so that threads that begin together prepare a spot only once
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class AskedSpot:
-    """Everything that a worker needs to prepare a spot by itself.
-
-    Requests compare by identity; all copies of one request that reach another process become one object there.
-    """
-
-    path: LightPath
-    source: DiscSource
-    wavelength: float
-    legs: Legs
-    accuracy: ChainAccuracy
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _received, (pickle.dumps({one.name: getattr(self, one.name) for one in fields(self)}),)
-
-    def prepared(self) -> Spot:
-        """Data shared by all points, kept for the latest request only: parts of one spot are computed in sequence."""
-        with _PREPARING:
-            return _prepared(self)
-
-
-@lru_cache(maxsize=1)
-def _received(content: bytes) -> AskedSpot:
-    return AskedSpot(**pickle.loads(content))  # pickled by `AskedSpot.__reduce__`
-
-
-@lru_cache(maxsize=1)
-def _prepared(asked: AskedSpot) -> Spot:
-    nodes = source_nodes(asked.path, asked.source, wavelength=asked.wavelength, density=source_density(asked.accuracy))
-    return prepare_spot(asked.path, asked.source, nodes, asked.wavelength, asked.legs, asked.accuracy)
-
-
-def forget_spot() -> None:
-    """Free the tables of the spot that was prepared last."""
-    _prepared.cache_clear()
-
-
-def source_density(accuracy: ChainAccuracy) -> float:
-    """Fraction of the cutoff to resolve: light near the cutoff is weak, and the pixel averages it away."""
-    return accuracy.source_sampling * tolerated_density(accuracy)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -480,10 +451,11 @@ def follow_points(
 ) -> FollowedPoints:
     """Follow weighted source points, shape (n, 2); `alone` lists those whose images are also returned separately."""
     spot = asked.prepared()
+    at = [(float(x), float(y)) for x, y in places]
     images, handed = [], [spot.tables.handed_over if spot.tables else 0.0]
 
     def followed() -> Iterator[tuple[int, PointLight]]:
-        for number, (weight, light) in enumerate(zip(weights, lights_of(spot, places), strict=True)):
+        for number, (weight, light) in enumerate(zip(weights, spot.lights(at), strict=True)):
             handed.append(light.handed_over)
             if number in alone:
                 images.append(light.on_pixels(spot))

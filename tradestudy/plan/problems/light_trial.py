@@ -25,8 +25,7 @@ from tradestudy.optics.chain.arriving_light import blur_radius, point_wave
 from tradestudy.optics.chain.exact_rays import forward_tracer
 from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
 from tradestudy.optics.chain.point_image import compute_point
-from tradestudy.optics.chain.sources import source_nodes
-from tradestudy.optics.chain.spot_points import Spot, point_light, prepare_spot, source_density, tables_at
+from tradestudy.optics.chain.spot_points import AskedSpot, Spot
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.wave_optics import LightSpotPart
 
@@ -250,8 +249,7 @@ class LightTrial:
         key = models.method, models.integrated
         if key not in self._spots:
             self._spots[key] = _prepared(self._part, models)
-        spot, at = self._spots[key], (point.x, point.y)
-        return point_light(spot, at, tables_at(spot, [at])[at]).on_pixels(spot)
+        return self._spots[key].light((point.x, point.y)).on_pixels(self._spots[key])
 
     def _spread(self, index: int, models: SpotModels) -> float:
         """Radius of the image of the disc's part that lights a microlens [parts of pixels].
@@ -297,8 +295,8 @@ def _prepared(part: LightSpotPart, models: SpotModels) -> Spot:
     assert isinstance(source, DiscSource)  # only a disc has points
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
     accuracy = ChainAccuracy(tolerance=_COARSE, source_sampling=_SPARSE)
-    nodes = source_nodes(path, source, wavelength=part.mean_wavelength, density=source_density(accuracy))
-    return prepare_spot(path, source, nodes, part.mean_wavelength, legs(models.method), accuracy)
+    wavelength, laws = part.mean_wavelength, legs(models.method)
+    return AskedSpot(path=path, source=source, wavelength=wavelength, legs=laws, accuracy=accuracy).prepared()
 
 
 def _lines(part: LightSpotPart) -> list[tuple[float, float]]:
