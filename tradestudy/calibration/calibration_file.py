@@ -114,10 +114,23 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
             value=getattr(error, "strerror", None) or f"not a {path.suffix} file",
             remedy="check its path and the program that wrote it",
         ) from None
-    _check_names(path, found.names)
+    repeated = sorted({name for name in found.names if found.names.count(name) > 1 or not name})
+    if repeated:
+        raise CalibrationFileError(
+            f"{path.name} has unnamed parameters, or gives one name to several",
+            value=", ".join(repeated) or "''",
+            limit="each exactly once",
+            remedy="rename the columns",
+        )
     if isinstance(found, CalibrationDraws):
         _check_finite(path, found.draws, *(() if found.best is None else (found.best,)))
-        _check_draws(path, found.names, found.draws)
+        if found.draws.ndim != 2 or found.draws.shape[1] != len(found.names) or len(found.draws) < MINIMUM_DRAWS:
+            raise CalibrationFileError(
+                f"{path.name} contains too few draws, or draws of the wrong shape",
+                value=" × ".join(map(str, found.draws.shape)),
+                limit=f">= {MINIMUM_DRAWS} draws of {len(found.names)} parameters",
+                remedy="write one joint draw per row; for fewer draws, give their covariance instead",
+            )
         return found
     _check_finite(path, found.covariance, found.mean)
     return replace(found, covariance=_checked_covariance(path, found.names, found.covariance))
@@ -234,29 +247,6 @@ def _check_finite(path: Path, *tables: FloatArray) -> None:
             value=f"{bad} cells",
             limit="finite numbers",
             remedy="remove the draws that failed",
-        )
-
-
-def _check_names(path: Path, names: tuple[str, ...]) -> None:
-    """Refuse parameters without a name, and several with one name."""
-    repeated = sorted({name for name in names if names.count(name) > 1 or not name})
-    if repeated:
-        raise CalibrationFileError(
-            f"{path.name} has unnamed parameters, or gives one name to several",
-            value=", ".join(repeated) or "''",
-            limit="each exactly once",
-            remedy="rename the columns",
-        )
-
-
-def _check_draws(path: Path, names: tuple[str, ...], draws: FloatArray) -> None:
-    """Refuse too few draws, or columns that do not match the names."""
-    if draws.ndim != 2 or draws.shape[1] != len(names) or len(draws) < MINIMUM_DRAWS:
-        raise CalibrationFileError(
-            f"{path.name} contains too few draws, or draws of the wrong shape",
-            value=" × ".join(map(str, draws.shape)),
-            limit=f">= {MINIMUM_DRAWS} draws of {len(names)} parameters",
-            remedy="write one joint draw per row; for fewer draws, give their covariance instead",
         )
 
 

@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 
 from tradestudy.calibration.calibration_file import (
-    CalibrationCovariance,
     CalibrationDraws,
     CalibrationFileError,
     read_calibration,
@@ -24,7 +23,7 @@ from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.sources import ErrorClass, Group
+from tradestudy.uncertainty.sources import ErrorClass
 
 
 def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
@@ -74,7 +73,19 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     if isinstance(found, CalibrationDraws) and found.best is not None:
         return _of_rig(path, name, camera, found)
     _require_known(path, found.names, [name for name in camera.error_vocabulary if name != PIXEL_NOISE])
-    return Calibration(groups=(_group(found),), source="posterior")
+    # Errors are relative to the best values in the file.
+    group = (
+        group_of_draws(CALIBRATION, found.names, found.draws)
+        if isinstance(found, CalibrationDraws)
+        else JointNormal(
+            name=CALIBRATION,
+            parameters=found.names,
+            mean=np.zeros(len(found.names)),
+            covariance=found.covariance,
+            error_class=ErrorClass.RIG,
+        )
+    )
+    return Calibration(groups=(group,), source="posterior")
 
 
 def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
@@ -164,19 +175,6 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
     pair = cast(PairGeometry, camera)
     check_geometry(name, pair, found.best, found.draws, says="the posterior says", lens=found.lens)
     return rig_calibration(pair, found, source="posterior")
-
-
-def _group(found: CalibrationCovariance | CalibrationDraws) -> Group:
-    """Errors relative to the best values in the file."""
-    if isinstance(found, CalibrationDraws):
-        return group_of_draws(CALIBRATION, found.names, found.draws)
-    return JointNormal(
-        name=CALIBRATION,
-        parameters=found.names,
-        mean=np.zeros(len(found.names)),
-        covariance=found.covariance,
-        error_class=ErrorClass.RIG,
-    )
 
 
 def _require_known(path: Path, names: tuple[str, ...], known: Collection[str]) -> None:

@@ -293,7 +293,8 @@ def sample_posterior(
             sampler.run_mcmc(start if done == 0 else None, steps - done, skip_initial_state_check=True)
             tell(chains_fraction * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * first)))
         walks = np.stack([sampler.get_chain() for sampler in samplers])
-        warm_up = _warm_up(walks)
+        half = walks.shape[1] // 2
+        warm_up = int(min(half, np.ceil(_WARM_UP_TIMES * autocorrelation_times(walks[:, half:]).max())))
         kept = walks[:, warm_up:]
         times = autocorrelation_times(kept)
         if steps == maximum_steps or kept.shape[1] >= MINIMUM_LENGTHS * times.max():
@@ -338,7 +339,9 @@ def diagnose(
     few = chains[:, :: -(-chains.shape[1] // _R_HAT_DRAWS)]
     columns = np.moveaxis(chains, -1, 0)
     r_hat = np.array([rank_normalised_split_r_hat(column) for column in np.moveaxis(few, -1, 0)])
-    walker_r_hat = np.array([_walker_r_hat(column) for column in np.moveaxis(few, -1, 0)])
+    walker_r_hat = np.array(
+        [max(rank_normalised_split_r_hat(chain.T[..., None]) for chain in column) for column in np.moveaxis(few, -1, 0)]
+    )
     bulk = np.array([bulk_effective_size(column) for column in columns])
     tail = np.array([tail_effective_size(column) for column in columns])
     failures = [
@@ -449,17 +452,6 @@ def _independent_move(
         return proposed, log_density(parameters) - log_density(proposed)
 
     return propose
-
-
-def _warm_up(walks: FloatArray) -> int:
-    """Steps to discard: ten autocorrelation times, at most half of the walk."""
-    half = walks.shape[1] // 2
-    return int(min(half, np.ceil(_WARM_UP_TIMES * autocorrelation_times(walks[:, half:]).max())))
-
-
-def _walker_r_hat(chains: FloatArray) -> float:
-    """Largest R-hat over the ensembles, with their walkers as chains."""
-    return max(rank_normalised_split_r_hat(chain.T[..., None]) for chain in chains)
 
 
 def _stuck_ensembles(chains: FloatArray, r_hat: FloatArray) -> tuple[int, ...]:

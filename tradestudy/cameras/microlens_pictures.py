@@ -66,7 +66,11 @@ class MicrolensGrid:
 
     def beside(self, step: tuple[int, int]) -> Indices:
         """Index of the lens one step away from each; −1 for none."""
-        i, j = self.first + step[0] - self.low[0], self.second + step[1] - self.low[1]
+        return self.numbered(self.first + step[0], self.second + step[1])
+
+    def numbered(self, first: Indices, second: Indices) -> Indices:
+        """Index of the lenses with these numbers along both directions; −1 for none."""
+        i, j = first - self.low[0], second - self.low[1]
         rows, columns = self.index.shape
         there = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
         return np.where(there, self.index[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)], -1)

@@ -120,7 +120,8 @@ class SingleLensExposure:
         The derivative is that of a pixel's area, for both axes alike. Pixels outside the field of the lens are dark,
         and so are those that look beside or behind the scene, where no surface is.
         """
-        (across, down), radius = self._slopes_on_sensor(x, y), self.lens.pupil_diameter / 2.0
+        across, down = (np.stack([x, y]) - np.reshape(self.principal_point, (2, 1))) / self.scales[:, np.newaxis]
+        radius = self.lens.pupil_diameter / 2.0
         cosine_squared = 1.0 / (1.0 + across * across + down * down)
         slope = np.stack(slopes(*self.distortion.ray(across, down)))
         ahead = np.tensordot(np.array(self.pose.rotation[2]), np.concatenate([slope, np.ones((1, x.size))]), 1)
@@ -149,10 +150,6 @@ class SingleLensExposure:
             image_distance=-c,
             lens_type=0,
         )
-
-    def _slopes_on_sensor(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Normalised image coordinates of positions on the sensor, shape (2, pixels)."""
-        return np.asarray((np.stack([x, y]) - np.reshape(self.principal_point, (2, 1))) / self.scales[:, np.newaxis])
 
     def _distance_of_area(self, slope: FloatArray) -> float | FloatArray:
         """Distance c [m] that converts lengths on the sensor to slopes at points of the picture, by the area of pixels.

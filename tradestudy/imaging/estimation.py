@@ -182,7 +182,7 @@ class DepthScore:
         share = pretty(self.filled, FRACTION)
         text = f"{name}: {share} of {self.seen} unoccluded points measured"
         if not self.measured:
-            return f"{text}; none has a depth: {_most(self.reasons)}"
+            return f"{text}; none has a depth: {max(self.reasons, key=self.reasons.__getitem__)}"
         bias, spread = (pretty(one, LENGTH) for one in (self.bias, self.spread))
         text += f"; error {bias} ± {spread} (median, half the central 68 % interval)"
         if math.isfinite(self.spread_px):
@@ -349,11 +349,6 @@ def middle_and_spread(values: Samples) -> tuple[float, float]:
         return math.nan, math.nan
     low, middle, high = (float(one) for one in np.percentile(values, _CENTRAL))
     return middle, (high - low) / 2.0
-
-
-def _most(reasons: Mapping[str, int]) -> str:
-    """The most frequent reason."""
-    return max(reasons, key=lambda name: reasons[name])
 
 
 _FALSE: Final = 6.0  # a match is false beyond this many spreads from the median

@@ -158,7 +158,7 @@ def propagate_through(
     _require(levels, tolerance, most_draws, seed)
     draws = _first_draws(levels, most_draws)
     sources = _sources(inputs, correlation or {})
-    shape = _output_shape(function, sources)
+    shape = _real_numbers(function(**{name: value.ravel() for name, value in sources.nominal().items()})).shape[1:]
     if 0 in shape:
         raise OutOfRangeError(
             "the function returned no values",
@@ -236,11 +236,6 @@ def _first_draws(coverage: FloatArray, most_draws: int) -> int:
             remedy="raise most_draws or lower the coverage, so that draws fall beyond the ends of the interval",
         )
     return draws
-
-
-def _output_shape(function: Function, sources: Sources) -> tuple[int, ...]:
-    """Shape of the output for one draw, from the function's value at the means."""
-    return _real_numbers(function(**{name: value.ravel() for name, value in sources.nominal().items()})).shape[1:]
 
 
 def _real_numbers(returned: ArrayLike) -> FloatArray:

@@ -125,8 +125,10 @@ def _pole_margin(median: FloatArray, far: FloatArray) -> FloatArray:
     return margin
 
 
-def _require_squares(ascending: FloatArray) -> None:
-    """Refuse outputs so small or so large that their errors would be computed as zero or infinite."""
+def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
+    """Statistics of sorted rows without NaN, in the order of the fields of `ReplicateStatistics`."""
+    infinite = np.isinf(ascending)
+    has_infinite = infinite[:, -1]
     ends = np.abs(ascending[:, [0, -1]])
     size = np.max(np.where(np.isinf(ends), 0.0, ends), axis=1)
     beyond = (size > _MAGNITUDES[1]) | ((size > 0.0) & (size < _MAGNITUDES[0]))
@@ -137,13 +139,6 @@ def _require_squares(ascending: FloatArray) -> None:
             limit=f"magnitudes from {_MAGNITUDES[0]:g} to {_MAGNITUDES[1]:g}, or 0",
             remedy="state the output in another unit",
         )
-
-
-def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
-    """Statistics of sorted rows without NaN, in the order of the fields of `ReplicateStatistics`."""
-    infinite = np.isinf(ascending)
-    has_infinite = infinite[:, -1]
-    _require_squares(ascending)
     finite = np.where(has_infinite[:, None], 0.0, ascending) if np.any(has_infinite) else ascending
     quantiles = order_quantile(ascending, PROBABILITIES)
     freedom = 1 if ascending.shape[-1] > 1 else 0

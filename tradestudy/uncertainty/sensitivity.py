@@ -60,7 +60,21 @@ def shapley_shares(sensitivity: FloatArray, covariance: FloatArray, parts: Seque
     E. Song, B. L. Nelson and J. Staum, "Shapley effects for global sensitivity analysis: theory and computation", 2016;
     A. B. Owen and C. Prieur, "On Shapley value for measuring importance of dependent inputs", 2017.
     """
-    _require_parts(parts, len(sensitivity))
+    if len(parts) > MOST_PARTS:
+        raise OutOfRangeError(
+            "number of parts among which a variance is divided",
+            value=str(len(parts)),
+            limit=f"at most {MOST_PARTS}",
+            remedy="combine parts that belong together",
+        )
+    rows = sorted(row for part in parts for row in part)
+    if rows != list(range(len(sensitivity))):
+        raise OutOfRangeError(
+            "assignment of parameters to the parts of a variance",
+            value=f"rows {rows}",
+            limit=f"each of the {len(sensitivity)} once",
+            remedy="assign every parameter to exactly one part",
+        )
     deviation = np.sqrt(np.diag(covariance))
     scaled = np.where(np.isfinite(sensitivity), sensitivity, np.nan) * deviation[:, None]
     factor = _factor(covariance, deviation)
@@ -76,24 +90,6 @@ def shapley_shares(sensitivity: FloatArray, covariance: FloatArray, parts: Seque
         gained = explained[without | (1 << part)] - explained[without]
         np.divide(weight[size[without]] @ gained, total, out=share, where=varies)
     return shares
-
-
-def _require_parts(parts: Sequence[Sequence[int]], parameters: int) -> None:
-    if len(parts) > MOST_PARTS:
-        raise OutOfRangeError(
-            "number of parts among which a variance is divided",
-            value=str(len(parts)),
-            limit=f"at most {MOST_PARTS}",
-            remedy="combine parts that belong together",
-        )
-    rows = sorted(row for part in parts for row in part)
-    if rows != list(range(parameters)):
-        raise OutOfRangeError(
-            "assignment of parameters to the parts of a variance",
-            value=f"rows {rows}",
-            limit=f"each of the {parameters} once",
-            remedy="assign every parameter to exactly one part",
-        )
 
 
 def _factor(covariance: FloatArray, deviation: FloatArray) -> FloatArray:
@@ -267,30 +263,6 @@ def sobol_indices(
     returns zeros instead of an error if a single output is NaN.
     """
     names = tuple(group.name for group in sources.active_groups if group.dimensions > 0)
-    _require_indices_exist(sources, names, draws)
-    first, total = RunningMean(), RunningMean()
-    lost: dict[int, str] = {}
-    for replicate in range(sampling.replicates):
-        matrices = _saltelli_outputs(
-            model, sources, names, sampling, draws=draws, seed=seed, point=point, replicate=replicate
-        )
-        _record_undefined(matrices, lost)
-        indices = _indices(matrices)
-        first.add(indices[0])
-        total.add(indices[1])
-    keep = np.array([column not in lost for column in range(first.mean.shape[1])])
-    return SobolIndices(
-        names=names,
-        first=np.where(keep, first.mean, np.nan),
-        first_error=np.where(keep, first.standard_error, np.nan),
-        total=np.where(keep, total.mean, np.nan),
-        total_error=np.where(keep, total.standard_error, np.nan),
-        refused=tuple(lost.get(column, "") for column in range(keep.size)),
-        evaluations=(len(names) + 2) * draws * sampling.replicates,
-    )
-
-
-def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int) -> None:
     if draws < 2 or draws & (draws - 1):
         raise OutOfRangeError(
             "number of base draws of Sobol indices",
@@ -312,6 +284,26 @@ def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int)
             limit="sources with a finite variance",
             remedy="use the tornado, whose quantiles exist",
         )
+    first, total = RunningMean(), RunningMean()
+    lost: dict[int, str] = {}
+    for replicate in range(sampling.replicates):
+        matrices = _saltelli_outputs(
+            model, sources, names, sampling, draws=draws, seed=seed, point=point, replicate=replicate
+        )
+        _record_undefined(matrices, lost)
+        indices = _indices(matrices)
+        first.add(indices[0])
+        total.add(indices[1])
+    keep = np.array([column not in lost for column in range(first.mean.shape[1])])
+    return SobolIndices(
+        names=names,
+        first=np.where(keep, first.mean, np.nan),
+        first_error=np.where(keep, first.standard_error, np.nan),
+        total=np.where(keep, total.mean, np.nan),
+        total_error=np.where(keep, total.standard_error, np.nan),
+        refused=tuple(lost.get(column, "") for column in range(keep.size)),
+        evaluations=(len(names) + 2) * draws * sampling.replicates,
+    )
 
 
 def _saltelli_outputs(

@@ -219,16 +219,6 @@ def scramble_scores(dimensions: int, draws: int, *, seed: int, point: str, scram
     return (_few if draws <= _FEW_DRAWS else _many)(dimensions, draws, seed, point, scramble)
 
 
-@lru_cache(maxsize=_KEPT_OF_FEW)
-def _few(dimensions: int, draws: int, seed: int, point: str, scramble: int) -> FloatArray:
-    return _scores(dimensions, draws, seed, point, scramble)
-
-
-@lru_cache(maxsize=_KEPT_OF_MANY)
-def _many(dimensions: int, draws: int, seed: int, point: str, scramble: int) -> FloatArray:
-    return _scores(dimensions, draws, seed, point, scramble)
-
-
 def _scores(dimensions: int, draws: int, seed: int, point: str, scramble: int) -> FloatArray:
     from scipy.special import ndtri  # imported here, so that checking a study does not load it
 
@@ -239,6 +229,9 @@ def _scores(dimensions: int, draws: int, seed: int, point: str, scramble: int) -
         ndtri(uniform(batch.shape[1]), out=batch)
     scores.setflags(write=False)
     return scores
+
+
+_few, _many = lru_cache(maxsize=_KEPT_OF_FEW)(_scores), lru_cache(maxsize=_KEPT_OF_MANY)(_scores)
 
 
 def each_scramble(task: Callable[[int], Result], scrambles: int) -> list[Result]:

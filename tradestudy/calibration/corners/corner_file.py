@@ -133,7 +133,9 @@ def read_corners(path: str | Path) -> StereoCorners:
     path = Path(path)
     try:
         require_regular_file(path)
-        _refuse_utf16(path)
+        with suppress(OSError), path.open("rb") as stream:  # a file that cannot be opened is reported below
+            if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
+                raise CornerFileError(f"{path.name} is UTF-16 text", limit="UTF-8", remedy="save it as CSV in UTF-8")
         _require_affordable(path)
         return _corners_in(path.name, path.read_bytes().decode("utf-8-sig"))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -191,7 +193,13 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]
     rows, texts = [], []
     for line, fields in lines:
         where = f"{name}:{line}"
-        _refuse_surplus(where, fields, header)
+        if len(fields) > len(header):
+            raise CornerFileError(
+                f"{where}: there are more fields than columns",
+                value=f"{len(fields)} fields",
+                limit=f"{len(header)} as in the first line",
+                remedy="write decimal points, not commas, and remove surplus fields",
+            )
         row = dict(zip(header, fields, strict=False))
         if all(_is_true(where, column, row.get(column, "")) for column in seen):
             rows.append(_numbers(where, row, required))
@@ -202,7 +210,16 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]
         )
     unused = tuple(column for column in header if column and column not in (*required, *seen))
     for column in unused:
-        _refuse_varying(name, column, [row.get(column, "") for row in texts])
+        for pattern, says, remedy in _CONSTANT:
+            different = {_number(row.get(column, "")) for row in texts} if pattern.search(column) else ()
+            if len(different) > 1:
+                values = sorted(one if isinstance(one, str) else f"{one:g}" for one in different)
+                raise CornerFileError(
+                    f"{name}: the column {column} {says}",
+                    value=f"{values[0] or 'nothing'} and {values[-1]}",
+                    limit="the same value in every row",
+                    remedy=remedy,
+                )
     return np.array(rows), unit, unused
 
 
@@ -260,42 +277,11 @@ def _is_true(where: str, column: str, text: str) -> bool:
     return truth
 
 
-def _refuse_varying(name: str, column: str, texts: Sequence[str]) -> None:
-    """Refuse a column that would change the fit, unless it is constant."""
-    for pattern, says, remedy in _CONSTANT:
-        if pattern.search(column) and len(different := {_number(text) for text in texts}) > 1:
-            values = sorted(one if isinstance(one, str) else f"{one:g}" for one in different)
-            raise CornerFileError(
-                f"{name}: the column {column} {says}",
-                value=f"{values[0] or 'nothing'} and {values[-1]}",
-                limit="the same value in every row",
-                remedy=remedy,
-            )
-
-
 def _number(text: str) -> float | str:
     """A number, or the text if it is none."""
     with suppress(ValueError):
         return float(text)
     return text.strip()
-
-
-def _refuse_utf16(path: Path) -> None:
-    """Refuse UTF-16, which spreadsheets call "Unicode"; the caller reports files that cannot be opened."""
-    with suppress(OSError), path.open("rb") as stream:
-        if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
-            raise CornerFileError(f"{path.name} is UTF-16 text", limit="UTF-8", remedy="save it as CSV in UTF-8")
-
-
-def _refuse_surplus(where: str, fields: Sequence[str], header: Sequence[str]) -> None:
-    """Refuse a row with more fields than columns."""
-    if len(fields) > len(header):
-        raise CornerFileError(
-            f"{where}: there are more fields than columns",
-            value=f"{len(fields)} fields",
-            limit=f"{len(header)} as in the first line",
-            remedy="write decimal points, not commas, and remove surplus fields",
-        )
 
 
 def _numbers(where: str, row: Mapping[str, str], required: Sequence[str]) -> list[float]:

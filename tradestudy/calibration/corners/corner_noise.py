@@ -221,7 +221,11 @@ def estimate_noise(
     and length are estimated from at most sixty evenly spaced views.
     """
     some = np.unique(np.linspace(0, len(board) - 1, min(len(board), _MOST_VIEWS)).astype(int))
-    spacing = _spacing(board, weights)
+    # Median distance from a corner to its nearest neighbour, in the view with the most corners.
+    view = int(np.argmax((weights[:, 0] > 0.0).sum(axis=1)))
+    corners = board[view, weights[view, 0] > 0.0]
+    apart = np.linalg.norm(corners[:, None] - corners[None], axis=-1) + np.diag(np.full(len(corners), np.inf))
+    spacing = float(np.median(apart.min(axis=1)))
     layouts = _Layouts.of(board[some], weights[some])
     table = np.concatenate([by_view, residuals[..., None]], axis=-1)
 
@@ -271,14 +275,6 @@ def _place(noise: CornerNoise, spacing: float) -> FloatArray:
     inside = (np.array([noise.share, np.log(noise.length / spacing)]) - _LOW) / (_HIGH - _LOW)
     inside = np.clip(inside, _NEAR_THE_ENDS, 1.0 - _NEAR_THE_ENDS)
     return np.asarray(np.log(inside / (1.0 - inside)))
-
-
-def _spacing(board: FloatArray, weights: FloatArray) -> float:
-    """Median distance from a corner to its nearest neighbour [m], in the view with the most corners."""
-    view = int(np.argmax((weights[:, 0] > 0.0).sum(axis=1)))
-    corners = board[view, weights[view, 0] > 0.0]
-    apart = np.linalg.norm(corners[:, None] - corners[None], axis=-1) + np.diag(np.full(len(corners), np.inf))
-    return float(np.median(apart.min(axis=1)))
 
 
 def _local_likelihood(

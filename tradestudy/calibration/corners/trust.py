@@ -266,7 +266,7 @@ def examine(
         halves_difference=z**2 * difference,
         halves_claim=z**2 * claim,
         halves=_HALVES,
-        view_rms=_view_rms(fit),
+        view_rms=np.asarray(np.sqrt(np.nanmean(np.sum(_residuals(fit) ** 2, axis=-1), axis=-1)).T),
         neighbour_correlation=_neighbour_correlation(fit),
         residual_map=_residual_map(fit, pixels),
         lenses=compare_lenses(fit, z, others),
@@ -308,10 +308,6 @@ def _residual_map(fit: RigFit, pixels: tuple[int, int]) -> FloatArray:
         np.add.at(sums, (side, row, column), _residuals(fit)[side][there])
         np.add.at(counts, (side, row, column), 1.0)
     return np.asarray(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), np.nan))
-
-
-def _view_rms(fit: RigFit) -> FloatArray:
-    return np.asarray(np.sqrt(np.nanmean(np.sum(_residuals(fit) ** 2, axis=-1), axis=-1)).T)
 
 
 def _neighbour_correlation(fit: RigFit) -> FloatArray:

@@ -178,13 +178,7 @@ class RawPictureSynthesis:
         grid = self._grid
         scale = 1.0 + self._over if image else 1.0
         first, second = np.rint(np.linalg.solve(grid.basis, (at - self._middle) / scale)).astype(np.intp)
-        return self._numbered(first, second)
-
-    def _numbered(self, first: Indices, second: Indices) -> Indices:
-        grid = self._grid
-        i, j = first - grid.low[0], second - grid.low[1]
-        there = (i >= 0) & (j >= 0) & (i < grid.index.shape[0]) & (j < grid.index.shape[1])
-        return np.where(there, grid.index[np.where(there, i, 0), np.where(there, j, 0)], -1)
+        return grid.numbered(first, second)
 
     def _gathered(
         self, inverse_virtual_depth: Samples, place: tuple[float, float], reach: float, *, is_view: bool
@@ -202,7 +196,7 @@ class RawPictureSynthesis:
             for j in range(-span, span + 1):
                 if np.linalg.norm(grid.basis @ np.array([i, j])) > reach + pitch:
                     continue
-                lens = self._numbered(first + i, second + j)
+                lens = grid.numbered(first + i, second + j)
                 beside = grid.centre[:, lens] - at
                 offset = beside * turn + shift
                 far = np.hypot(*beside)

@@ -147,13 +147,17 @@ def _basis(places: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 def _resampled(picture: Samples, coefficients: FloatArray, hull: FloatArray) -> Samples:
     """A picture with its rows shifted up by the fitted offsets, constant outside a hull; NaN where it has no data."""
-    from scipy.ndimage import map_coordinates
-
     rows, columns = np.indices(picture.shape)
     down = _basis(np.clip(np.stack([rows, columns], axis=-1), *hull), picture.shape) @ coefficients
-    place = np.stack([rows + down, columns])
+    return _interpolated(picture, np.stack([rows + down, columns]), order=3)
+
+
+def _interpolated(picture: Samples, place: Samples, *, order: Literal[1, 3]) -> Samples:
+    """A picture at rows and columns (2, …), by splines of an order; NaN where it has no data."""
+    from scipy.ndimage import map_coordinates
+
     missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
-    found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=3, mode="nearest")
+    found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=order, mode="nearest")
     return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
 
 
@@ -370,15 +374,11 @@ class PairReader(DepthReader):
         """The rectified picture, as of a pinhole camera whose axis is perpendicular to the baseline."""
         if self._needs_no_rectification:
             return picture
-        from scipy.ndimage import map_coordinates
-
         sensor = self.camera.sensor
         x, y = self._exposures[side].place(*self._rays(side)) / sensor.pixel_pitch
         outside = float(-sensor.columns - sensor.rows)  # outside the field of the lens counts as outside the picture
         place = np.nan_to_num(np.stack([y + (sensor.rows - 1) / 2.0, x + (sensor.columns - 1) / 2.0]), nan=outside)
-        missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
-        found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=order, mode="nearest")
-        return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
+        return _interpolated(picture, place, order=order)
 
     def _rays(self, side: str) -> Samples:
         """Rays of the pixels of the rectified camera in the frame of the actual one, shape (3, rows, columns)."""

@@ -66,11 +66,6 @@ class ViewsReader(DepthReader):
         return row, column, (int(row.max()) + 1, int(column.max()) + 1)
 
     @cached_property
-    def _rise(self) -> float:
-        """Ratio of row spacing to column spacing."""
-        return lattice_of(self.camera.microlenses.layout).second_vector[1]
-
-    @cached_property
     def _half_pairs(self) -> Samples:
         """One view of each pair of opposite views that the estimator uses [m on the pupil], shape (pairs, 2).
 
@@ -155,7 +150,8 @@ class ViewsReader(DepthReader):
         # The noise varies so slowly over the picture that it need not be shifted with the views.
         noisy = replace(picture, values=picture.variance)
         variance = self._view(noisy, -place) + self._view(noisy, place)
-        per_step = place / self._longest * np.array([1.0, 1.0 / self._rise])
+        rise = lattice_of(self.camera.microlenses.layout).second_vector[1]  # row spacing over column spacing
+        per_step = place / self._longest * np.array([1.0, 1.0 / rise])
         gradient = gradient_along(template, (-2.0 * float(per_step[0]), -2.0 * float(per_step[1])))
 
         def difference(step: int) -> tuple[Samples, Samples, BoolArray]:

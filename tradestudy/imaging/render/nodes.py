@@ -144,7 +144,8 @@ def lit_part(cones: LightCones, pixel_x: float, pixel_y: float) -> LitPart:
         axis = np.zeros((2, size), kind)
         axis[0] = 1.0
         return LitPart(axis=axis, near=None, width=None, low=np.full(size, -r, kind), half=np.full(size, r, kind))
-    place = _place_at_stop(stop, pixel_x, pixel_y)
+    moved = np.stack([np.asarray(stop.by_pixel * pixel_x), np.asarray(stop.by_pixel * pixel_y)]).reshape(2, -1)
+    place = stop.place + moved.astype(stop.place.dtype)
     by_lens = _by_lens(stop)
     distance = np.sqrt(place[0] * place[0] + place[1] * place[1])
     axis = place * (-np.sign(by_lens) / np.maximum(distance, kind(1e-12)))
@@ -213,12 +214,6 @@ def lit_area(cones: LightCones, pixel_width: float) -> FloatArray:
             moved = np.hypot(*(place[:, edge] + np.array([[x], [y]]) * (pixel_width / 2.0) * scales[0]))
             area[edge] += wx * wy / 4.0 * _overlap(moved / scales[1], r, stop.radius / scales[1])
     return area
-
-
-def _place_at_stop(stop: Stop, x: float, y: float) -> FloatArray:
-    return stop.place + np.stack([np.asarray(stop.by_pixel * x), np.asarray(stop.by_pixel * y)]).reshape(2, -1).astype(
-        stop.place.dtype
-    )
 
 
 def _by_lens(stop: Stop) -> FloatArray:

@@ -79,7 +79,14 @@ def sight(
     nearby = [beside for _, beside in found]
     along = _along_axis(pose, start, slope, depth)
     bending = None if tables is None else tables.bending(cones, _depth_beside(along))
-    mixtures = _mixtures(scene, cones, _lens_variance(cones, middle, depth, nodes, bending), depth, nodes, pixel_width)
+    # For every pattern, the mixture of levels whose filter covers the area that one node represents.
+    z = _finite(depth)
+    by_pixel = (cones.start_by_pixel + z * cones.slope_by_pixel) * REAL(pixel_width)
+    variance = np.square(by_pixel) * REAL(nodes.pixel_spread) + _lens_variance(cones, middle, depth, nodes, bending)
+    mixtures = [
+        pattern.mixture(variance * np.square(np.asarray(surface.pattern_scale(z), REAL)))
+        for surface, pattern in zip(scene.surfaces, scene.patterns, strict=True)
+    ]
     total, weights = np.zeros(cones.pixel.size, REAL), np.zeros(cones.pixel.size, REAL)
     for node, ((x, y), (across, beside)) in enumerate(zip(nodes.pixel * pixel_width, nodes.disc, strict=True)):
         lit = lit_part(cones, x, y)
@@ -204,19 +211,6 @@ def _lens_variance(
 
 
 Mixture = tuple[NDArray[np.intp], FloatArray]
-
-
-def _mixtures(
-    scene: Scene, cones: LightCones, of_lens: FloatArray, depth: FloatArray, nodes: Nodes, pixel_width: float
-) -> list[Mixture]:
-    """For every pattern, the mixture of levels whose filter covers the area that one node represents."""
-    z = _finite(depth)
-    by_pixel = (cones.start_by_pixel + z * cones.slope_by_pixel) * REAL(pixel_width)
-    variance = np.square(by_pixel) * REAL(nodes.pixel_spread) + of_lens
-    return [
-        pattern.mixture(variance * np.square(np.asarray(surface.pattern_scale(z), REAL)))
-        for surface, pattern in zip(scene.surfaces, scene.patterns, strict=True)
-    ]
 
 
 def _brightness(
