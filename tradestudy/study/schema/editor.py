@@ -1,84 +1,17 @@
-"""Remove repetition from JSON Schemas: repeated parts become definitions."""
+"""The JSON Schema of study files as written, with bases of values, and cameras from files or like other cameras."""
 
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 from pydantic import BaseModel
 
 from tradestudy.study.document import BASES
 
-_WORDS: Final = ("description", "default")
-_WORTH_SHARING: Final = 50  # characters; a reference takes about thirty
-
-
-def shared(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """The same JSON Schema, with schemas that occur several times moved to ``$defs`` and referenced there.
-
-    Parameters
-    ----------
-    schema
-        A schema whose ``anyOf`` contain the alternatives; ``$defs`` may contain parts already.
-
-    Returns
-    -------
-    dict
-        An equivalent schema.
-    """
-    counts: Counter[str] = Counter()
-    _count(schema, counts)
-    names: dict[str, str] = {}
-    found: dict[str, Any] = {}
-
-    def rewritten(below: Any, *, is_whole: bool) -> Any:
-        if isinstance(below, list):
-            return [rewritten(one, is_whole=False) for one in below]
-        if not isinstance(below, Mapping):
-            return below
-        text = json.dumps(below, sort_keys=True)
-        if not is_whole and _is_shared(below, counts[text], text):
-            if text not in names:
-                names[text] = f"v{len(names) + 1}"  # short, because there are many references
-                found[names[text]] = {key: rewritten(one, is_whole=True) for key, one in below.items()}
-            return {"$ref": f"#/$defs/{names[text]}"}
-        alternatives = _without_words(below)
-        if "anyOf" in below and len(alternatives) < len(below) and not is_whole:
-            return {**rewritten(alternatives, is_whole=False), **{key: below[key] for key in below if key in _WORDS}}
-        # The names under these keys are those of the file, not of the schema language.
-        return {
-            key: {name: rewritten(part, is_whole=key == "$defs") for name, part in one.items()}
-            if key in ("properties", "patternProperties", "$defs")
-            else rewritten(one, is_whole=False)
-            for key, one in below.items()
-        }
-
-    result: dict[str, Any] = rewritten(schema, is_whole=True)
-    return {**result, "$defs": {**result.get("$defs", {}), **found}}
-
-
-def _count(below: Any, counts: Counter[str]) -> None:
-    if isinstance(below, Mapping):
-        counts[json.dumps(below, sort_keys=True)] += 1
-        if "anyOf" in below and len(alternatives := _without_words(below)) < len(below):
-            counts[json.dumps(alternatives, sort_keys=True)] += 1
-    for one in below.values() if isinstance(below, Mapping) else below if isinstance(below, list) else ():
-        _count(one, counts)
-
-
-def _without_words(below: Mapping[str, Any]) -> dict[str, Any]:
-    """A schema without what belongs to the key that has it, so that keys can share the rest."""
-    return {key: of for key, of in below.items() if key not in _WORDS}
-
-
-def _is_shared(below: Mapping[str, Any], count: int, text: str) -> bool:
-    is_schema = any(key in below for key in ("type", "anyOf", "oneOf", "enum")) or {"$ref", "description"} <= {*below}
-    return is_schema and count > 1 and len(text) > _WORTH_SHARING
-
-
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_LONG = 50  # characters; a reference takes about thirty
 _WITH_BASIS = "withBasis"  # names in capitals are those of mappings in the file
 _SHARING: dict[str, dict[str, Any]] = {
     "from": {
@@ -88,6 +21,17 @@ _SHARING: dict[str, dict[str, Any]] = {
         "description": "File of a camera, or one or more calibration files; paths are relative to the study.",
     },
     "like": {"type": "string", "description": "Name of the camera of this study that this one starts from."},
+}
+# A value of any kind with its basis; the keys that refer to it limit the value.
+_ANY_WITH_BASIS = {
+    "type": "object",
+    "properties": {
+        "value": {},
+        "basis": {"enum": list(BASES), "description": "Basis of the value."},
+        "note": {"type": "string", "description": "Where the value comes from, in words."},
+    },
+    "required": ["value"],
+    "additionalProperties": False,
 }
 
 
@@ -109,14 +53,18 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
     """
     schema = model.model_json_schema()
     parts: dict[str, Any] = schema.get("$defs", {})
-    opened = _opened(_described(schema, parts), parts)
-    opened["$defs"] = {name: _opened(_described(part, parts), parts) for name, part in parts.items()}
-    opened["$defs"][_WITH_BASIS] = _any_with_basis()
+    values: dict[str, str] = {}
+    opened = _opened(_described(schema, parts), parts, values)
+    opened["$defs"] = {name: _opened(_described(part, parts), parts, values) for name, part in parts.items()}
+    opened["$defs"] |= {name: json.loads(text) for text, name in values.items()}
+    opened["$defs"][_WITH_BASIS] = _ANY_WITH_BASIS
     cameras = opened["properties"]["cameras"]
+    # Let a camera name a file or another camera instead of being written in full.
+    starts = [{"type": "object", "properties": {key: written}, "required": [key]} for key, written in _SHARING.items()]
     cameras["patternProperties"] = {
-        pattern: _shareable(camera) for pattern, camera in cameras["patternProperties"].items()
+        pattern: {"anyOf": [camera, *starts]} for pattern, camera in cameras["patternProperties"].items()
     }
-    return {"$schema": _DIALECT, **shared(opened)}
+    return {"$schema": _DIALECT, **opened}
 
 
 def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
@@ -150,45 +98,39 @@ def _telling(schema: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Let every value below a schema have a basis."""
+def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any], values: dict[str, str]) -> dict[str, Any]:
+    """Let every value below a schema have a basis; ``values`` collects the names of repeated definitions."""
     opened = {name: of for name, of in schema.items() if name != "discriminator"}  # OpenAPI, which no editor reads
     for place in ("properties", "patternProperties"):
         if place in schema:
-            opened[place] = {name: _with_basis(_opened(below, parts), parts) for name, below in schema[place].items()}
+            opened[place] = {name: _with_basis(below, parts, values) for name, below in schema[place].items()}
     for place in ("items", "additionalProperties"):
         if isinstance(schema.get(place), Mapping):
-            opened[place] = _with_basis(_opened(schema[place], parts), parts)
+            opened[place] = _with_basis(schema[place], parts, values)
     for place in ("prefixItems", "anyOf", "oneOf"):
         if place in schema:
-            opened[place] = [_opened(below, parts) for below in schema[place]]
+            opened[place] = [_defined(_opened(below, parts, values), values) for below in schema[place]]
     return opened
 
 
-def _with_basis(schema: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Let a single value or a list be written with its basis."""
+def _with_basis(schema: Mapping[str, Any], parts: Mapping[str, Any], values: dict[str, str]) -> dict[str, Any]:
+    """Let every value below a schema have a basis, and the schema's own if it is a single value or a list."""
+    opened = _opened(schema, parts, values)
     if not _is_value(schema, parts):
-        return schema
+        return opened
     # Description and default belong to the key; many keys share the rest.
-    shown: dict[str, Any] = {key: schema[key] for key in ("description", "default") if key in schema}
-    bare = {key: of for key, of in schema.items() if key not in shown}
+    shown: dict[str, Any] = {key: opened.pop(key) for key in ("description", "default") if key in opened}
+    bare = _defined(opened, values)
     # Some editors drop the properties of a part if others stand beside its reference, so that goes into allOf.
     written = {"allOf": [{"$ref": f"#/$defs/{_WITH_BASIS}"}], "properties": {"value": bare}}
-    return {**shown, "anyOf": [bare, written]}
+    either = {"anyOf": [bare, written]}
+    return {**shown, **(either if "const" in bare else _defined(either, values))}
 
 
-def _any_with_basis() -> dict[str, Any]:
-    """A value of any kind with its basis; the keys that refer to it limit the value."""
-    return {
-        "type": "object",
-        "properties": {
-            "value": {},
-            "basis": {"enum": list(BASES), "description": "Basis of the value."},
-            "note": {"type": "string", "description": "Where the value comes from, in words."},
-        },
-        "required": ["value"],
-        "additionalProperties": False,
-    }
+def _defined(schema: dict[str, Any], values: dict[str, str]) -> dict[str, Any]:
+    """A reference to a definition of the schema, with a short name because there are many; itself if it is short."""
+    text = json.dumps(schema)
+    return {"$ref": f"#/$defs/{values.setdefault(text, f'v{len(values) + 1}')}"} if len(text) > _LONG else schema
 
 
 def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
@@ -199,9 +141,3 @@ def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:
     if alternatives:
         return any(_is_value(below, parts) for below in alternatives)
     return schema.get("type") not in ("object", "null")
-
-
-def _shareable(camera: Mapping[str, Any]) -> dict[str, Any]:
-    """Let a camera name a file or another camera instead of being written in full."""
-    shared = [{"type": "object", "properties": {key: written}, "required": [key]} for key, written in _SHARING.items()]
-    return {"anyOf": [dict(camera), *shared]}
