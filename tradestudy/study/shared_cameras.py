@@ -140,46 +140,51 @@ class SharedCameras:
     def camera(self, name: str, chain: tuple[str, ...]) -> Entry | None:
         """One assembled camera, or None after noting the mistake."""
         if name not in self.done:
-            self.done[name] = self.assemble(name, chain)
+            try:
+                self.done[name] = self.assemble(name, chain)
+            except CameraFileError as error:
+                self.note(name, error.problem)
+                self.done[name] = None
             if self.done[name] is None:
                 self.broken.append(("cameras", name))
         return self.done[name]
 
     def assemble(self, name: str, chain: tuple[str, ...]) -> Entry | None:
-        """A camera as written, or its own values merged into those of a file or another camera."""
+        """A camera as written, or its own values merged into those of a file or another camera.
+
+        It is None if its mistake is already known.
+
+        Raises
+        ------
+        CameraFileError
+            The camera, its file or the camera that it is like cannot be used.
+        """
         own = self.written.members[name].entry
-        if not isinstance(own, MappingEntry):
+        if not isinstance(own, MappingEntry) or not own.members.keys() & set(SHARING):
             return own
-        sharing = [key for key in SHARING if key in own.members]
-        if not sharing:
-            return own
-        if len(sharing) > 1:
-            self.note(own.members["like"].key_place, name, "like", "a camera may have from: or like:, not both")
-            return None
-        member = own.members[sharing[0]]
-        if sharing[0] == "from":
+        if own.members.keys() >= set(SHARING):
+            place = own.members["like"].key_place
+            raise CameraFileError(place.problem(("like",), "a camera may have from: or like:, not both"))
+        word = "from" if "from" in own.members else "like"
+        source = own.members[word].entry
+        if word == "from":
             try:
-                if files := self.calibration_files(member.entry):
+                if files := self.calibration_files(source):
                     return self.from_calibration(name, own, files)
-            except CameraFileError as error:
-                self.note_mistake(name, error)
+            except CameraFileError:
                 self.note_unknown_keys(name, own)
-                return None
-        if not (isinstance(member.entry, ScalarEntry) and isinstance(member.entry.value, str)):
-            expected = "the name of a file" if sharing[0] == "from" else "the name of a camera"
-            self.note(member.entry.place, name, sharing[0], f"{expected} is expected")
+                raise
+        if not (isinstance(source, ScalarEntry) and isinstance(source.value, str)):
+            expected = "the name of a file" if word == "from" else "the name of a camera"
+            raise CameraFileError(source.place.problem((word,), f"{expected} is expected"))
+        read = self.from_file if word == "from" else self.like_camera
+        below = read(name, source.value, source.place, (*chain, name))
+        if below is None or self.values > MOST_VALUES:  # reported at the camera that exceeded the limit
             return None
-        source = self.from_file if sharing[0] == "from" else self.like_camera
-        below = source(name, member.entry.value, member.entry.place, (*chain, name))
-        if below is None:
-            return None
-        if self.values > MOST_VALUES:
-            return None  # reported at the camera that exceeded the limit
         self.values += count_values(below)
         if self.values > MOST_VALUES:
             what = f"the cameras together contain more than {MOST_VALUES} values"
-            self.note(member.entry.place, name, sharing[0], what)
-            return None
+            raise CameraFileError(source.place.problem((word,), what))
         return self.with_own_values(below, own, name, SHARING)
 
     def with_own_values(self, below: Entry, own: MappingEntry, name: str, but: Sequence[str]) -> Entry:
@@ -194,7 +199,7 @@ class SharedCameras:
         try:
             below, line = imported(files, request)
         except NoLengthUnitError as error:
-            self.note_mistake(name, error)
+            self.note(name, error.problem)
             return self.read_in_any_unit(name, own, files, request)
         self.imported.append(f"{name}: {line}")
         return self.with_own_values(below, _without_size(own, below, request), name, (*SHARING, *_OF_IMPORTS))
@@ -249,56 +254,47 @@ class SharedCameras:
 
     def from_file(self, name: str, file: str, place: Place, _chain: tuple[str, ...]) -> Entry | None:
         """Read a camera's own file."""
+        expected = f"a camera or a calibration file ({known_formats()}) is expected"
         try:
             if file not in self.files and not _text(self.folder / file).strip():
-                what = f"'{file}' is empty; a camera or a calibration file ({known_formats()}) is expected"
-                self.note(place, name, "from", what)
-                return None
+                raise CameraFileError(place.problem(("from",), f"'{file}' is empty; {expected}"))
             entry, problems = self.files[file] if file in self.files else load_entries(self.folder / file)
         except UnreadableError as error:
-            if error.problems[0].line == error.problems[0].column == 1 and len(error.problems) == 1:
-                self.note(place, name, "from", f"'{error.problems[0].file}': {error.problems[0].what}")
-            else:
+            first, *others = error.problems
+            if others or not first.line == first.column == 1:
                 self.problems += error.problems
-            return None
-        self.problems += [
-            replace(problem, path=f"cameras.{name}.{problem.path}".removesuffix(".")) for problem in problems
-        ]
+                return None
+            raise CameraFileError(place.problem(("from",), f"'{first.file}': {first.what}")) from None
+        for problem in problems:
+            self.note(name, problem)
         self.files[file] = (entry, [])  # the next camera of this file does not report its mistakes again
         if not isinstance(entry, MappingEntry):
-            what = f"a camera or a calibration file ({known_formats()}) is expected, not {kind_of(entry)}"
-            self.problems.append(entry.place.problem(("cameras", name), what))
-            return None
+            raise CameraFileError(entry.place.problem((), f"{expected}, not {kind_of(entry)}"))
         if isinstance(cameras := child(entry, "cameras"), MappingEntry):
-            what = (
-                f"'{file}' is a study, not a camera; copy its camera {' or '.join(cameras.members)} to a separate file"
-            )
-            self.note(place, name, "from", what)
-            return None
-        if not any(key in _keys_of_cameras() for key in entry.members):
-            what = f"'{file}' is neither a camera nor a calibration file ({known_formats()}): no key in it is known"
-            self.note(place, name, "from", what)
-            return None
+            what = f"is a study, not a camera; copy its camera {' or '.join(cameras.members)} to a separate file"
+            raise CameraFileError(place.problem(("from",), f"'{file}' {what}"))
+        if not entry.members.keys() & _keys_of_cameras().keys():
+            what = f"is neither a camera nor a calibration file ({known_formats()}): no key in it is known"
+            raise CameraFileError(place.problem(("from",), f"'{file}' {what}"))
         for key in SHARING:
             if key in entry.members:
                 what = f"a camera file must be complete; write {key}: in the study"
-                self.note(entry.members[key].key_place, name, key, what)
-                return None
+                raise CameraFileError(entry.members[key].key_place.problem((key,), what))
         return entry
 
     def like_camera(self, name: str, other: str, place: Place, chain: tuple[str, ...]) -> Entry | None:
         """The assembled camera that another is like."""
+        what = ""
         if other in chain:
             circle = " → ".join((*chain[chain.index(other) :], other))
-            self.note(place, name, "like", f"the cameras refer to each other in a circle: {circle}")
-            return None
-        if len(chain) >= LONGEST_CHAIN:
-            self.note(place, name, "like", f"more than {LONGEST_CHAIN} cameras refer to each other in a chain")
-            return None
-        if other not in self.written.members:
+            what = f"the cameras refer to each other in a circle: {circle}"
+        elif len(chain) >= LONGEST_CHAIN:
+            what = f"more than {LONGEST_CHAIN} cameras refer to each other in a chain"
+        elif other not in self.written.members:
             known = [camera for camera in self.written.members if camera != name]
-            self.note(place, name, "like", f"no camera is called '{other}'{nearest_name(other, known)}")
-            return None
+            what = f"no camera is called '{other}'{nearest_name(other, known)}"
+        if what:
+            raise CameraFileError(place.problem(("like",), what))
         self.like[name] = other
         below = self.camera(other, chain)
         return below if isinstance(below, MappingEntry) else None
@@ -308,17 +304,13 @@ class SharedCameras:
         known = dict.fromkeys((*_OF_IMPORTS, *_keys_of_cameras()))
         unknown = [key for key in own.members if key not in known]
         for key in unknown:
-            self.note(own.members[key].key_place, name, key, f"unknown key{nearest_name(key, known)}")
+            what = f"unknown key{nearest_name(key, known)}"
+            self.note(name, own.members[key].key_place.problem((key,), what))
         return unknown
 
-    def note_mistake(self, name: str, error: CameraFileError) -> None:
-        """Record a mistake in the calibration files of a camera."""
-        path = f"cameras.{name}.{error.problem.path}".removesuffix(".")
-        self.problems.append(replace(error.problem, path=path))
-
-    def note(self, place: Place, name: str, key: str, what: str) -> None:
-        """Record a mistake of a camera."""
-        self.problems.append(place.problem(("cameras", name, key), what))
+    def note(self, name: str, problem: Problem) -> None:
+        """Record a mistake of a camera, whose path begins below the camera."""
+        self.problems.append(replace(problem, path=f"cameras.{name}.{problem.path}".removesuffix(".")))
 
 
 def _keys_of_cameras() -> dict[str, None]:
