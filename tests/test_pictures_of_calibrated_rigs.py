@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from tradestudy import api
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.run.depth_loop import loop_points, measure_on_plane
 
 pytestmark = pytest.mark.usefixtures("only_rays")

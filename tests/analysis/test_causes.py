@@ -9,7 +9,7 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis.causes import NOISE, largest_cause
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.analysis.planned_calibrations import planned
 
 STUDY = Path(__file__).parents[2] / "studies" / "calibration_plan.yaml"

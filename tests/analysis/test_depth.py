@@ -13,7 +13,8 @@ from scipy.special import ndtr, ndtri
 from tests.analysis.plain_depths import CENTRAL, F_MAIN, PIXEL, B, F, depth_quantile, of_rig, r5_depth, stereo_depth
 from tests.cameras.builders import PITCH, r5, stereo, unfocused
 from tests.uncertainty.builders import correlated_normal
-from tradestudy.analysis.depth import ERROR_SOURCES, depth_uncertainty, evaluate_depth, variance_shares
+from tradestudy.analysis.depth import ERROR_SOURCES, evaluate_depth, variance_shares
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.parts import Lens
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform

@@ -11,7 +11,7 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis import inverse_questions
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.analysis.inverse_questions import Solved, solve
 from tradestudy.errors import StudyError
 

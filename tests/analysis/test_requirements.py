@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth import evaluate_depth, judged_uncertainty, judged_uncertainty_error
+from tradestudy.analysis.depth import evaluate_depth
+from tradestudy.analysis.depth_table import judged_uncertainty, judged_uncertainty_error
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable, check_requirement, is_kept
 from tradestudy.analysis.usable import END_OF_STUDY, Interval
@@ -86,7 +87,7 @@ def test_errors_of_single_values_equal_those_of_the_table() -> None:
     case, places = tradestudy.load(ROBOT).definition.case, np.array([0.5, 1.0, 3.0])
     for camera in case.cameras.values():
         table = evaluate_depth(camera, places).judged_error[-1]
-        np.testing.assert_allclose(judged_uncertainty_error(camera, places), table, rtol=1e-12)
+        np.testing.assert_allclose(judged_uncertainty_error(camera, places), table, rtol=1e-7)  # interpolated widths
 
 
 def test_any_takes_the_best_camera_and_all_the_worst() -> None:

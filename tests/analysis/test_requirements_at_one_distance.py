@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth import judged_uncertainty
+from tradestudy.analysis.depth_table import judged_uncertainty
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable, check_requirement, is_kept
 from tradestudy.analysis.usable import Interval

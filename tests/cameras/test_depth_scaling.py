@@ -10,7 +10,7 @@ import pytest
 
 import tradestudy
 from tests.cameras.builders import F_MAIN, depth_read, r5
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.cameras.camera import digitiser_contradictions, lens_contradictions
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stated_declaration import StatedPart

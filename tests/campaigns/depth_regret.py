@@ -21,8 +21,8 @@ import numpy as np
 
 from tests.campaigns.depth_cases import KINDS, base_study, random_study
 from tests.campaigns.record import write
-from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.analysis.depth_points import DepthPoint, depth_table
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.analysis.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.measuring import forget

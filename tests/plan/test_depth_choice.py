@@ -15,7 +15,8 @@ import tradestudy
 from tests.campaigns.depth_cases import base_study
 from tests.campaigns.depth_regret import run, shift_of_ends
 from tradestudy.accuracy import Quantity
-from tradestudy.analysis.depth import depth_uncertainty, evaluate_depth
+from tradestudy.analysis.depth import evaluate_depth
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.effects import Change, Changes, Models, SimulationProblem, Slot, choose
 from tradestudy.errors import StudyError
 from tradestudy.plan.choice import choose_models

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.api import Study
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.plan.plan import Plan

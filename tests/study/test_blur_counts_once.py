@@ -9,7 +9,7 @@ import pytest
 
 import tradestudy
 from tradestudy import figures
-from tradestudy.analysis.depth import judged_uncertainty
+from tradestudy.analysis.depth_table import judged_uncertainty
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements import check_requirement
 from tradestudy.cameras.depth_camera import UsableCriteria

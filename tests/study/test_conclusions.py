@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import tradestudy
 from tradestudy import figures
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.api import Result
 from tradestudy.cli import app
 from tradestudy.comparison import compare_runs

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.run.groups.datasheet import datasheet_group
 
 STUDIES = Path(__file__).parents[2] / "studies"

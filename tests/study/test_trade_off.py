@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import tradestudy
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.comparison.comparison import Run
 from tradestudy.comparison.conclusions import compare_ranks
 from tradestudy.errors import StudyError

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import judged_uncertainty
+from tradestudy.analysis.depth_table import judged_uncertainty
 from tradestudy.analysis.focus_claims import (
     depth_of_field_ratio,
     depth_of_field_ratio_words,

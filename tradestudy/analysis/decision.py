@@ -9,15 +9,22 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import ERROR_SOURCES, distribution, evaluate_depth, judged_uncertainty
+from tradestudy.analysis.depth import ERROR_SOURCES, Reading, distribution, imaged
+from tradestudy.analysis.depth_table import (
+    distribution_between,
+    judged_uncertainty,
+    judged_uncertainty_error,
+    narrow_features,
+)
 from tradestudy.analysis.usable import (
+    END_OF_STUDY,
     all_met,
     boundaries,
     evaluate_limits,
     margin,
     places_around,
     scramble_error,
-    usable_ends,
+    usable_intervals,
 )
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -25,7 +32,7 @@ from tradestudy.study.definition import Case
 
 _OFFSET: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
 _ROUNDING: Final = 1e-9
-_MOST_PLACES: Final = 100  # distances where leads are evaluated; two crossings between neighbours are not seen
+_CROSSED_TO: Final = 1e-10  # relative accuracy of a crossing
 
 
 TIED: Final = ", "
@@ -76,9 +83,9 @@ class PairVerdict:
     changes: Mapping[str, tuple[Change, ...]]
 
 
-def is_usable(case: Case, name: str, distance: FloatArray) -> BoolArray:
-    """Whether a camera meets every limit of the study at distances [m]."""
-    return all_met(evaluate_limits(case.cameras[name], case.criteria, distance), distance.shape)
+def is_usable(case: Case, name: str, distance: FloatArray, depth: Reading = distribution_between) -> BoolArray:
+    """Whether a camera meets every limit of the study at distances [m], where its depth is read by ``depth``."""
+    return all_met(evaluate_limits(case.cameras[name], case.criteria, distance, depth=depth), distance.shape)
 
 
 def stated_error(camera: DepthCamera, error: FloatArray) -> FloatArray:
@@ -112,12 +119,15 @@ def best_cameras(
 
 def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
     """Which of two cameras is more certain, and which wins among the usable ones, at places [m], by error source."""
-    found = {name: evaluate_depth(case.cameras[name], places) for name in pair}
     usable = {name: is_usable(case, name, places) for name in pair}
     winners, certain, ratios = [], [], []
-    for number in range(len(ERROR_SOURCES)):
-        uncertainty = {name: one.judged[number] for name, one in found.items()}
-        error = {name: stated_error(case.cameras[name], one.judged_error[number]) for name, one in found.items()}
+    for source in ERROR_SOURCES:
+        uncertainty, error = {}, {}
+        for name in pair:
+            camera = case.cameras[name]
+            uncertainty[name] = distribution(camera, imaged(camera, places), source).judged
+            own = judged_uncertainty_error(camera, places, source, depth=distribution)
+            error[name] = stated_error(camera, own)
         winners.append(best_cameras(usable, uncertainty, error))
         everywhere = {name: np.ones(places.shape, dtype=bool) for name in pair}
         certain.append([name if name in pair else "" for name in best_cameras(everywhere, uncertainty, error)])
@@ -141,10 +151,7 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
 
 def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_source: str) -> FloatArray:
     """ln(u₁/u₂) of each scramble; ±∞ where one is unbounded, NaN where both are; shape (scrambles, distances)."""
-    a, b = (
-        distribution(camera, np.where(camera.images(distance), distance, np.nan), error_source).judged_widths
-        for camera in (first, second)
-    )
+    a, b = (distribution_between(camera, distance, error_source).judged_widths for camera in (first, second))
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
         return np.asarray(np.log(a) - np.log(b))
 
@@ -161,10 +168,14 @@ def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, error_sour
 
 
 def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
-    """Distances [m] where a camera becomes usable or ceases to be usable."""
-    camera = case.cameras[name]
-    limits = evaluate_limits(camera, case.criteria, case.distance)
-    return tuple(end.distance for end in usable_ends(camera, case.criteria, case.distance, limits))
+    """Distances [m] where a camera becomes usable or ceases to be usable, within the range of the study."""
+    intervals = usable_intervals(case.cameras[name], case.criteria, case.distance)
+    return tuple(
+        end
+        for one in intervals
+        for end, limit in ((one.near, one.near_limit), (one.far, one.far_limit))
+        if limit != END_OF_STUDY
+    )
 
 
 def _changes(case: Case, pair: tuple[str, str], error_source: str, places: Mapping[float, float]) -> tuple[Change, ...]:
@@ -184,8 +195,7 @@ def _changes(case: Case, pair: tuple[str, str], error_source: str, places: Mappi
 def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Crossing, ...]:
     """Where the lead passes from one camera to the other, between distances where it is significant."""
     first, second = (case.cameras[name] for name in pair)
-    step = max(1, case.distance.size // _MOST_PLACES)
-    distance = np.union1d(case.distance[::step], case.distance[-1:])
+    distance = np.union1d(case.distance, [*narrow_features(first), *narrow_features(second)])
     ratios = _log_ratios(first, second, distance, error_source)
     lead = _sure_lead(ratios)
     decided = np.flatnonzero(lead)
@@ -220,5 +230,5 @@ def _turn(
         return margin(ratio < 1.0, ratio - 1.0)
 
     # Where both intervals are unbounded, the ratio is undefined and counts as "not below one" for either camera.
-    ends = [end.distance for end in boundaries(below_one, grid) if end.begins == begins]
+    ends = [end.distance for end in boundaries(below_one, grid, to=_CROSSED_TO) if end.begins == begins]
     return ends[len(ends) // 2] if ends else None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
-from typing import Final
+from functools import lru_cache, partial
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -94,15 +94,15 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: FieldPositi
 
     Where the camera forms no image or does not see the point, all its measurements are NaN.
     """
-    given, distance = distance, _imaged(camera, distance)
+    given, distance = distance, imaged(camera, distance)
     found = [distribution(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
     uncertainty, failed, radius = (
         np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction", "error_radius")
     )
     if camera.propagation.model != "exact":
         measured = [model_error(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
-        uncertainty_error = np.stack([one.half_width for one in measured]) * _finite(uncertainty)
-        radius_error = np.stack([one.radius for one in measured]) * _finite(radius)
+        uncertainty_error = np.stack([one.half_width for one in measured]) * finite(uncertainty)
+        radius_error = np.stack([one.radius for one in measured]) * finite(radius)
         failed_error = np.stack([one.failed_fraction for one in measured])
         converged = np.ones(distance.shape, dtype=bool)
     else:
@@ -131,6 +131,16 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: FieldPositi
     )
 
 
+class Reading(Protocol):
+    """Gives the distribution of a camera's depth at distances [m]."""
+
+    def __call__(
+        self, camera: DepthCamera, distance: FloatArray, error_source: str, field: FieldPosition = 0.0, /
+    ) -> DepthDistribution:
+        """The distribution due to an error source at a position in the picture."""
+        ...
+
+
 def distribution(
     camera: DepthCamera, distance: FloatArray, error_source: str, field: FieldPosition = 0.0
 ) -> DepthDistribution:
@@ -153,77 +163,7 @@ def _known(camera: DepthCamera, distances: bytes, field: FieldPosition, error_so
     return exact_distribution(camera, distance, field, error_source)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DepthErrors:
-    """The combined effect of a camera's errors on depth at distances [m]; all answers share one distribution.
-
-    Parameters
-    ----------
-    camera
-        The camera with its calibration and model of propagation.
-    distance
-        [m]; NaN where the camera forms no image.
-    error_source
-        The errors considered: ``both``, ``noise`` or ``calibration`` alone.
-    field
-        The position in the picture.
-    """
-
-    camera: DepthCamera
-    distance: FloatArray
-    error_source: str = "both"
-    field: FieldPosition = 0.0
-
-    @classmethod
-    def of(
-        cls, camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
-    ) -> DepthErrors:
-        """The errors at any distances, including those where the camera forms no image."""
-        return cls(camera=camera, distance=_imaged(camera, distance), error_source=error_source, field=field)
-
-    @cached_property
-    def _distribution(self) -> DepthDistribution:
-        return distribution(self.camera, self.distance, self.error_source, self.field)
-
-    @property
-    def judged(self) -> FloatArray:
-        """See `judged_uncertainty`."""
-        return self._distribution.judged
-
-    @property
-    def failed_fraction(self) -> FloatArray:
-        """Share of measurements that read infinity or beyond, or are false matches."""
-        return self._distribution.failed_fraction
-
-
-def depth_uncertainty(
-    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
-) -> FloatArray:
-    """Half the central 68.27 % interval of depth [m]: the spread of measurements, whatever their bias."""
-    return distribution(camera, _imaged(camera, distance), error_source, field).half_width
-
-
-def judged_uncertainty(
-    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
-) -> FloatArray:
-    """The uncertainty [m] that judges a camera: the larger of half width and radius about the true distance.
-
-    The radius contains 68.27 % of all measurements, failures and false matches counted as infinitely wrong; it exceeds
-    the half width where measurements are biased or fail.
-    """
-    return distribution(camera, _imaged(camera, distance), error_source, field).judged
-
-
-def judged_uncertainty_error(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> FloatArray:
-    """Estimated error of `judged_uncertainty` [m]: the standard error of draws, or the error of a cheaper model."""
-    distance = _imaged(camera, distance)
-    found = distribution(camera, distance, "both", field)
-    if camera.propagation.model == "exact":
-        return found.judged_error
-    return np.asarray(model_error(camera, distance, "both", field).judged * _finite(found.judged))
-
-
-def _finite(width: FloatArray) -> FloatArray:
+def finite(width: FloatArray) -> FloatArray:
     """A width, NaN where it is unbounded: no error can be stated there."""
     return np.where(np.isinf(width), np.nan, width)
 
@@ -344,6 +284,6 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: FieldPosit
     return dict(zip(names, shapley_shares(line.sensitivity, line.covariance, rows), strict=True))
 
 
-def _imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+def imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     """The distances, NaN where the camera forms no image, so that nothing is computed there."""
     return np.where(camera.images(distance), distance, np.nan)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tradestudy.analysis.depth import DepthEvaluation, evaluate_depth
+from tradestudy.analysis.depth import DepthEvaluation, distribution, evaluate_depth
 from tradestudy.analysis.usable import Interval, all_met, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.cameras.depth_measurement import FieldPosition
@@ -35,11 +35,11 @@ class DepthTable:
 def depth_table(point: DepthPoint) -> DepthTable:
     """Evaluate the depth errors and the usable range of a camera."""
     camera, criteria, distance = point.camera, point.criteria, point.distance
-    limits = dict(evaluate_limits(camera, criteria, distance))
+    limits = dict(evaluate_limits(camera, criteria, distance, depth=distribution))
     return DepthTable(
         evaluation=evaluate_depth(camera, distance),
         limits=limits,
-        intervals=usable_intervals(camera, criteria, distance, limits),
+        intervals=usable_intervals(camera, criteria, distance),
         virtual_depth=camera.virtual_depth(distance),
         usable=all_met(limits, distance.shape),
     )

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import DepthErrors, evaluate_depth, judged_uncertainty, judged_uncertainty_error
+from tradestudy.analysis.depth import Reading, distribution, evaluate_depth, imaged
+from tradestudy.analysis.depth_table import distribution_between, judged_uncertainty_error
 from tradestudy.analysis.requirement_answer import RequirementAnswer
 from tradestudy.analysis.requirements_of_any_camera import check_criterion, check_sharp
 from tradestudy.analysis.usable import END_OF_STUDY, Interval, evaluate_limits, usable_intervals
@@ -240,11 +241,11 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
     if isinstance(required, MeasuredPart):
         bound, _ = _bound(required)
         for field in _fields(requirement, case):
-            values = _values(requirement, case, name, points, field) / _scale(required, points)
+            values = _values(requirement, case, name, points, field, distribution) / _scale(required, points)
             kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
             if not kept.all():
                 return False
-    return name not in case.cameras or bool(is_usable(case, name, points).all())
+    return name not in case.cameras or bool(is_usable(case, name, points, distribution).all())
 
 
 def _distinguished(bound: float, value: float, dimension: Dimension) -> str:
@@ -455,7 +456,7 @@ def _scale(required: MeasuredPart, points: FloatArray) -> FloatArray:
     return points if isinstance(required, BoundOverPart) and required.is_relative else np.ones(points.shape)
 
 
-def _overlap(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:  # noqa: ARG001 - of whole pictures
+def _overlap(camera: DepthCamera, distance: FloatArray, field: FieldPosition, depth: Reading) -> FloatArray:  # noqa: ARG001 - of whole pictures
     limits = camera.limits(distance, UsableCriteria())
     return limits["overlap"].value if "overlap" in limits else np.full(distance.shape, np.nan)
 
@@ -467,12 +468,17 @@ def _coarsest_part(case: Case, name: str, place: float) -> str:
 
 
 def _values(
-    requirement: RequirementPart, case: Case, name: str, points: FloatArray, field: FieldPosition
+    requirement: RequirementPart,
+    case: Case,
+    name: str,
+    points: FloatArray,
+    field: FieldPosition,
+    depth: Reading = distribution_between,
 ) -> FloatArray:
     """The required quantity at each distance [m] and one place of the picture, in SI."""
     if requirement.quantity == _RESOLUTION:
         return case.all_cameras[name].focus.lateral_resolution(points, case.wavelength).size
-    return _MEASURED[requirement.quantity](case.cameras[name], points, field)
+    return _MEASURED[requirement.quantity](case.cameras[name], points, field, depth)
 
 
 def _errors(
@@ -484,21 +490,14 @@ def _errors(
     return _ERRORS[requirement.quantity](case.cameras[name], points, field)
 
 
-def _failed_fraction(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:
-    return DepthErrors.of(camera, distance, field=field).failed_fraction
-
-
-def _depth_uncertainty(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:
-    return judged_uncertainty(camera, distance, field=field)
-
-
-_Measured = Callable[[DepthCamera, FloatArray, FieldPosition], FloatArray]
-_MEASURED: Final[Mapping[str, _Measured]] = {
-    "depth_uncertainty": _depth_uncertainty,
+_MEASURED: Final[Mapping[str, Callable[[DepthCamera, FloatArray, FieldPosition, Reading], FloatArray]]] = {
+    "depth_uncertainty": lambda camera, at, field, depth: depth(camera, imaged(camera, at), "both", field).judged,
     "overlap": _overlap,
-    "failed_fraction": _failed_fraction,
+    "failed_fraction": lambda camera, at, field, depth: (
+        depth(camera, imaged(camera, at), "both", field).failed_fraction
+    ),
 }
-_ERRORS: Final[Mapping[str, _Measured]] = {
-    "depth_uncertainty": judged_uncertainty_error,
+_ERRORS: Final[Mapping[str, Callable[[DepthCamera, FloatArray, FieldPosition], FloatArray]]] = {
+    "depth_uncertainty": lambda camera, at, field: judged_uncertainty_error(camera, at, "both", field),
     "failed_fraction": lambda camera, at, field: evaluate_depth(camera, at, field).failed_fraction_error[-1],
 }

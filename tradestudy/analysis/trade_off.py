@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import judged_uncertainty, judged_uncertainty_error
+from tradestudy.analysis.depth_table import judged_uncertainty, judged_uncertainty_error
 from tradestudy.analysis.trade_criteria import criterion_of
 from tradestudy.analysis.usable import usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria

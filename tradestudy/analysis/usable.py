@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import DepthErrors, distribution
+from tradestudy.analysis.depth import Reading
+from tradestudy.analysis.depth_table import distribution_between
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -29,6 +30,7 @@ LIMIT_NAMES: Final = (
 )
 _OF_DEPTH: Final = frozenset(("failed_fraction", "relative_uncertainty"))
 _OF_ERRORS: Final = _OF_DEPTH | {"saturation", "matching"}  # the others follow from geometry and are computed jointly
+_ENDS_TO: Final = 1e-13  # relative accuracy of an end of a usable range
 _REACH: Final = 1.2  # factor of a distance within which each scramble's root is sought
 _AROUND: Final = 33  # places
 END_OF_STUDY: Final = "range of the study"
@@ -61,17 +63,22 @@ class Boundary:
 
 
 def evaluate_limits(
-    camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str] = LIMIT_NAMES
+    camera: DepthCamera,
+    criteria: UsableCriteria,
+    distance: FloatArray,
+    names: Collection[str] = LIMIT_NAMES,
+    *,
+    depth: Reading = distribution_between,
 ) -> Mapping[str, Limit]:
     """Evaluate, at distances [m], all declared limits that apply to the camera; none holds without an image.
 
     ``saturation`` and ``matching`` apply to a camera whose disparity error is derived: where the brightest pixels are
     saturated, or no matcher reaches that error, the error of its measurements is unknown.
 
-    Only limits among the given ``names`` are evaluated.
+    Only limits among the given ``names`` are evaluated; ``depth`` gives the distribution of depth.
     """
     distance = np.where(camera.images(distance), distance, np.nan)
-    law, errors = camera.disparity_error_px, DepthErrors.of(camera, distance)
+    law, errors = camera.disparity_error_px, depth(camera, distance, "both", 0.0)
     limits: dict[str, Limit] = {}
     if not _OF_ERRORS.issuperset(names):
         limits |= camera.limits(distance, criteria)
@@ -174,7 +181,7 @@ def usable_ends(
     distance: FloatArray,
     limits: Mapping[str, Limit],
     *,
-    to: float = 0.0,
+    to: float = _ENDS_TO,
 ) -> tuple[Boundary, ...]:
     """Where a camera becomes usable or ceases to be, on a grid whose limits are known; ``to`` as in `boundaries`.
 
@@ -219,18 +226,20 @@ def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray
     return np.asarray(np.min(kept, axis=0))
 
 
-def usable_intervals(
-    camera: DepthCamera,
-    criteria: UsableCriteria,
-    distance: FloatArray,
-    limits: Mapping[str, Limit] | None = None,
-) -> tuple[Interval, ...]:
+def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> tuple[Interval, ...]:
     """The usable intervals within a grid of distances [m], from near to far, with the limit that sets each end.
 
-    Ends between grid points are found to the last digits, and those that depend on draws also in each scramble. The
-    ``limits`` at the grid points may be passed in. An end at the edge of the grid is marked as such.
+    Ends between grid points are found to twelve digits, and those that depend on draws also in each scramble. An end at
+    the edge of the grid is marked as such.
     """
-    limits = evaluate_limits(camera, criteria, distance) if limits is None else limits
+    return _intervals(camera, criteria, np.asarray(distance, dtype=np.float64).tobytes())
+
+
+@lru_cache(maxsize=1024)
+def _intervals(camera: DepthCamera, criteria: UsableCriteria, distances: bytes) -> tuple[Interval, ...]:
+    """The usable intervals, cached because tables, data sheets, requirements and verdicts ask for them."""
+    distance = np.frombuffer(distances)
+    limits = evaluate_limits(camera, criteria, distance)
     ends = usable_ends(camera, criteria, distance, limits)
     found = {
         (end.begins, end.distance): (name, _end_error(camera, criteria, end, name))
@@ -260,7 +269,7 @@ def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, nam
     if camera.propagation.model != "exact" or not names:
         return 0.0
     grid = places_around(end.distance)
-    found = distribution(camera, np.where(camera.images(grid), grid, np.nan), "both")
+    found = distribution_between(camera, grid)
     kept = []
     if "failed_fraction" in names:
         kept.append((criteria.failed_fraction or 0.0) - found.failed)

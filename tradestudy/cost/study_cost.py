@@ -16,7 +16,7 @@ import xarray as xr
 from scipy.special import stdtrit
 
 from tradestudy import machine, provenance
-from tradestudy.analysis.depth import distribution, judged_uncertainty, variance_shares
+from tradestudy.analysis.depth import distribution, imaged, variance_shares
 from tradestudy.analysis.depth_draws import SCRAMBLES
 from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.analysis.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
@@ -90,7 +90,7 @@ def depth_problem(case: Case, name: str, title: str, chosen: Models, offered: Of
         title=title,
         difference=_worst,
         candidates=tuple(
-            Candidate(models=words, compute=partial(judged_uncertainty, camera, places), chosen=camera == taken)
+            Candidate(models=words, compute=partial(_judged, camera, places), chosen=camera == taken)
             for camera, words in sets.items()
         ),
         references=tuple(_references(complete, places)),
@@ -138,8 +138,8 @@ def _words(models: Models, offered: Offered, tolerance: float) -> str:
 
 def _usable_places(case: Case, camera: DepthCamera) -> FloatArray:
     """Some of the study's distances [m] where the camera is usable and its uncertainty finite."""
-    usable = all_met(evaluate_limits(camera, case.criteria, case.distance), case.distance.shape)
-    places = case.distance[usable & np.isfinite(judged_uncertainty(camera, case.distance))]
+    usable = all_met(evaluate_limits(camera, case.criteria, case.distance, depth=distribution), case.distance.shape)
+    places = case.distance[usable & np.isfinite(_judged(camera, case.distance))]
     if not places.size:
         return places
     evenly = np.geomspace(places[0], places[-1], _MOST_PLACES)
@@ -379,3 +379,8 @@ def _dataset(found: list[Measured], budget: float) -> xr.Dataset:
             "code_hash": provenance.code_hash(),
         },
     )
+
+
+def _judged(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """What judges a camera [m], computed at the distances themselves."""
+    return distribution(camera, imaged(camera, distance), "both").judged

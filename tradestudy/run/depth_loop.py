@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.analysis.rendered_scene import pattern_of_scene, plane_across
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_map import DepthMap, DepthReaderOfKind, DepthSearch, TrueDepth

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.analysis.scene_pictures import Taken, declared_image, extent_and_cameras
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.analysis.depth import DepthErrors, model_error
+from tradestudy.analysis.depth import distribution, imaged, model_error
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.effects import OFF
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -29,7 +29,7 @@ def of_true_matches(camera: DepthCamera, failed: ArrayLike) -> FloatArray:
 
 def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     """Share of true matches with a depth beyond infinity, by the camera's model of propagation."""
-    return of_true_matches(camera, DepthErrors.of(camera, distance).failed_fraction)
+    return of_true_matches(camera, distribution(camera, imaged(camera, distance), "both").failed_fraction)
 
 
 def verdict_changed_without_calibration(camera: DepthCamera, bound: float, distance: FloatArray) -> BoolArray:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, judged_uncertainty
+from tradestudy.analysis.depth_table import depth_uncertainty, distribution_between, judged_uncertainty
 from tradestudy.analysis.usable import usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, disparity_error_at
 from tradestudy.imaging.picture import PictureDisparityError
@@ -29,7 +29,7 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
     single: dict[str, list[float]] = {}
     for name, camera in case.cameras.items():
         usable, shared = is_usable(case, name, places), _seen_twice(camera, places)
-        seen, measured = shared > 0.0, 1.0 - DepthErrors.of(camera, places).failed_fraction
+        seen, measured = shared > 0.0, 1.0 - distribution_between(camera, places).failed_fraction
         left, right, top, bottom = np.transpose([camera.edge_angles(float(place)) for place in places])
         ranges = usable_intervals(camera, case.criteria, case.distance)
         view = camera.edge_angles(middle)

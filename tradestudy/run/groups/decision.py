@@ -73,10 +73,14 @@ def decision_group(
     if file.decision is not None:
         pair = (file.decision.between[0], file.decision.between[1])
         places = np.array(file.decision.at)
-        verdicts = {}
+        verdicts: dict[str, PairVerdict] = {}
+        known: dict[Any, PairVerdict] = {}  # by what a verdict depends on
         for done, (name, reading) in enumerate(readings.items()):
             progress("decision", done / len(readings))
-            verdicts[name] = decide_pair(reading.case, pair, places)
+            asked = (*(reading.case.cameras[one] for one in pair), reading.case.criteria)
+            if asked not in known:
+                known[asked] = decide_pair(reading.case, pair, places)
+            verdicts[name] = known[asked]
         values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])
         values["reading_says"] = _in_words(definition, readings)
         coordinates |= {"reading": list(readings), "place": places}

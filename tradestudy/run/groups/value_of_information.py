@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import judged_uncertainty
+from tradestudy.analysis.depth import distribution, imaged
 from tradestudy.analysis.requirements import is_kept
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
@@ -118,6 +118,7 @@ def _outcome(
 
 def _loss(case: Case, name: str, places: FloatArray, unusable: float) -> FloatArray:
     """Relative depth uncertainty over distance, capped at the loss that the study assigns to an unusable camera."""
-    relative = judged_uncertainty(case.cameras[name], places) / places
-    counted = is_usable(case, name, places) & np.isfinite(relative)
+    camera = case.cameras[name]
+    relative = distribution(camera, imaged(camera, places), "both").judged / places
+    counted = is_usable(case, name, places, distribution) & np.isfinite(relative)
     return np.where(counted, np.minimum(relative, unusable), unusable)
