@@ -152,7 +152,8 @@ def by_target(
     names = tuple(case.errors)
     calibration = Calibration(groups=(group_of_draws(CALIBRATION, names, draws),))
     if folder is not None:
-        write_posterior(folder / "posterior.nc", CalibrationDraws(names=names, draws=draws))
+        saved = CalibrationDraws(names=names, draws=draws, reference=draws.mean(axis=0))
+        write_posterior(folder / "posterior.nc", saved)
         calibration = posterior_of_file(folder / "posterior.nc", "camera", case.camera)
     (group,) = calibration.groups
     errors = dict(zip(names, group.draw(rng.standard_normal((group.dimensions, DRAWS)))[..., None], strict=True))

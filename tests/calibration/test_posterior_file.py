@@ -62,17 +62,73 @@ def test_a_target_is_loaded_bit_for_bit(tmp_path):
     assert loaded.measurement is None
 
 
-def test_a_covariance_is_one_about_its_own_best_values(tmp_path):
-    covariance = np.array([[1e-6, 2e-8], [2e-8, 9e-10]])
-    names = ("yaw", "right_principal_point_x")
-    write_calibration(
-        tmp_path / "rig.csv", CalibrationCovariance(names=names, mean=np.array([0.01, 1e-4]), covariance=covariance)
-    )
-    (group,) = posterior_of_file(tmp_path / "rig.csv", "rig", stereo()).groups
-    assert group.parameters == names
+NAMES = ("yaw", "baseline")
+SPREAD = np.array([3e-4, 1e-4])  # rad, m; the rig's axes are parallel, and its baseline is 100 mm
+
+
+def group_of(folder, kind, mean, spread=SPREAD):
+    """The group and the remark of a file of draws or of a covariance, with these means of yaw and baseline."""
+    scores = np.random.default_rng(0).standard_normal((400, 2))
+    scores = (scores - scores.mean(axis=0)) / scores.std(axis=0)
+    what = {
+        "draws": CalibrationDraws(names=NAMES, draws=np.array(mean) + spread * scores),
+        "covariance": CalibrationCovariance(names=NAMES, mean=np.array(mean), covariance=np.diag(np.square(spread))),
+    }[kind]
+    write_calibration(folder / "rig.csv", what)
+    calibration = posterior_of_file(folder / "rig.csv", "rig", stereo(baseline=0.1))
+    (group,) = calibration.groups
+    np.testing.assert_allclose(np.diag(group.covariance), np.square(spread), rtol=1e-9, atol=1e-30)
     assert group.error_class is ErrorClass.RIG
-    assert np.array_equal(group.nominal, [0.0, 0.0])
-    np.testing.assert_allclose(group.covariance, covariance)
+    return group, calibration.remark
+
+
+@pytest.mark.parametrize("kind", ["draws", "covariance"])
+def test_errors_in_a_file_keep_their_mean(tmp_path, kind):
+    group, remark = group_of(tmp_path, kind, (8e-4, -2e-4))
+    np.testing.assert_allclose(group.nominal, [8e-4, -2e-4], rtol=1e-9)
+    assert not remark
+
+
+@pytest.mark.parametrize("kind", ["draws", "covariance"])
+@pytest.mark.parametrize(
+    ("deviation", "shift", "says"), [(1e-4, 1e-4, " and baseline by −100 µm"), (0.0, 0.0, ""), (0.08, 0.0, "")]
+)
+def test_values_of_parameters_are_centred_on_the_declared_ones(tmp_path, kind, deviation, shift, says):
+    """Also a constant, and one so uncertain that it could be an error."""
+    group, remark = group_of(tmp_path, kind, (-3e-4, 0.1 + shift), np.array([3e-4, deviation]))
+    np.testing.assert_allclose(group.nominal, 0.0, atol=1e-15)
+    assert remark == (
+        "the file contains values of the parameters, not errors; their means count as the declared values, which "
+        f"shifts yaw by 0.0003 rad{says}"
+    )
+
+
+@pytest.mark.parametrize("kind", ["draws", "covariance"])
+@pytest.mark.parametrize(
+    ("mean", "says"),
+    [
+        (
+            (0.01, 0.0),
+            r"mean of yaw in rig.csv .*: 0.01 rad, with .* of 0.0003 rad \(allowed: within 3 .* of 0\)",
+        ),
+        (
+            (0.0, 0.12),
+            r"mean of baseline .*: 120 mm, with .* of 100 µm \(allowed: within 3 .* of 0, or of the declared 100 mm",
+        ),
+        ((0.01, 0.1), r"mean of yaw in"),  # yaw is an error, the baseline is not
+    ],
+)
+def test_means_that_contradict_the_design_are_refused(tmp_path, kind, mean, says):
+    with pytest.raises(CalibrationFileError, match=says):
+        group_of(tmp_path, kind, mean)
+
+
+def test_a_reference_says_where_errors_are_zero(tmp_path):
+    """As in exports of declared errors with a mean that no rule would recognise."""
+    draws = [0.01, 0.0] + SPREAD * np.random.default_rng(0).standard_normal((400, 2))
+    write_posterior(tmp_path / "rig.nc", CalibrationDraws(names=NAMES, draws=draws, reference=np.zeros(2)))
+    (group,) = posterior_of_file(tmp_path / "rig.nc", "rig", stereo()).groups
+    np.testing.assert_array_equal(group.draws, draws)
 
 
 def saved(path, **changes):

@@ -330,6 +330,15 @@ def test_a_posterior_of_few_draws_is_warned_about(tmp_path: Path) -> None:
         assert any("determine a standard deviation to about 5 %" in one for one in study.warnings) is warned
 
 
+def test_a_posterior_of_values_instead_of_errors_is_warned_about(tmp_path: Path) -> None:
+    rows = 0.0751 + np.random.default_rng(0).normal(0.0, 1e-4, 5000)
+    (tmp_path / "draws.csv").write_text("baseline\n" + "\n".join(f"{one!r}" for one in rows.tolist()))
+    calibration = {"posterior": {"file": str(tmp_path / "draws.csv")}}
+    study = tradestudy.load(ROBOT).with_values({"stereo-75mm.calibration": calibration})
+    (said,) = [one for one in study.warnings if "values of the parameters, not errors" in one]
+    assert "count as the declared values, which shifts baseline by −" in said
+
+
 def test_equal_light_on_unequal_pixels_is_warned_about() -> None:
     """Pixels of 5.5 µm have 3.4 times the area of those of 3 µm."""
     (said,) = tradestudy.load(ROBOT).with_values({"scene.picture.light.at_pixel_pitch": None}).warnings

@@ -3,7 +3,8 @@
 CSV with draws: the first line names the parameters, and every other line is one joint draw. CSV with a covariance: the
 first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
 covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
-the names in a text variable ``parameter``. Numbers are in SI units, and in pixels where the name ends in ``_px``. The
+the names in a text variable ``parameter``. With draws, ``reference(parameter)`` may give the values at which the errors
+are zero. Numbers are in SI units, and in pixels where the name ends in ``_px``. The
 posterior of a rig calibrated from corners also has ``best(parameter)`` and ``pixels(side)``, and the attribute
 ``lens_model`` unless its lenses are pinholes with k1 and k2.
 """
@@ -63,6 +64,8 @@ class CalibrationDraws:
         Names of the parameters.
     draws : array (K, P)
         Joint draws.
+    reference : array (P,), optional
+        Values at which the errors are zero; None if the file does not say.
     best : array (P,), optional
         Best parameters of a rig that is calibrated from corners, with which it measures depth.
     pixels : tuple of int, optional
@@ -73,6 +76,7 @@ class CalibrationDraws:
 
     names: tuple[str, ...]
     draws: FloatArray
+    reference: FloatArray | None = None
     best: FloatArray | None = None
     pixels: tuple[int, int] | None = None
     lens: FreeLens = RADIAL_LENS
@@ -123,7 +127,7 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
             remedy="rename the columns",
         )
     if isinstance(found, CalibrationDraws):
-        _check_finite(path, found.draws, *(() if found.best is None else (found.best,)))
+        _check_finite(path, found.draws, *(one for one in (found.best, found.reference) if one is not None))
         if found.draws.ndim != 2 or found.draws.shape[1] != len(found.names) or len(found.draws) < MINIMUM_DRAWS:
             raise CalibrationFileError(
                 f"{path.name} contains too few draws, or draws of the wrong shape",
@@ -213,7 +217,15 @@ def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any], lens: st
     """Draws, with best parameters, picture size and lens for a rig calibrated from corners."""
     draws = np.asarray(variables["draws"][...], dtype=np.float64)
     if "best" not in variables:
-        return CalibrationDraws(names=names, draws=draws)
+        reference = np.asarray(variables["reference"][...], dtype=np.float64) if "reference" in variables else None
+        if reference is not None and reference.shape != (len(names),):
+            raise CalibrationFileError(
+                "the reference of draws does not match their parameters",
+                value=f"{reference.size} values",
+                limit=str(len(names)),
+                remedy="give one value per parameter",
+            )
+        return CalibrationDraws(names=names, draws=draws, reference=reference)
     size = np.asarray(variables["pixels"][...]).ravel() if "pixels" in variables else np.zeros(0)
     best = np.asarray(variables["best"][...], dtype=np.float64)
     if size.size != 2 or best.shape != (len(names),):

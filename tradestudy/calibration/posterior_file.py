@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Final, cast
 
 import numpy as np
 
 from tradestudy.calibration.calibration_file import (
+    CalibrationCovariance,
     CalibrationDraws,
     CalibrationFileError,
     read_calibration,
@@ -17,13 +18,20 @@ from tradestudy.calibration.calibration_file import (
 from tradestudy.calibration.corners.rig_measurement import RigMeasurement, check_geometry, pair_found, rig_parameters
 from tradestudy.calibration.corners.view_blocks import shared_names
 from tradestudy.calibration.projection import text_of_lens
-from tradestudy.calibration.sources import CALIBRATION, group_of_draws
+from tradestudy.calibration.sources import CALIBRATION, group_of_draws, in_words
 from tradestudy.cameras.calibrated_pair import CalibratedPair, PairGeometry
 from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE
-from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.sources import ErrorClass
+from tradestudy.cameras.plenoptic import PlenopticCamera
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.joint import JointDraws, JointNormal
+from tradestudy.uncertainty.sources import ErrorClass, Group
+from tradestudy.wording import listed
+
+_DEVIATIONS: Final = 3.0  # from its mean, within which a value is taken for the one that the file is about
+_NO_SHIFT: Final = 0.1  # standard deviations; less matters to nobody
+_ROUNDING: Final = 1e-9  # of a mean, relative
 
 
 def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
@@ -42,6 +50,8 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
         file.dimensions = {"draw": len(posterior.draws), "parameter": len(posterior.names)}
         file.create_variable("parameter", ("parameter",), data=np.array(posterior.names, dtype=np.bytes_))
         file.create_variable("draws", ("draw", "parameter"), data=posterior.draws)
+        if posterior.reference is not None:
+            file.create_variable("reference", ("parameter",), data=posterior.reference)
         if posterior.best is not None:
             file.dimensions["side"] = 2
             file.create_variable("best", ("parameter",), data=posterior.best)
@@ -52,6 +62,10 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
 
 def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration:
     """The part of a camera's calibration that a file determines.
+
+    Without best values or a reference, the numbers are errors if the mean of each lies within three standard deviations
+    of 0; their mean is kept. They are values of the parameters if each mean lies within three of the declared value;
+    their mean then counts as this value, as ``remark`` says. The closer of the two is taken.
 
     Parameters
     ----------
@@ -65,7 +79,8 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     Raises
     ------
     CalibrationFileError
-        The file is unreadable or inconsistent, or names parameters that the camera does not have.
+        The file is unreadable or inconsistent, names parameters that the camera does not have, or has means that are
+        neither those of errors nor the declared values.
     GeometryContradictionError
         The file contradicts the declared geometry.
     """
@@ -73,19 +88,8 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     if isinstance(found, CalibrationDraws) and found.best is not None:
         return _of_rig(path, name, camera, found)
     _require_known(path, found.names, [name for name in camera.error_vocabulary if name != PIXEL_NOISE])
-    # Errors are relative to the best values in the file.
-    group = (
-        group_of_draws(CALIBRATION, found.names, found.draws)
-        if isinstance(found, CalibrationDraws)
-        else JointNormal(
-            name=CALIBRATION,
-            parameters=found.names,
-            mean=np.zeros(len(found.names)),
-            covariance=found.covariance,
-            error_class=ErrorClass.RIG,
-        )
-    )
-    return Calibration(groups=(group,), source="posterior")
+    group, remark = _group(path, camera, found)
+    return Calibration(groups=(group,), source="posterior", remark=remark)
 
 
 def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
@@ -175,6 +179,73 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
     pair = cast(PairGeometry, camera)
     check_geometry(name, pair, found.best, found.draws, says="the posterior says", lens=found.lens)
     return rig_calibration(pair, found, source="posterior")
+
+
+def _group(path: Path, camera: DepthCamera, found: CalibrationCovariance | CalibrationDraws) -> tuple[Group, str]:
+    """The errors, and a remark if the file has values of the parameters instead."""
+    if isinstance(found, CalibrationCovariance):
+        zero, remark = _reference(path, camera, found.names, found.mean, np.sqrt(np.diag(found.covariance)))
+        return JointNormal(
+            name=CALIBRATION,
+            parameters=found.names,
+            mean=found.mean - zero,
+            covariance=found.covariance,
+            error_class=ErrorClass.RIG,
+        ), remark
+    if found.reference is None:
+        zero, remark = _reference(path, camera, found.names, found.draws.mean(axis=0), found.draws.std(axis=0))
+    else:
+        zero, remark = found.reference, ""
+    errors = found.draws - zero
+    return JointDraws(name=CALIBRATION, parameters=found.names, draws=errors, error_class=ErrorClass.RIG), remark
+
+
+def _reference(
+    path: Path, camera: DepthCamera, names: tuple[str, ...], mean: FloatArray, deviation: FloatArray
+) -> tuple[FloatArray, str]:
+    """Values at which the errors are zero, with a remark unless they are 0; see `posterior_of_file`."""
+    by_name = _declared_values(camera)
+    declared = np.array([by_name.get(name, 0.0) for name in names])
+    # The mean of equal numbers differs from them by rounding.
+    unit = deviation + _ROUNDING * np.abs(mean) + np.finfo(float).tiny
+    from_zero, from_declared = np.abs(mean) / unit, np.abs(mean - declared) / unit
+    are_values = from_declared.max() < from_zero.max()
+    away = from_declared if are_values else from_zero
+    worst = int(np.argmax(away))
+    if away[worst] > _DEVIATIONS:
+        value, spread, usual = (in_words(each[worst], camera, names[worst]) for each in (mean, deviation, declared))
+        raise CalibrationFileError(
+            f"the mean of {names[worst]} in {path.name} is neither that of an error nor the declared value",
+            value=f"{value}, with a standard deviation of {spread}",
+            limit=f"within {_DEVIATIONS:g} standard deviations of 0"
+            + (f", or of the declared {usual}" if declared[worst] else ""),
+            remedy="correct the file or the declared value; declare a large known error under errors, with its mean",
+        )
+    if not are_values:
+        return np.zeros(len(names)), ""
+    shifts = [
+        f"{name} by {in_words(shift, camera, name)}"
+        for name, shift, size in zip(names, declared - mean, from_declared, strict=True)
+        if size > _NO_SHIFT
+    ]
+    remark = "the file contains values of the parameters, not errors; their means count as the declared values"
+    return mean, remark + (f", which shifts {listed(shifts)}" if shifts else "")
+
+
+def _declared_values(camera: DepthCamera) -> dict[str, float]:
+    """Declared values of the parameters that are lengths of the design; all others are zero by design."""
+    if isinstance(camera, PlenopticCamera):
+        design = camera.geometry
+        return {
+            "mla_distance": design.mla_distance,
+            "focal_length": design.focal_length,
+            "microlens_gap": design.gap,
+            "microlens_pitch": design.pitch,
+            "field_curvature": design.field_curvature,
+        }
+    rig = cast(PairGeometry, camera)
+    focal = dict.fromkeys(("focal_length", "left_focal_length", "right_focal_length"), rig.principal_distance)
+    return {"baseline": rig.baseline, "yaw": rig.convergence_angle, **focal}
 
 
 def _require_known(path: Path, names: tuple[str, ...], known: Collection[str]) -> None:

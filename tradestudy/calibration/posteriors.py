@@ -430,5 +430,5 @@ def with_square_size(draws: FloatArray, uncertainty: float, rng: np.random.Gener
 def propagated(names: tuple[str, ...], sample: PosteriorSample) -> CalibrationDraws:
     """The draws of these parameters to propagate and save."""
     columns = [sample.names.index(name) for name in names]
-    draws = sample.thinned(min(MOST_DRAWS, len(sample.draws)))[:, columns]
-    return CalibrationDraws(names=names, draws=np.ascontiguousarray(draws))
+    draws = np.ascontiguousarray(sample.thinned(min(MOST_DRAWS, len(sample.draws)))[:, columns])
+    return CalibrationDraws(names=names, draws=draws, reference=draws.mean(axis=0))

@@ -27,7 +27,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import require_regular_file
 from tradestudy.uncertainty.sources import ErrorClass, Group
-from tradestudy.units import LENGTH, pretty
+from tradestudy.units import LENGTH, pretty, significant
 
 if TYPE_CHECKING:  # these load scipy, which `check` does not need
     from tradestudy.uncertainty.distributions import Distribution
@@ -300,12 +300,16 @@ def impossible_errors(camera: DepthCamera, distance: FloatArray) -> Iterator[str
         return
     for number, (name, size) in enumerate(sizes.items(), start=1):
         if not (known[number] and known[number + len(sizes)]):
-            unit = camera.parameter(name).unit
-            words = pretty(size, LENGTH) if unit == "m" else f"{size:g} {unit}"
             yield (
-                f"a deviation of {name} by one standard deviation, {words}, leaves no camera that measures depth; "
-                "check its unit"
+                f"a deviation of {name} by one standard deviation, {in_words(size, camera, name)}, leaves no camera "
+                "that measures depth; check its unit"
             )
+
+
+def in_words(value: float, camera: DepthCamera, name: str) -> str:
+    """A value of one of the camera's parameters, with its unit."""
+    unit = camera.parameter(name).unit
+    return pretty(value, LENGTH) if unit == "m" else f"{significant(value)} {unit}"
 
 
 def _deviations(group: Group) -> FloatArray:

@@ -72,6 +72,8 @@ class Calibration:
         The exact model to which the parameters belong, if the source has its own; None for the camera's model.
     vocabulary
         The parameters of that model; None for those of the camera.
+    remark
+        How the source was read, if the user should know.
     inferred
         False until the posterior of a target or of corners is known; until then, ``groups`` is empty.
     """
@@ -81,6 +83,7 @@ class Calibration:
     source: SourceName = "errors"
     measurement: CalibratedMeasurement | None = None
     vocabulary: ErrorVocabulary | None = field(default=None, compare=False)
+    remark: str = ""
     inferred: bool = True
 
     @property

@@ -367,7 +367,7 @@ class CornersPart(Part):
 
 
 class PosteriorPart(Part):
-    """A saved calibration: a covariance, or joint draws of the errors."""
+    """A saved calibration: a covariance or joint draws, of errors or of values near the declared ones."""
 
     file: Text = Field(
         description="A NetCDF file, such as a run writes, or a CSV file. For draws, the first line of the CSV file "

@@ -178,7 +178,7 @@ def _declared(definition: StudyDefinition, camera: DepthCamera, name: str) -> Ca
     drawn = sources.draw(rng.standard_normal((sources.dimensions, _DRAWS)))
     names = tuple(drawn)
     columns = np.concatenate([np.broadcast_to(drawn[one], (_DRAWS, 1)) for one in names], axis=1)
-    return CalibrationDraws(names=names, draws=columns)
+    return CalibrationDraws(names=names, draws=columns, reference=np.zeros(len(names)))
 
 
 def write_export(found: Export, folder: Path, name: str) -> list[Path]:

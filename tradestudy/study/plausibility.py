@@ -133,7 +133,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_assumed_pitches(definition),
         *_idle_matcher(definition),
         *_tolerances(definition),
-        *_few_draws(definition),
+        *_posteriors(definition),
         *_unused_columns(definition),
         *_requirements(definition),
         *_decision(definition),
@@ -326,13 +326,15 @@ def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
             yield place.problem(("accuracy", "tolerance"), what)
 
 
-def _few_draws(definition: StudyDefinition) -> Iterator[Problem]:
-    """Posteriors in files with so few draws that their spread is clearly less certain than the tolerance."""
+def _posteriors(definition: StudyDefinition) -> Iterator[Problem]:
+    """Posteriors of parameters instead of errors, or of so few draws that the tolerance exceeds what they know."""
     tolerance = definition.file.accuracy.asked().tolerances["depth_uncertainty"]
     for name, camera in definition.case.cameras.items():
+        path = ("cameras", name, "calibration", "posterior", "file")
+        if camera.calibration.remark:
+            yield definition.document.locate(path).problem(path, camera.calibration.remark)
         for group in camera.calibration.groups if camera.calibration.source == "posterior" else ():
             if isinstance(group, JointDraws) and (error := (2.0 * len(group.draws)) ** -0.5) > 2.0 * tolerance:
-                path = ("cameras", name, "calibration", "posterior", "file")
                 what = (
                     f"{len(group.draws)} draws determine a standard deviation to about {pretty(error, FRACTION, 2)}; "
                     "the errors stated in results do not include this, so give more draws or a covariance"

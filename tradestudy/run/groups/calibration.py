@@ -127,10 +127,12 @@ def saved_posteriors(tree: xr.DataTree) -> dict[str, CalibrationDraws]:
         drawn = one["parameter"].values[np.isfinite(one["posterior_draw"].values).any(axis=0)]
         own = one.sel(parameter=drawn)
         draws = own["posterior_draw"].values
+        draws = draws[np.isfinite(draws).all(axis=1)]
         columns, rows = (int(count) for count in own["posterior_pixels"].values)
         found[str(name)] = CalibrationDraws(
             names=tuple(map(str, own["parameter"].values)),
-            draws=draws[np.isfinite(draws).all(axis=1)],
+            draws=draws,
+            reference=None if of_rig else draws.mean(axis=0),
             best=own["posterior_best"].values if of_rig else None,
             pixels=(columns, rows) if of_rig else None,
             lens=lens_of_text(str(one["posterior_lens_model"].item())),
