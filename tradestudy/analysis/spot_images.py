@@ -31,9 +31,13 @@ from tradestudy.optics.chain import (
 )
 from tradestudy.optics.chain.accuracy import ComputeParts, Part, call, in_turn
 from tradestudy.optics.chain.arriving_light import point_wave
-from tradestudy.optics.chain.image import mean_image, unguarded_image, unguarded_separate_image
+from tradestudy.optics.chain.image import (
+    mean_image,
+    refuse_following_microlenses,
+    unguarded_image,
+    unguarded_separate_image,
+)
 from tradestudy.optics.chain.point_image import plan_point
-from tradestudy.optics.chain.refusals import refuse_following_microlenses
 from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.chain.spot_image import refuse_large_disc
 from tradestudy.optics.propagation import (

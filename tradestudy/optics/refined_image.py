@@ -13,9 +13,8 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import point_wave
-from tradestudy.optics.chain.image import mean_image, unguarded_image
+from tradestudy.optics.chain.image import mean_image, refuse_following_microlenses, unguarded_image
 from tradestudy.optics.chain.lit_part import missing_light
-from tradestudy.optics.chain.refusals import refuse_following_microlenses
 from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath, Microlenses
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.microlens_camera import MicrolensCamera, source_points

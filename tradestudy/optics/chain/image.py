@@ -13,21 +13,139 @@ from functools import partial
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tradestudy.optics.arguments import checked
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.arguments import check_wavelength, checked
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, ComputeParts, in_turn
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, ComputeParts, in_turn, relative_change
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.exact_rays import exact_ray_image
 from tradestudy.optics.chain.geometric_image import geometric_image
 from tradestudy.optics.chain.landing import landing_point_image, landing_spot_image
-from tradestudy.optics.chain.microlens_edges import refuse_square_edges
 from tradestudy.optics.chain.point_image import wave_point_image
-from tradestudy.optics.chain.refusals import refuse_following_microlenses, refuse_impossible, refuse_vast_detector
 from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.optics.propagation.sampling import refuse_near_zone
+from tradestudy.optics.quadrature import disc_nodes
+
+_SAME_FOCUS = 1e-6  # relative; a focus at exactly the image's distance was computed from it
+
+
+def _refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs) -> None:
+    """Refuse wavelengths, sources and pupils that the laws of the legs do not cover.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a law does not apply; the remedy names an alternative.
+    """
+    check_wavelength(wavelength)
+    for width, distance in (
+        (2 * path.main_lens.radius, path.array_distance),
+        (path.microlenses.aperture_width, path.detector_distance),
+    ):
+        refuse_near_zone(width=width, nearest=distance, wavelength=wavelength)
+    laws = f"{legs.to_array} to the array, {legs.to_detector} to the detector"
+    integrals = {legs.to_array, legs.to_detector} <= {"fresnel", "kirchhoff"}
+    coherent = isinstance(source, DiscSource) and source.coherent
+    if coherent and not integrals:
+        raise OutOfRangeError(
+            "rays or boundary waves of a coherent disc",
+            value=f"coherent, {laws}",
+            limit="fresnel or kirchhoff on both legs",
+            remedy="choose fresnel or kirchhoff, or an incoherent source",
+        )
+    if legs.to_detector == "boundary_wave" and path.microlenses.aperture != "circular":
+        raise OutOfRangeError(
+            "boundary wave behind the microlenses",
+            value=f"{path.microlenses.aperture} apertures",
+            limit="circular apertures",
+            remedy="use kirchhoff to the detector, which is the same integral",
+        )
+    if path.pupils and not integrals:
+        raise OutOfRangeError(
+            "rays or boundary waves through lenses with a pupil",
+            value=laws,
+            limit="fresnel or kirchhoff on both legs",
+            remedy="choose fresnel or kirchhoff, or leave the pupil out",
+        )
+    main = path.main_lens.pupil
+    for lens, name in ((path.main_lens, "the main lens's pupil"), (path.microlenses.lens(0), "the microlenses' pupil")):
+        if lens.pupil is None or lens.pupil.amplitude is None:
+            continue
+        nodes = disc_nodes(radius=lens.radius, radial_count=40, angular_count=80)
+        if not np.any(np.square(lens.transmission(nodes.x, nodes.y))):
+            raise OutOfRangeError(
+                f"amplitude of {name}",
+                value="0 all over the aperture",
+                limit="light that passes",
+                remedy="check the amplitude: images are fractions of the light through the main lens",
+            )
+    if isinstance(source, DiscSource) and not coherent and main is not None and not main.round:
+        raise OutOfRangeError(
+            "incoherent disc seen through a main-lens pupil",
+            value="a pupil without rotational symmetry",
+            limit="Zernike coefficients of azimuthal order 0, such as 4, 11 and 22",
+            remedy="average images of points, or leave the other coefficients out",
+        )
+
+
+def refuse_following_microlenses(
+    found: ChainImage,
+    path: LightPath,
+    source: PointSource | DiscSource,
+    legs: Legs,
+    tolerance: float,
+    image: Callable[[LightPath], ChainImage],
+) -> None:
+    """Refuse microlenses whose phase follows the source if fixed, parabolic ones give another image.
+
+    No real microlens changes with the source. Near focus, where light meets only a part of it, a phase computed for the
+    image of the source moves the light to that image.
+
+    Parameters
+    ----------
+    found
+        The image of the path.
+    path, source, legs
+        Camera, source and methods of propagation.
+    tolerance
+        Largest relative L2 difference between the two images.
+    image
+        Function that computes the image of another path.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the two images differ by more than the tolerance.
+    """
+    lenses = path.microlenses
+    if not _follows(path, source, legs):
+        return
+    fixed = replace(path, microlenses=replace(lenses, lens_phase="parabolic", focus_distance=None))
+    change = relative_change(found.pixels, image(fixed).pixels)
+    if change > tolerance:
+        raise OutOfRangeError(
+            f"{lenses.lens_phase} microlenses, whose phase follows the source",
+            value=f"an image that differs by {change:.2g} from that of parabolic microlenses, which are fixed",
+            limit=f"a difference ≤ {tolerance:g}, the tolerance of the image",
+            remedy="use the parabolic lens phase for the microlenses, with a pupil for their aberrations",
+        )
+
+
+def _follows(path: LightPath, source: PointSource | DiscSource, legs: Legs) -> bool:
+    """Whether the phase of the microlenses, as far as the second leg uses it, is computed for this source."""
+    waves = legs.to_detector in ("kirchhoff", "boundary_wave")  # for paraxial rays and Fresnel, all phases are the same
+    if path.microlenses.lens_phase == "perfect":
+        return waves  # exact rays bend by x/f wherever they come from
+    focus = path.microlenses.focus_distance
+    if focus is None or not (waves or legs.exact):
+        return False
+    middle = source.centre if isinstance(source, DiscSource) else source
+    return math.isclose(focus, path.image_at_array(middle)[2], rel_tol=_SAME_FOCUS)
+
 
 _EQUALLY_NEAR = 4  # largest number of microlenses equally near to a pixel, on a square array
 
@@ -165,16 +283,13 @@ def unguarded_image(
 
     For loops over tolerances, which call `refuse_following_microlenses` once, with the tolerance that was asked for.
     """
-    found = _by_laws(
-        path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done, compute=compute
-    )
-    return replace(found, tolerance=accuracy.tolerance)
+    image = _by_laws(path, source, wavelength, legs, accuracy, rng, done, compute)
+    return replace(image, tolerance=accuracy.tolerance)
 
 
 def _by_laws(
     path: LightPath,
     source: PointSource | DiscSource,
-    *,
     wavelength: float,
     legs: Legs,
     accuracy: ChainAccuracy,
@@ -183,11 +298,16 @@ def _by_laws(
     compute: ComputeParts,
 ) -> ChainImage:
     """Image without its tolerance."""
-    refuse_impossible(path, source, wavelength, legs)
-    refuse_vast_detector(path.pixels, accuracy.memory_limit)
+    _refuse_impossible(path, source, wavelength, legs)
+    needed = 16.0 * math.prod(path.pixels.shape)  # an image, and another for its error
+    if needed > accuracy.memory_limit:
+        raise UnaffordableError(
+            "pixels of the detector",
+            value=f"{path.pixels.shape[0]} × {path.pixels.shape[1]}, {needed / 1e9:.3g} GB",
+            limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
+            remedy="use fewer pixels, or raise the memory limit",
+        )
     coherent = isinstance(source, DiscSource) and source.coherent
-    if legs.to_detector == "boundary_wave":
-        refuse_square_edges(path.microlenses)
     if legs == GEOMETRIC:
         return geometric_image(path, source, density=accuracy.source_sampling)
     if legs == EXACT_RAYS:
@@ -225,21 +345,12 @@ def spectral_image(
 
     Parameters
     ----------
-    path
-        Main lens, microlenses, the distances between them and the detector, and the pixels.
-    source
-        A `PointSource` or a `DiscSource`. The intensities of the points of an incoherent disc add up; a coherent disc
-        emits one wave, with the same phase at every point.
+    path, source, legs, accuracy, rng
+        As in `chain_image`.
     wavelengths
         Wavelengths λ [m], > 0, shape (n,).
     weights
         Power through the pupil at each wavelength [any unit], ≥ 0, not all zero, shape (n,); only the ratios matter.
-    legs
-        Methods of propagation to the array and to the detector, as in `chain_image`.
-    accuracy
-        Tolerance of the image, factors that refine its sampling, and the memory allowed.
-    rng
-        Random generator that chooses the points at which the result is checked against direct quadrature.
 
     Returns
     -------
@@ -335,25 +446,12 @@ def separate_image(
 
     Parameters
     ----------
-    path
-        Main lens, microlenses, the distances between them and the detector, and the pixels.
-    source
-        A `PointSource` or a `DiscSource`. The intensities of the points of an incoherent disc add up; a coherent disc
-        emits one wave, with the same phase at every point.
-    wavelength
-        Wavelength λ [m], > 0.
-    legs
-        Methods of propagation to the array and to the detector, as in `chain_image`.
-    accuracy
-        Tolerance of the image, factors that refine its sampling, and the memory allowed.
-    rng
-        Random generator that chooses the points at which the result is checked against direct quadrature.
+    path, source, wavelength, legs, accuracy, rng
+        As in `chain_image`.
     done
         Function called after each microlens with the fraction of microlenses completed.
     compute
-        Function ``compute(parts, progress)``. It calls each of the functions in the list ``parts``, returns their
-        results in order, and calls ``progress`` with the completed fraction. Each part computes the light from one
-        microlens, and may run in any process. Default: one part after another in this process.
+        As in `chain_image`, but each part computes the light from one microlens.
 
     Returns
     -------

@@ -51,9 +51,8 @@ from tradestudy.optics.chain.detector_transfer import (
     refuse_large_patch,
     response,
 )
-from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_share, padded
-from tradestudy.optics.chain.point_image import over_detector
+from tradestudy.optics.chain.point_image import add_spheres, over_detector, split_spheres
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes, source_nodes, tolerated_density
 from tradestudy.optics.propagation.lens import PointSource
