@@ -66,8 +66,7 @@ class DoubleSphere(LensModel):
             m = (1.0 - alpha * alpha * square) / (alpha * root + 1.0 - alpha)
             reach = (m * xi + np.sqrt(m * m + (1.0 - xi * xi) * square)) / (m * m + square)
             x, y, z = reach * u, reach * v, reach * m - xi
-        found = self._inside(x, y, z)
-        return np.where(found, x, np.nan), np.where(found, y, np.nan), np.where(found, z, np.nan)
+        return self._kept(x, y, z)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +117,7 @@ class ExtendedUnified(LensModel):
         with np.errstate(all="ignore"):  # positions without an inverse become NaN
             root = np.sqrt(1.0 - (2.0 * alpha - 1.0) * beta * square)
             z = (1.0 - beta * alpha * alpha * square) / (alpha * root + 1.0 - alpha)
-        found = np.isfinite(z) & self._inside(u, v, z)
-        return np.where(found, u, np.nan), np.where(found, v, np.nan), np.where(found, z, np.nan)
+        return self._kept(u, v, z, np.isfinite(z))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,8 +167,7 @@ class FieldOfView(LensModel):
         across, z = np.sin(turned), 2.0 * np.tan(w / 2.0) * np.cos(turned)
         scale = np.where(radius > 0.0, across / np.where(radius > 0.0, radius, 1.0), w)
         x, y = u * scale, v * scale
-        found = (turned < np.pi / 2.0) & self._inside(x, y, z)
-        return np.where(found, x, np.nan), np.where(found, y, np.nan), np.where(found, z, np.nan)
+        return self._kept(x, y, z, turned < np.pi / 2.0)
 
 
 _NEWTON_STEPS: Final = 30
@@ -243,8 +240,7 @@ class KannalaBrandt(LensModel):
             found = (np.abs(step) <= 4.0 * _SETTLED) & (slope > 0.0) & (angle >= 0.0) & (angle <= np.pi)
             scale = np.where(radius > 0.0, np.sin(angle) / np.where(radius > 0.0, radius, 1.0), 1.0)
             x, y, z = u * scale, v * scale, np.cos(angle)
-        found &= self._inside(x, y, z)
-        return np.where(found, x, np.nan), np.where(found, y, np.nan), np.where(found, z, np.nan)
+        return self._kept(x, y, z, found)
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
@@ -320,8 +316,7 @@ class Omnidirectional(LensModel):
         with np.errstate(invalid="ignore"):
             reach = (xi + np.sqrt(1.0 + (1.0 - xi * xi) * square)) / (1.0 + square)
         x, y, z = reach * a, reach * b, reach - xi
-        found = self._inside(x, y, z)
-        return np.where(found, x, np.nan), np.where(found, y, np.nan), np.where(found, z, np.nan)
+        return self._kept(x, y, z)
 
 
 FAMILIES: Final[Mapping[str, type[LensModel]]] = {

@@ -196,8 +196,10 @@ class LensModel(ABC):
 
     def _moved(self, angle: FloatArray, azimuth: FloatArray, *, by: int) -> NDArray[np.complex128]:
         """Images of directions moved by a complex step: the imaginary part is `_STEP` times the derivative."""
-        step = 1j * _STEP
-        moved = self.image(*_direction(np.add(angle, step * (by == 0)), np.add(azimuth, step * (by == 1))))
+        turned, around = angle + 1j * _STEP * (by == 0), azimuth + 1j * _STEP * (by == 1)
+        across = np.sin(turned)
+        along = np.cos(turned) + 0.0 * np.real(around)
+        moved = self.image(across * np.cos(around), across * np.sin(around), along)
         return np.array(np.broadcast_arrays(*moved))
 
     def _spread(self, axes: int) -> Self:
@@ -210,6 +212,13 @@ class LensModel(ABC):
     def _single(self) -> bool:
         """Whether every coefficient is a single number."""
         return all(np.ndim(getattr(self, name)) == 0 for name in self.coefficient_names())
+
+    def _kept(
+        self, x: FloatArray, y: FloatArray, z: FloatArray, solved: BoolArray | bool = True
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rays found by an inverse; NaN where it did not solve or the ray lies outside the valid field."""
+        found = solved & self._inside(x, y, z)
+        return np.where(found, x, np.nan), np.where(found, y, np.nan), np.where(found, z, np.nan)
 
     def _inside(self, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
         """Whether rays found by an inverse lie in the valid field; for draws, the inverse itself decides."""
@@ -244,11 +253,6 @@ def slopes(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatA
     """x/z and y/z of directions; NaN for points beside or behind the camera."""
     ahead = np.where(np.real(z) > 0.0, z, np.nan)
     return np.asarray(np.asarray(x) / ahead), np.asarray(np.asarray(y) / ahead)
-
-
-def _direction(angle: FloatArray, azimuth: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    across = np.sin(angle)
-    return across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle) + 0.0 * np.real(azimuth)
 
 
 _NEWTON_STEPS: Final = 30

@@ -15,7 +15,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainImage, refuse_pixel_centres
-from tradestudy.optics.chain.microlens_nodes import cell_nodes
+from tradestudy.optics.chain.microlens_nodes import Disc, Region, cell_nodes, cell_parts
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import PointSource
@@ -26,28 +26,13 @@ _SMALLEST = 1e-12  # scale below which a plane is in focus on the next
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Region:
-    """Part of a cell: an outline symmetric about both axes, given by its half height over x."""
-
-    half_width: float
-    kind: str
-
-    def half_height(self, x: FloatArray) -> FloatArray:
-        if self.kind == "disc":
-            return np.sqrt(np.maximum(self.half_width**2 - x**2, 0.0))
-        if self.kind == "square":
-            return np.where(np.abs(x) <= self.half_width, self.half_width, 0.0)
-        return np.maximum(2 * self.half_width - np.abs(x), 0.0) / math.sqrt(3) * (np.abs(x) <= self.half_width)
-
-
-@dataclass(frozen=True, kw_only=True)
 class _Rays:
     """Rays in a set of cases: pupil points u meet the region at `array_scale` u and land at `detector_scale` u.
 
     The centre of the region, relative to each case, and the landing point of u = 0 have shape (n, 2), weights (n,).
     """
 
-    region: _Region
+    region: Region
     centre: FloatArray
     landing: FloatArray
     weights: FloatArray
@@ -102,18 +87,13 @@ def _shares(path: LightPath, source: PointSource | DiscSource, density: float) -
 
 
 def _point_cases(path: LightPath, point: PointSource) -> list[_Rays]:
-    """One case per lens; a gap is a cell minus its aperture."""
+    """One case per lens and part of its cell."""
     lenses, z, b = path.microlenses, path.array_distance, path.detector_distance
     chief = np.array(path.chief_point(point))
     spread = 1 - z / path.main_lens.image_of(point)[2]
-    aperture = _Region(half_width=lenses.aperture_width / 2, kind="disc" if lenses.aperture == "circular" else "square")
-    cell = _Region(half_width=lenses.pitch / 2, kind="square" if lenses.layout == "square" else "hexagon")
     result = []
     for centre, focal_length in zip(lenses.centres, lenses.focal_lengths, strict=True):
-        parts = [(aperture, 1 / float(focal_length), 1.0)]
-        if lenses.gaps == "clear":
-            parts += [(cell, 0.0, 1.0), (aperture, 0.0, -1.0)]
-        for region, power, sign in parts:
+        for region, power, sign in cell_parts(lenses, float(focal_length), 0.0, 0.0):
             kept = 1 + b / z - b * power
             result.append(
                 _Rays(
@@ -137,8 +117,8 @@ def _disc_cases(path: LightPath, source: DiscSource, density: float) -> list[_Ra
     spread = 1 - z / path.main_lens.image_of(source.centre)[2]
     nodes = cell_nodes(lenses, cycles=2.0 * density)
     offset = np.column_stack([nodes.x, nodes.y])
-    image = _Region(half_width=source.diameter / 2 * shrink, kind="disc")
-    weights = nodes.weights / (math.pi * image.half_width**2)
+    image = Disc(x=0.0, y=0.0, radius=source.diameter / 2 * shrink)
+    weights = nodes.weights / (math.pi * image.radius**2)
     result = []
     for centre, focal_length in zip(lenses.centres, lenses.focal_lengths, strict=True):
         x = centre + offset
@@ -167,8 +147,9 @@ def _areas(path: LightPath, rays: _Rays, *, columns: int) -> FloatArray:
     hole = rays.centre / to_array  # centre of the region in the plane of u, (n, 2)
     edges_x = np.sort((path.pixels.edges_x - rays.landing[:, :1]) / to_detector, axis=1)
     edges_y = np.sort((path.pixels.edges_y - rays.landing[:, 1:]) / to_detector, axis=1)
-    low = np.maximum(-radius, hole[:, 0] - rays.region.half_width / abs(to_array))[:, None]
-    high = np.minimum(radius, hole[:, 0] + rays.region.half_width / abs(to_array))[:, None]
+    half_width = float(rays.region.breaks[-1]) / abs(to_array)
+    low = np.maximum(-radius, hole[:, 0] - half_width)[:, None]
+    high = np.minimum(radius, hole[:, 0] + half_width)[:, None]
     edges_x = np.clip(edges_x, low, np.maximum(low, high))
     t, w = gauss_legendre(columns)
     total = np.zeros(path.pixels.shape)
@@ -179,7 +160,7 @@ def _areas(path: LightPath, rays: _Rays, *, columns: int) -> FloatArray:
         left, width = edges_x[part, touched], np.diff(edges_x[part], axis=1)[:, touched]
         x = left[:, :, None] + width[:, :, None] * t
         disc = np.sqrt(np.maximum(radius**2 - x**2, 0.0))
-        half = rays.region.half_height((x - hole[part, :1, None]) * abs(to_array)) / abs(to_array)
+        half = rays.region.span((x - hole[part, :1, None]) * abs(to_array))[1] / abs(to_array)
         middle = hole[part, 1:, None]
         bottom = np.maximum(-disc, middle - half)
         top = np.maximum(np.minimum(disc, middle + half), bottom)

@@ -38,9 +38,8 @@ from tradestudy.optics.chain.lit_part import lit_part
 from tradestudy.optics.chain.microlens_nodes import (
     Disc,
     Region,
-    aperture_region,
     cell_nodes,
-    cell_region,
+    cell_parts,
     on_segments,
     resolving,
     subintervals,
@@ -150,17 +149,6 @@ def irradiance_frequency(path: LightPath, wavelength: float) -> float:
     return 2 * radius / math.hypot(radius, z) / wavelength
 
 
-def landing_parts(path: LightPath, index: int) -> Iterator[tuple[Region, float, float]]:
-    """Parts of a cell: region, lens power there [1/m] and sign; a clear gap is the cell minus its aperture."""
-    lenses = path.microlenses
-    x, y = (float(c) for c in lenses.centres[index])
-    aperture = aperture_region(lenses, x, y)
-    yield aperture, 1 / float(lenses.focal_lengths[index]), 1.0
-    if lenses.gaps == "clear":
-        yield cell_region(lenses, x, y), 0.0, 1.0
-        yield aperture, 0.0, -1.0
-
-
 def pixel_nodes(
     region: Region,
     pixels: PixelGrid,
@@ -232,12 +220,12 @@ class _LandedPoint:
 
 
 def landing_nodes(path: LightPath, source: PointSource, *, frequency: float, tolerance: float) -> PixelNodes:
-    """Nodes on every cell, each with the pixel that its light reaches; `landing_parts` gives the signs of weights."""
-    b = path.detector_distance
+    """Nodes on every cell, each with the pixel that its light reaches; weights have the signs of `cell_parts`."""
+    b, lenses = path.detector_distance, path.microlenses
     image_x, image_y, depth = path.image_at_array(source)
     parts = []
-    for index, centre in enumerate(path.microlenses.centres):
-        for region, power, sign in landing_parts(path, index):
+    for index, centre in enumerate(lenses.centres):
+        for region, power, sign in cell_parts(lenses, float(lenses.focal_lengths[index]), *map(float, centre)):
             offset = b * power * centre - b / depth * np.array([image_x, image_y])
             nodes = pixel_nodes(
                 region,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -116,6 +117,15 @@ def cell_region(lenses: Microlenses, x: float, y: float) -> Region:
         return Cell(x=x, y=y, corners=(-half, half), heights=(half, half))
     side = half * 2 / math.sqrt(3)
     return Cell(x=x, y=y, corners=(-half, 0.0, half), heights=(side / 2, side, side / 2))
+
+
+def cell_parts(lenses: Microlenses, focal_length: float, x: float, y: float) -> Iterator[tuple[Region, float, float]]:
+    """Regions of a cell at (x, y), each with lens power [1/m] and sign; a clear gap is the cell minus its aperture."""
+    aperture = aperture_region(lenses, x, y)
+    yield aperture, 1 / focal_length, 1.0
+    if lenses.gaps == "clear":
+        yield cell_region(lenses, x, y), 0.0, 1.0
+        yield aperture, 0.0, -1.0
 
 
 @dataclass(frozen=True, kw_only=True)
