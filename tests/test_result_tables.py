@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 import tradestudy
+from tradestudy import api
 from tradestudy.errors import OutOfRangeError
 from tradestudy.report import csv_tables
 from tradestudy.result import Result
@@ -80,8 +81,49 @@ def test_a_sweep_keeps_the_names_of_tables_and_depth_has_its_relative_uncertaint
         frame = found.table("depth_by_camera_distance")
         assert frame.attrs["units"] == {"depth_uncertainty": "m", "relative_uncertainty": "1"}
         np.testing.assert_allclose(frame["relative_uncertainty"].to_numpy()[:3], [2e-3, 2e-3, 1.5e-3], rtol=1e-12)
-    written = pd.read_csv(io.BytesIO(csv_tables.tables(result.data)["depth_by_camera_distance.csv"]))
-    assert len(written) == 6
+    written = pd.read_csv(io.BytesIO(b"".join(csv_tables.tables(result.data)["depth_by_camera_distance.csv"])))
+    assert len(written) == 3  # the same in both designs
     np.testing.assert_allclose(
         written["relative_uncertainty [1]"], written["depth_uncertainty [m]"] / written["distance"], rtol=1e-12
     )
+
+
+def _swept(rig: np.ndarray, other: np.ndarray) -> xr.DataTree:
+    """A table over a sweep of two parameters of the rig, with another camera that no design changes."""
+    values = np.stack([rig, np.broadcast_to(other, rig.shape)], axis=2)
+    dims = ("rig.baseline", "rig.lenses.focal_length", "camera", "distance")
+    coordinates = {
+        "rig.baseline": np.arange(rig.shape[0]) / 10,
+        "rig.lenses.focal_length": np.arange(rig.shape[1]) / 100,
+        "camera": ["rig", "other"],
+        "distance": np.arange(rig.shape[2]) + 0.5,
+    }
+    return xr.DataTree.from_dict({"/depth": xr.Dataset({"disparity_px": (dims, values)}, coordinates)})
+
+
+def test_a_camera_that_no_design_changes_is_written_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csv_tables, "_ROWS", 7)  # pieces that end within a design
+    rig = np.random.default_rng(1).random((4, 3, 5))
+    tree = _swept(rig, np.array([np.nan, -0.0, 1.0, np.inf, 2.0]))
+    (pieces,) = csv_tables.tables(tree).values()
+    written = pd.read_csv(io.BytesIO(b"".join(pieces)))
+    other = written[written["camera"] == "other"]
+    assert other[["rig.baseline", "rig.lenses.focal_length"]].isna().all(axis=None)
+    np.testing.assert_array_equal(other["disparity_px"], [np.nan, -0.0, 1.0, np.inf, 2.0])
+    own = written[written["camera"] == "rig"].set_index(["rig.baseline", "rig.lenses.focal_length", "distance"])
+    frame = tradestudy.Result(data=tree, run_record={}).table("depth_by_camera_distance")
+    pd.testing.assert_series_equal(own["disparity_px"], frame.xs("rig", level="camera")["disparity_px"])
+    np.testing.assert_array_equal(own["disparity_px"], rig.ravel())
+
+
+def test_large_tables_are_written_only_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    tree = _swept(np.random.default_rng(1).random((40, 30, 20)), np.zeros(20))
+    (pieces,) = csv_tables.tables(tree).values()
+    size = len(b"".join(pieces))
+    assert csv_tables.large_tables(tree) == {}
+    monkeypatch.setattr(csv_tables, "LARGE", 0.9 * size)
+    assert csv_tables.large_tables(tree) == {"depth_by_camera_distance.csv": pytest.approx(size, rel=0.03)}
+    assert not csv_tables.tables(tree, large=False)
+    (line,) = api.tables_left_out(Result(data=tree, run_record={}))
+    assert line.endswith("written only with --large-tables: depth_by_camera_distance.csv (880 kB)")
+    assert csv_tables.tables(tree).keys() == {"depth_by_camera_distance.csv"}

@@ -61,6 +61,7 @@ def run(
     *,
     fresh: bool = False,
     pdf: bool = True,
+    large_tables: bool = False,
     with_cost: bool = False,
     progress: Progress = lambda _s, _p: None,
     executor: Executor | None = None,
@@ -68,7 +69,8 @@ def run(
     """Run a study into a folder, reusing what a finished or interrupted run left there.
 
     Unless ``fresh``, results of the same study and code are not computed again, nor are finished points of an
-    interrupted run; the report is always written. The cost of accuracy is measured only ``with_cost``.
+    interrupted run; the report is always written, its tables above 50 MB only if ``large_tables``. The cost of accuracy
+    is measured only ``with_cost``.
     """
     from tradestudy import report as renderer
     from tradestudy.execution import Checkpoints
@@ -100,12 +102,15 @@ def run(
                     result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
                 reported(0.0)
                 made = pictures if pictures.is_dir() else None
-                result.write(directory, pdf=pdf, drawer=drawer, pictures=made, progress=reported)
+                result.write(
+                    directory, pdf=pdf, large_tables=large_tables, drawer=drawer, pictures=made, progress=reported
+                )
         else:
             reported(0.0)
             storage.remove_abandoned(directory)
             write_parts(result.data, directory)
-            renderer.write(result.data, result.run_record, directory, pdf=pdf, progress=reported)
+            record = result.run_record
+            renderer.write(result.data, record, directory, pdf=pdf, large_tables=large_tables, progress=reported)
         checkpoints.remove()
     reported(1.0)
     return result
@@ -259,8 +264,13 @@ def _finished(study: Study, directory: Path) -> Result | None:
     return result if same else None
 
 
-def report(directory: str | Path, *, pdf: bool = True) -> None:
-    """Write the report of a finished run again, with identical bytes.
+def report(directory: str | Path, *, pdf: bool = True, large_tables: bool = False) -> Result:
+    """Write the report of a finished run again, with identical bytes; its tables above 50 MB only if ``large_tables``.
+
+    Returns
+    -------
+    Result
+        The result of that run.
 
     Raises
     ------
@@ -273,7 +283,18 @@ def report(directory: str | Path, *, pdf: bool = True) -> None:
         result = open_result(directory)
         drawing = None if drawer is None else drawer.begin(result.data)
         with shown({str(directory): result}):
-            renderer.write(result.data, result.run_record, Path(directory), pdf=pdf, drawing=drawing)
+            record = result.run_record
+            renderer.write(result.data, record, Path(directory), pdf=pdf, large_tables=large_tables, drawing=drawing)
+    return result
+
+
+def tables_left_out(result: Result) -> list[str]:
+    """A line on the tables that are not written unless large ones are requested; none where all are written."""
+    from tradestudy.report.csv_tables import large_tables
+    from tradestudy.units import DATA, pretty
+
+    found = [f"{name} ({pretty(8.0 * size, DATA, digits=2)})" for name, size in large_tables(result.data).items()]
+    return [f"Tables above 50 MB, written only with --large-tables: {', '.join(found)}"] * bool(found)
 
 
 def cost(

@@ -84,6 +84,9 @@ DaskOption = Annotated[
     ),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Ignore the results of earlier runs.")]
+LargeTablesOption = Annotated[
+    bool, typer.Option("--large-tables", help="Also write tables/*.csv above 50 MB; other tables are always written.")
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the Python traceback of an error.")]
 
@@ -159,6 +162,7 @@ def run(
     dask: DaskOption = None,
     fresh: FreshOption = False,
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Do not write report.pdf.")] = False,
+    large_tables: LargeTablesOption = False,
     strict: Annotated[
         bool,
         typer.Option(
@@ -193,6 +197,7 @@ def run(
                 directory,
                 fresh=fresh,
                 pdf=not no_pdf,
+                large_tables=large_tables,
                 with_cost=with_cost,
                 progress=progress,
                 executor=executor,
@@ -200,7 +205,8 @@ def run(
         if as_json:
             typer.echo(json_text(result.conclusions(directory)))
         elif not quiet:
-            _say(*result.lines(), f"Report: {directory / 'report.html'}")
+            left_out = [] if large_tables else api.tables_left_out(result)
+            _say(*result.lines(), *left_out, f"Report: {directory / 'report.html'}")
         if strict and result.unmet_requirements:
             raise RequirementsNotMetError("requirements not met", value=", ".join(result.unmet_requirements))
 
@@ -403,14 +409,15 @@ def new(
 def report(
     directory: DirectoryArgument,
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf as it is.")] = False,
+    large_tables: LargeTablesOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Write the report of a finished run again, from its results."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
 
-        api.report(directory, pdf=not no_pdf)
-        _say(str(directory / "report.html"))
+        result = api.report(directory, pdf=not no_pdf, large_tables=large_tables)
+        _say(*([] if large_tables else api.tables_left_out(result)), str(directory / "report.html"))
 
 
 @app.command()

@@ -232,6 +232,7 @@ class Result:
         directory: str | Path,
         *,
         pdf: bool = True,
+        large_tables: bool = False,
         drawer: Drawer | None = None,
         pictures: Path | None = None,
         progress: Callable[[float], None] = lambda _share: None,
@@ -244,6 +245,8 @@ class Result:
             Output folder; created if missing.
         pdf
             Whether to write the report as a PDF, too.
+        large_tables
+            Whether to write tables above 50 MB, too.
         drawer
             Second process, which draws figures while this one composes the report. Default: this process does both.
         pictures
@@ -276,7 +279,7 @@ class Result:
             storage.remove_abandoned(target)
             storage.write_finished(content, self.run_record, target, pictures)
             write_parts(self.data, target)
-        renderer.place(made, target)
+        renderer.place(made, self.data, target, large_tables=large_tables)
         return target
 
     def _repr_html_(self) -> str:

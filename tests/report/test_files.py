@@ -104,8 +104,18 @@ def test_figures_and_tables_of_an_earlier_report_are_removed(tree: xr.DataTree, 
     assert (tmp_path / "results.nc").read_bytes() == b"mine"
 
 
+def test_a_large_table_is_written_on_request(
+    tree: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(csv_tables, "LARGE", 1.0)
+    report.write(_quick(tree), {}, tmp_path, pdf=False)
+    assert not list((tmp_path / "tables").glob("*"))
+    report.write(_quick(tree), {}, tmp_path, pdf=False, large_tables=True)
+    assert {p.name for p in (tmp_path / "tables").iterdir()} == set(csv_tables.tables(_quick(tree)))
+
+
 def test_tables_hold_every_number_with_all_its_digits(tree: xr.DataTree) -> None:
-    table = csv_tables.tables(tree)["depth_by_camera_distance_error_source.csv"].decode()
+    table = b"".join(csv_tables.tables(tree)["depth_by_camera_distance_error_source.csv"]).decode()
     rows = list(csv.DictReader(io.StringIO(table)))
     depth = tree["depth"].to_dataset()
     assert len(rows) == depth["depth_uncertainty_by_error_source"].size
@@ -119,8 +129,8 @@ def test_tables_hold_every_number_with_all_its_digits(tree: xr.DataTree) -> None
 def test_text_in_tables_is_quoted_and_never_a_formula() -> None:
     names = np.array(['=cmd|" /C calc"!A0', 'a,"b"\nc', "+1", "-x", "@y", "plain"], dtype=object)
     group = xr.Dataset({"name": ("row", names), "value": ("row", np.array([-1.0, np.inf, np.nan, 0.1, 1e-300, 2.0]))})
-    table = csv_tables.tables(xr.DataTree.from_dict({"/g": group.assign_coords(row=range(6))}))["g_by_row.csv"]
-    rows = list(csv.DictReader(io.StringIO(table.decode(), newline="")))
+    pieces = csv_tables.tables(xr.DataTree.from_dict({"/g": group.assign_coords(row=range(6))}))["g_by_row.csv"]
+    rows = list(csv.DictReader(io.StringIO(b"".join(pieces).decode(), newline="")))
     assert [row["name"] for row in rows] == ['\'=cmd|" /C calc"!A0', 'a,"b"\nc', "'+1", "'-x", "'@y", "plain"]
     assert [row["value"] for row in rows] == ["-1.0", "inf", "nan", "0.1", "1e-300", "2.0"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from glob import escape
 from pathlib import Path
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 _LISTING: Final = 3.3
 _COMPOSING: Final = 2.5
 _TYPESETTING: Final = 1.7
-_BYTES_IN_TABLES: Final = 2.6e6  # of results that are written as tables in a unit of time
 
 
 def write(
@@ -26,11 +25,13 @@ def write(
     directory: Path,
     *,
     pdf: bool = True,
+    large_tables: bool = False,
     drawing: SharedDrawing | None = None,
     progress: Callable[[float], None] = lambda _share: None,
 ) -> None:
-    """Write the report of a finished run: `compose_files` explains the parameters, `place` the directory."""
-    place(compose_files(tree, run, pdf=pdf, drawing=drawing, progress=progress), directory)
+    """Write the report of a finished run: `compose_files` and `place` explain the parameters."""
+    made = compose_files(tree, run, pdf=pdf, drawing=drawing, progress=progress)
+    place(made, tree, directory, large_tables=large_tables)
 
 
 def compose_files(
@@ -41,7 +42,7 @@ def compose_files(
     drawing: SharedDrawing | None = None,
     progress: Callable[[float], None] = lambda _share: None,
 ) -> Mapping[str, bytes]:
-    """Make ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv``, by these paths.
+    """Make ``report.html``, ``report.pdf`` and ``figures/*.svg``, by these paths.
 
     The same results and run give the same bytes.
 
@@ -60,28 +61,26 @@ def compose_files(
     """
     from tradestudy import figures
     from tradestudy.figures.drawn import drawn_here
-    from tradestudy.report import contents, csv_tables, html
+    from tradestudy.report import contents, html
     from tradestudy.report import pdf as pdf_format
     from tradestudy.report.curve_values import curve_values
     from tradestudy.report.designs import page_designs
 
     drawings = figures.build(tree)
-    composing = _COMPOSING + sum(node.dataset.nbytes for node in tree.subtree) / _BYTES_IN_TABLES
-    whole = _LISTING + composing + len(drawings) + _TYPESETTING
+    whole = _LISTING + _COMPOSING + len(drawings) + _TYPESETTING
     progress(_LISTING / whole)
     document = contents.compose_report(tree, run, drawings)
-    made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     values, designs = curve_values(tree), page_designs(tree)
 
     def drawn(share: float) -> None:
-        progress((_LISTING + composing + share * len(drawings)) / whole)
+        progress((_LISTING + _COMPOSING + share * len(drawings)) / whole)
 
     drawn(0.0)
 
     # Last, so that the other interpreter has time to draw.
     pictures = drawn_here(drawings, drawn) if drawing is None else drawing.pictures(drawings, drawn)
     images = {name: picture.svg for name, picture in pictures.items()}
-    made |= {f"figures/{name}.svg": svg for name, svg in images.items()}
+    made = {f"figures/{name}.svg": svg for name, svg in images.items()}
     with ThreadPoolExecutor(1) as pool:  # other threads run while it typesets
         typeset = pool.submit(pdf_format.render_pdf, document, images) if pdf else None
         made["report.html"] = html.render_html(document, pictures, values, designs)
@@ -90,11 +89,12 @@ def compose_files(
     return made
 
 
-def place(made: Mapping[str, bytes], directory: Path) -> None:
-    """Write the files of a report into a folder, which is made if it does not exist.
+def place(made: Mapping[str, bytes], tree: xr.DataTree, directory: Path, *, large_tables: bool = False) -> None:
+    """Write the files of a report and ``tables/*.csv`` into a folder, which is made if it does not exist.
 
     Each takes its place only when it is complete, so that an interrupted call leaves no half-written file. Figures,
-    tables and the PDF of an earlier report that this one does not have are removed; other files stay.
+    tables and the PDF of an earlier report that this one does not have are removed; other files stay. Tables above
+    50 MB are written only if `large_tables`.
 
     Raises
     ------
@@ -103,19 +103,26 @@ def place(made: Mapping[str, bytes], directory: Path) -> None:
     OSError
         If a file cannot be written.
     """
+    from tradestudy.report.csv_tables import tables
     from tradestudy.results.storage import (
         RESULTS,
         RUN,
         list_written,
         refuse_foreign,
         remove_earlier,
-        replace_file,
+        replacing,
         written,
     )
 
-    refuse_foreign(directory, map(escape, made))
+    def write_pieces(name: str, pieces: Iterable[bytes]) -> None:
+        with replacing(directory / name) as temporary, temporary.open("wb") as file:
+            file.writelines(pieces)
+
+    files: dict[str, Iterable[bytes]] = {name: (content,) for name, content in made.items()}
+    files |= {f"tables/{name}": pieces for name, pieces in tables(tree, large=large_tables).items()}
+    refuse_foreign(directory, map(escape, files))
     earlier = written(directory)
-    list_written(directory, [RESULTS, RUN, *made] if (directory / RUN).is_file() else made)
+    list_written(directory, [RESULTS, RUN, *files] if (directory / RUN).is_file() else files)
     with ThreadPoolExecutor() as pool:  # threads, because writing waits for the disk
-        list(pool.map(replace_file, (directory / name for name in made), made.values()))
-    remove_earlier(directory, earlier, ("report.pdf", "figures/*.svg", "tables/*.csv"), made)
+        list(pool.map(write_pieces, files, files.values()))
+    remove_earlier(directory, earlier, ("report.pdf", "figures/*.svg", "tables/*.csv"), files)

@@ -34,6 +34,11 @@ class Table:
     dims: tuple[str, ...]
     variables: tuple[str, ...]
 
+    @property
+    def swept(self) -> tuple[str, ...]:
+        """The dimensions that are swept parameters."""
+        return tuple(dim for dim in self.dims if _PATH in dim)
+
     def frame(self) -> pd.DataFrame:
         """One row for each combination of coordinates; ``attrs["units"]`` contains the unit of each column."""
         import pandas as pd
