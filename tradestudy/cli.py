@@ -14,7 +14,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -383,7 +383,7 @@ def new(
             raise _InputError("the calibration files determine the kind of camera", value=kinds[0], remedy="omit it")
         if set_ and not from_:
             raise _InputError("--set applies to a camera imported with --from", remedy="give --from too")
-        said = [_line(one) for one in set_ or ()]
+        said = _lines(set_ or ())
         kind = kinds[0].removeprefix("--") if len(kinds) == 1 else ""
         text = starter(name, kind, calibration_files=from_ or (), said=said)
         path = Path(f"{name}.yaml")
@@ -471,16 +471,27 @@ def _refuse_other(page: Path) -> None:
             raise _InputError("--html would replace the report of a run", value=str(page), remedy="name another file")
 
 
-def _line(said: str) -> str:
-    """``a.b=value`` as YAML of one line: ``a: {b: value}``."""
-    key, sign, value = said.partition("=")
-    if not sign or not key.strip():
-        raise _InputError("this is not of the form key=value", value=said, remedy="write, for example, length_unit=mm")
-    *outer, last = key.strip().split(".")
-    line = f"{last}: {value.strip()}"
-    for name in reversed(outer):
-        line = f"{name}: {{{line}}}"
-    return line
+def _lines(said: Sequence[str]) -> list[str]:
+    """Texts such as ``a.b=value`` and ``a.c=value`` as YAML with one line for each outer key: ``a: {b: …, c: …}``."""
+    keys: dict[str, Any] = {}
+    for text in said:
+        path, sign, value = text.partition("=")
+        if not sign or not path.strip():
+            remedy = "write, for example, length_unit=mm"
+            raise _InputError("this is not of the form key=value", value=text, remedy=remedy)
+        inside: Any = keys
+        *outer, last = path.strip().split(".")
+        for key in outer:
+            inside = inside.setdefault(key, {}) if isinstance(inside, dict) else inside
+        if not isinstance(inside, dict) or last in inside:
+            raise _InputError("--set gives this key, or a part of it, twice", value=path.strip(), remedy="omit one")
+        inside[last] = value.strip()
+    return [_flow(key, value) for key, value in keys.items()]
+
+
+def _flow(key: str, value: Any) -> str:
+    """A key and its value as YAML of one line."""
+    return f"{key}: " + (value if isinstance(value, str) else f"{{{', '.join(_flow(*one) for one in value.items())}}}")
 
 
 def _warned(study: Study, *, quiet: bool = False) -> Study:

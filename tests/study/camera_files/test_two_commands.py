@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import tradestudy
 from tests.study.camera_files import written
 from tradestudy.cli import app
 
@@ -142,6 +143,20 @@ def test_a_missing_picture_size_is_reported_too(tmp_path: Path, monkeypatch: pyt
     assert "sensor.pixels: this key is missing" in refused.output
     made = CliRunner().invoke(app, [*asked, "--set", "sensor.pixels=[640, 480]"])
     assert made.exit_code == 0, made.output
+
+
+def test_several_parts_of_one_key_are_set_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written.opencv(tmp_path / "stereo.yml", size=None)
+    monkeypatch.chdir(tmp_path)
+    asked = ["new", "my-rig", "--from", "stereo.yml", "--set", "length_unit=mm", "--set", "sensor.pixels=[640, 480]"]
+    for key in ("sensor.pixels", "sensor", "sensor.pixels.columns"):
+        twice = CliRunner().invoke(app, [*asked, "--set", f"{key}=1"])
+        assert twice.exit_code == 2
+        assert twice.output == f"--set gives this key, or a part of it, twice: {key}; omit one\n"
+    made = CliRunner().invoke(app, [*asked, "--set", "sensor.pixel_pitch=3.45 um"])
+    assert made.exit_code == 0, made.output
+    sensor = tradestudy.load(tmp_path / "my-rig.yaml").definition.designs["rig"].sensor
+    assert (sensor.columns, sensor.rows, sensor.pixel_pitch) == (640, 480, pytest.approx(3.45e-6))
 
 
 def test_a_place_that_cannot_be_written_to_is_reported_in_one_line(
