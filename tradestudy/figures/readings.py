@@ -103,9 +103,11 @@ def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
     axes.grid(visible=True, axis="y", linewidth=0.4)
     rows, places = ratio.shape
     shift = _STEP * (np.arange(places) - (places - 1) / 2.0)
-    for row in range(rows):
-        known = np.isfinite(ratio[row]) & (ratio[row] > 0.0)
-        axes.plot(ratio[row][known], row + shift[known], color=SOFT, linewidth=0.6, zorder=1)
+    marked = np.isfinite(ratio) & (ratio > 0.0)
+    known = np.column_stack([marked, np.ones(rows, dtype=bool)])  # a gap ends the line of each row
+    across, up = np.full(known.shape, np.nan), np.full(known.shape, np.nan)
+    across[:, :-1], up[:, :-1] = ratio, np.arange(rows)[:, None] + shift
+    axes.plot(across[known], up[known], color=SOFT, linewidth=0.6, zorder=1)
     for place in range(places):
         y = np.arange(rows) + shift[place]
         for filled in (True, False):

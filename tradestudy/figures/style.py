@@ -20,6 +20,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+from matplotlib.transforms import Bbox, BboxBase
 
 from tradestudy.figures.fonts import printable
 from tradestudy.results.views.decision import tied
@@ -147,8 +148,29 @@ def styled() -> Iterator[None]:
         yield
 
 
+class _Panel(Axes):
+    """Axes that measure the room for their labels and names once for each layout, which asks twice."""
+
+    _beyond: FloatArray | None = None  # the panel, on each side, as the first pass has measured it [pixels]
+
+    def get_tightbbox(self, renderer: Any = None, **how: Any) -> BboxBase | None:
+        if not how.get("for_layout_only") or not self.get_visible() or self._beyond is None:
+            box = super().get_tightbbox(renderer, **how)
+            if how.get("for_layout_only") and box is not None:
+                self._beyond = box.extents - self.get_window_extent(renderer).extents
+            return box
+        self.apply_aspect()
+        box = Bbox.from_extents(self.get_window_extent(renderer).extents + self._beyond)
+        self._beyond = None
+        return box
+
+
 class StudyFigure(Figure):
     """A figure that is drawn in the style of the reports wherever it is shown, even in a notebook."""
+
+    def add_subplot(self, *where: Any, **how: Any) -> Axes:
+        """Add a panel as matplotlib does."""
+        return super().add_subplot(*where, axes_class=_Panel, **how)
 
     def svg(self) -> bytes:
         """The figure as SVG; equal figures give equal bytes."""
