@@ -9,8 +9,8 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.located import CameraFile, Format, Located, Request, origin_of_pixels, other_cameras
-from tradestudy.study.camera_files.pairs import check_lens, inverse, paired, pinhole_of, rotation_of
+from tradestudy.study.camera_files.located import CameraFile, Format, Located, Request, other_cameras
+from tradestudy.study.camera_files.pairs import checked_camera, inverse, paired, pinhole_of, rotation_of
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 _PERSPECTIVE, _FISHEYE = "0", "1"
@@ -139,7 +139,6 @@ def _translation(extrinsics: Located, *, is_specified: bool) -> tuple[Located, s
 
 def _camera(socket: str, value: Located) -> ImportedCamera:
     matrix, distortion = value.need("intrinsicMatrix"), value.need("distortionCoeff")
-    focal_lengths, centre = pinhole_of(matrix, matrix.numbers(9))
     kind = value.find("cameraType")
     number = _PERSPECTIVE if kind is None else kind.text()
     if number not in (_PERSPECTIVE, _FISHEYE):
@@ -149,26 +148,17 @@ def _camera(socket: str, value: Located) -> ImportedCamera:
     names = ("k1", "k2", "k3", "k4") if number == _FISHEYE else _ORDER
     if number == _FISHEYE and any(numbers[4:]):
         raise distortion.fail("a fisheye lens has 4 coefficients; the others must be 0")
-    width, height = value.need("width"), value.need("height")
-    camera = ImportedCamera(
-        name=socket,
-        focal_lengths=focal_lengths,
-        centre=centre,
-        pixels=(width.count(), height.count()),
-        lens_model="kannala-brandt" if number == _FISHEYE else "rational",
-        coefficients=dict(zip(names, numbers, strict=False)),
-        conventions=(
-            origin_of_pixels(matrix),
-            Convention(name="lens model", says="fisheye" if number == _FISHEYE else "perspective", key=distortion.key),
-        ),
-        keys={
-            "focal_lengths": matrix.key,
-            "centre": matrix.key,
-            "pixels": width.key,
-            "coefficients": distortion.key,
-        },
+    return checked_camera(
+        socket,
+        pinhole_of(matrix, matrix.numbers(9)),
+        "kannala-brandt" if number == _FISHEYE else "rational",
+        dict(zip(names, numbers, strict=False)),
+        matrix=matrix,
+        lens=distortion,
+        size=(value.need("width"), value.need("height")),
+        says="fisheye" if number == _FISHEYE else "perspective",
+        fisheye="set cameraType to 1 in the file",
     )
-    return check_lens(camera, distortion, "set cameraType to 1 in the file")
 
 
 FORMAT: Final = Format(name="DepthAI calibration", options=("length_unit", "pair"), recognises=recognises, read=read)

@@ -16,10 +16,9 @@ from tradestudy.study.camera_files.located import (
     Request,
     UnsupportedLensError,
     coefficients_of,
-    origin_of_pixels,
     other_cameras,
 )
-from tradestudy.study.camera_files.pairs import check_lens, inverse, paired, rigid_of
+from tradestudy.study.camera_files.pairs import checked_camera, inverse, paired, pinhole, rigid_of
 
 _OWN: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "pinhole": ("rational", ()),
@@ -145,10 +144,7 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
         raise named.fail(f"the camera model '{name[:40]}' is unknown; one of {', '.join(_OWN)} is expected")
     model, own = _OWN[name]
     numbers = intrinsics.numbers(len(own) + 4)
-    fx, fy, cx, cy = numbers[len(own) :]
-    if not (fx > 0.0 and fy > 0.0):
-        raise intrinsics.fail(f"the focal lengths are {fx:g} and {fy:g} px; positive ones are expected")
-    coefficients = dict(zip(own, numbers, strict=False))
+    projection, coefficients = pinhole(intrinsics, *numbers[len(own) :]), dict(zip(own, numbers, strict=False))
     distortion_model, distortion = value.find("distortion_model"), value.find("distortion_coeffs")
     lens, names = _distortion(value, name, request)
     if lens is None and distortion is not None and any(distortion.numbers()):
@@ -165,28 +161,18 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
         if len(numbers) < len(names) or any(numbers[len(names) :]):
             raise distortion.fail(f"{len(numbers)} numbers are given; {len(names)} are expected")
         coefficients |= dict(zip(names, numbers, strict=False))
-    size = value.need("resolution")
-    width, height = _both(size)
-    camera = ImportedCamera(
-        name=value.last,
-        focal_lengths=(fx, fy),
-        centre=(cx, cy),
-        pixels=(width.count(), height.count()),
-        lens_model=model,
-        coefficients=coefficients,
-        conventions=(
-            origin_of_pixels(intrinsics),
-            Convention(name="lens model", says=model, key=(distortion_model or named).key),
-        ),
-        keys={
-            "focal_lengths": intrinsics.key,
-            "centre": intrinsics.key,
-            "pixels": size.key,
-            "coefficients": (distortion or intrinsics).key,
-        },
+    return checked_camera(
+        value.last,
+        projection,
+        model,
+        coefficients,
+        matrix=intrinsics,
+        lens=intrinsics if own or distortion is None else distortion,
+        size=value.need("resolution"),
+        says=model,
+        named=distortion_model or named,
+        **({"fisheye": ""} if request.lens_model == "pinhole" else {}),
     )
-    at = intrinsics if own or distortion is None else distortion
-    return check_lens(camera, at, "") if request.lens_model == "pinhole" else check_lens(camera, at)
 
 
 def _distortion(value: Located, camera: str, request: Request) -> tuple[LensModelName | None, tuple[str, ...]]:
@@ -203,13 +189,6 @@ def _distortion(value: Located, camera: str, request: Request) -> tuple[LensMode
             f"{', '.join(known)} is expected"
         )
     return (None, ()) if name == "none" else _DISTORTION[name]
-
-
-def _both(value: Located) -> tuple[Located, Located]:
-    items = tuple(value.items())
-    if len(items) != 2:
-        raise value.fail(f"{len(items)} values are given; width and height are expected")
-    return items[0], items[1]
 
 
 def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:

@@ -161,6 +161,13 @@ class Located:
         for index, entry in enumerate(self.entry.items):
             yield Located(file=self.file, entry=entry, path=(*self.path, index))
 
+    def pair(self) -> tuple[Located, Located]:
+        """The width and the height in a list of two."""
+        items = tuple(self.items())
+        if len(items) != 2:
+            raise self.fail(f"{len(items)} values are given; width and height are expected")
+        return items[0], items[1]
+
     def names(self) -> tuple[str, ...]:
         """Keys of a mapping, in order."""
         return tuple(self.entry.members) if isinstance(self.entry, MappingEntry) else ()
@@ -423,8 +430,3 @@ def other_cameras(cameras: Mapping[str, Located], pair: Sequence[str]) -> tuple[
         camera.use()
     key = next((camera.key for camera in others.values()), "")
     return (Convention(name=OTHER_CAMERAS, says=", ".join(others), key=key),) if others else ()
-
-
-def origin_of_pixels(value: Located) -> Convention:
-    """The origin of pixels, the same for all formats."""
-    return Convention(name="origin of pixels", says=PIXEL_ORIGIN, key=value.key)

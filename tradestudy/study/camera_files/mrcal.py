@@ -17,10 +17,9 @@ from tradestudy.study.camera_files.located import (
     Request,
     UnsupportedLensError,
     coefficients_of,
-    origin_of_pixels,
     shortest_coefficients,
 )
-from tradestudy.study.camera_files.pairs import check_lens, paired
+from tradestudy.study.camera_files.pairs import checked_camera, paired, pinhole
 
 _OPENCV: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
 _MODELS: Final[Mapping[str, tuple[LensModelName, tuple[str, ...]]]] = {
@@ -87,19 +86,14 @@ def _pose(top: Located) -> tuple[FloatArray, FloatArray, Located]:
 
 
 def _camera(top: Located) -> ImportedCamera:
-    named, intrinsics, size = top.need("lensmodel"), top.need("intrinsics"), top.need("imagersize")
+    named, intrinsics = top.need("lensmodel"), top.need("intrinsics")
     name = named.text()
     if name not in _MODELS:
         why = next((words for part, words in _REFUSED.items() if part in name), "unknown")
         short = re.sub(r"[^A-Z0-9_].*", "", name)[:40]
         raise named.fail(f"the lens model '{short}' is {why}; one of {', '.join(_MODELS)} is expected")
     model, names = _MODELS[name]
-    fx, fy, cx, cy, *coefficients = intrinsics.numbers(4 + len(names))
-    if not (fx > 0.0 and fy > 0.0):
-        raise intrinsics.fail(f"the focal lengths are {fx:g} and {fy:g} px; positive ones are expected")
-    extents = tuple(size.items())
-    if len(extents) != 2:
-        raise size.fail(f"{len(extents)} values are given; width and height are expected")
+    numbers = intrinsics.numbers(4 + len(names))
     ignored: tuple[Convention, ...] = ()
     if top.has("optimization_inputs"):
         ignored = (
@@ -109,22 +103,19 @@ def _camera(top: Located) -> ImportedCamera:
                 key=top.key,
             ),
         )
-    camera = ImportedCamera(
-        name=top.file.path.stem,
-        focal_lengths=(fx, fy),
-        centre=(cx, cy),
-        pixels=(extents[0].count(), extents[1].count()),
-        lens_model=model,
-        coefficients=dict(zip(names, coefficients, strict=True)),
-        conventions=(origin_of_pixels(intrinsics), Convention(name="lens model", says=name, key=named.key), *ignored),
-        keys={
-            "focal_lengths": intrinsics.key,
-            "centre": intrinsics.key,
-            "pixels": size.key,
-            "coefficients": intrinsics.key,
-        },
+    return checked_camera(
+        top.file.path.stem,
+        pinhole(intrinsics, *numbers[:4]),
+        model,
+        dict(zip(names, numbers[4:], strict=True)),
+        matrix=intrinsics,
+        lens=intrinsics,
+        size=top.need("imagersize"),
+        says=name,
+        named=named,
+        conventions=ignored,
+        fisheye="mrcal has no such model; give the calibration in another format",
     )
-    return check_lens(camera, intrinsics, "mrcal has no such model; give the calibration in another format")
 
 
 def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:

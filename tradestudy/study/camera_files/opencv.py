@@ -16,10 +16,9 @@ from tradestudy.study.camera_files.located import (
     Located,
     Request,
     coefficients_of,
-    origin_of_pixels,
     shortest_coefficients,
 )
-from tradestudy.study.camera_files.pairs import check_lens, paired, pinhole_of, rotation_of
+from tradestudy.study.camera_files.pairs import checked_camera, paired, pinhole_of, rotation_of
 from tradestudy.study.document import ListEntry, MappingEntry
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
@@ -188,37 +187,29 @@ def _camera(
 ) -> ImportedCamera:
     """One camera of a file, under any of its possible keys."""
     matrix = top.need(*matrices)
-    focal_lengths, centre = pinhole_of(matrix, _matrix(matrix, 9))
+    pinhole = fx, fy, cx, cy = pinhole_of(matrix, _matrix(matrix, 9))
     distortion, size = top.find(*distortions), _size(top)
     pixels = request.pixels if size is None else (size[0].count(), size[1].count())
-    across, down = centre if pixels is None else (max(c, n - c) for c, n in zip(centre, pixels, strict=True))
-    slope = math.hypot(across / focal_lengths[0], down / focal_lengths[1])
+    across, down = (cx, cy) if pixels is None else (max(cx, pixels[0] - cx), max(cy, pixels[1] - cy))
     if distortion is None and _stated_kind(top, request) == "fisheye":
         raise top.fail(
             "a fisheye lens is declared, but no distortion coefficients are given under any of the known keys, such as "
             "distortion_coefficients, or D1 and D2 of a pair; rename their key, or write zeros"
         )
+    slope = math.hypot(across / fx, down / fy)
     model, coefficients = ("rational", {}) if distortion is None else _lens(top, distortion, slope, request)
-    keys = {"focal_lengths": matrix.key, "centre": matrix.key}
-    camera = ImportedCamera(
-        name=name,
-        focal_lengths=focal_lengths,
-        centre=centre,
+    return checked_camera(
+        name,
+        pinhole,
+        model,
+        coefficients,
+        matrix=matrix,
+        lens=distortion or matrix,
+        size=size,
         pixels=pixels,
-        lens_model=model,
-        coefficients=coefficients,
-        conventions=(
-            origin_of_pixels(matrix),
-            Convention(name="lens model", says=_LENS_WORDS[model], key=(distortion or matrix).key),
-        ),
-        keys={
-            **keys,
-            "pixels": matrix.key if size is None else size[0].key,
-            "coefficients": (distortion or matrix).key,
-        },
+        says=_LENS_WORDS[model],
+        fisheye="" if request.lens_model == "pinhole" else "give lens_model: fisheye beside from:",
     )
-    fisheye = "" if request.lens_model == "pinhole" else "give lens_model: fisheye beside from:"
-    return check_lens(camera, distortion or matrix, fisheye)
 
 
 _LENS_WORDS: Final = {"rational": "pinhole, OpenCV's order k1 k2 p1 p2 k3 …", "kannala-brandt": "fisheye, k1 to k4"}
@@ -272,11 +263,8 @@ def _size(top: Located) -> tuple[Located, Located] | None:
         return None
     data = both.find("data")  # of a matrix with both numbers
     if isinstance(both.entry, ListEntry) or data is not None:
-        items = tuple((data or both).items())
         both.use()
-        if len(items) != 2:
-            raise both.fail(f"{len(items)} values are given; width and height are expected")
-        return items[0], items[1]
+        return (data or both).pair()
     return both.need("width"), both.need("height")
 
 
@@ -306,22 +294,16 @@ def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
     cameras = []
     for side, name in enumerate(("P1", "P2")):
         value = holder.need(name)
-        focal_lengths, centre = pinhole_of(value, _matrix(value, 12))
         cameras.append(
-            ImportedCamera(
-                name=f"camera {side + 1}",
-                focal_lengths=focal_lengths,
-                centre=centre,
-                pixels=request.pixels if size is None else (size[0].count(), size[1].count()),
-                lens_model="rational",
-                coefficients={},
-                conventions=(origin_of_pixels(value),),
-                keys={
-                    "focal_lengths": value.key,
-                    "centre": value.key,
-                    "pixels": value.key if size is None else size[0].key,
-                    "coefficients": value.key,
-                },
+            checked_camera(
+                f"camera {side + 1}",
+                pinhole_of(value, _matrix(value, 12)),
+                "rational",
+                {},
+                matrix=value,
+                lens=value,
+                size=size,
+                pixels=request.pixels,
             )
         )
     value = holder.need("P2")
@@ -347,7 +329,7 @@ def translation_of_projection(value: Located, numbers: tuple[float, ...]) -> Flo
         P is not a projection matrix, or too large.
     """
     matrix = np.array(numbers, dtype=np.float64).reshape(3, 4)
-    (fx, fy), (cx, cy) = pinhole_of(value, numbers)
+    fx, fy, cx, cy = pinhole_of(value, numbers)
     along = matrix[2, 3]
     with np.errstate(over="ignore", invalid="ignore"):
         moved: FloatArray = np.array([(matrix[0, 3] - cx * along) / fx, (matrix[1, 3] - cy * along) / fy, along])

@@ -16,13 +16,14 @@ from tradestudy.cameras.imported import (
     ImportedCamera,
     ImportedPlenoptic,
     ImportedRig,
+    LensModelName,
     Rotation,
     Vector,
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_families import FAMILIES
-from tradestudy.study.camera_files.located import Located
+from tradestudy.study.camera_files.located import PIXEL_ORIGIN, Located
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 
 _ORTHOGONALITY: Final = 5e-4  # allows for files with four digits
@@ -57,7 +58,7 @@ def rotation_of(value: Located, numbers: tuple[float, ...]) -> FloatArray:
     return nearest
 
 
-def pinhole_of(value: Located, numbers: tuple[float, ...]) -> tuple[tuple[float, float], tuple[float, float]]:
+def pinhole_of(value: Located, numbers: tuple[float, ...]) -> tuple[float, float, float, float]:
     """Focal lengths and principal point [px] of a camera matrix (3 × 3 or the left part of 3 × 4).
 
     Raises
@@ -73,9 +74,14 @@ def pinhole_of(value: Located, numbers: tuple[float, ...]) -> tuple[tuple[float,
         raise value.fail("not a camera matrix; [fx 0 cx; 0 fy cy; 0 0 1] is expected")
     if skew != 0.0:
         raise value.fail(f"the pixels have a skew of {skew:g}; only 0 is supported")
+    return pinhole(value, float(fx), float(fy), float(cx), float(cy))
+
+
+def pinhole(value: Located, fx: float, fy: float, cx: float, cy: float) -> tuple[float, float, float, float]:
+    """Focal lengths and principal point [px]; refused unless the focal lengths are positive."""
     if not (fx > 0.0 and fy > 0.0):
         raise value.fail(f"the focal lengths are {fx:g} and {fy:g} px; positive ones are expected")
-    return (float(fx), float(fy)), (float(cx), float(cy))
+    return fx, fy, cx, cy
 
 
 def rigid_of(value: Located, numbers: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
@@ -276,35 +282,81 @@ def _check_orientation(rotation: FloatArray, second: str, first: str, at: Locate
         )
 
 
-def check_lens(
-    camera: ImportedCamera,
-    value: Located,
+def checked_camera(
+    name: str,
+    pinhole: tuple[float, float, float, float],
+    lens_model: LensModelName,
+    coefficients: Mapping[str, float],
+    *,
+    matrix: Located,
+    lens: Located,
+    size: Located | tuple[Located, Located] | None,
+    pixels: tuple[int, int] | None = None,
+    says: str = "",
+    named: Located | None = None,
+    conventions: tuple[Convention, ...] = (),
     fisheye: str = "name the model equidistant in the file, or give lens_model: fisheye beside from:",
 ) -> ImportedCamera:
-    """The camera, refused if its coefficients cannot belong to its lens model.
+    """One camera of a file, refused if its values cannot belong to a camera with its lens model.
 
-    ``fisheye`` says how to declare a fisheye lens; empty if the study declares that the lens is none.
+    Parameters
+    ----------
+    name
+        Name of the camera.
+    pinhole
+        Focal lengths and principal point, f_x, f_y, c_x, c_y [px].
+    lens_model, coefficients
+        Family of the lens and its coefficients.
+    matrix, lens
+        Where the file gives the pinhole and the coefficients.
+    size, pixels
+        Where the file gives columns and rows of the pictures; if it does not, those that the study gives.
+    says, named
+        The lens model in the words of the format, and where the file names it; empty if it names none.
+    conventions
+        Further conventions of the file.
+    fisheye
+        How to declare a fisheye lens; empty if the study declares that the lens is none.
 
     Raises
     ------
     CameraFileError
         A coefficient lies outside its range, or a fisheye lens is labelled as a pinhole.
     """
-    if camera.lens_model in FAMILIES:
+    if lens_model in FAMILIES:
         try:
-            FAMILIES[camera.lens_model](**camera.coefficients)
+            FAMILIES[lens_model](**coefficients)
         except OutOfRangeError as error:
-            raise value.fail(str(error)) from None
-    if camera.lens_model != "rational" or not fisheye:
-        return camera
-    for name in ("p1", "p2"):
-        shift = camera.coefficients.get(name, 0.0)
+            raise lens.fail(str(error)) from None
+    for coefficient in ("p1", "p2") if lens_model == "rational" and fisheye else ():
+        shift = coefficients.get(coefficient, 0.0)
         if abs(shift) > _LARGEST_TANGENTIAL:
-            raise value.fail(
-                f"{name} = {shift:g} is too large for tangential distortion (below {_LARGEST_TANGENTIAL:g}); the "
-                f"coefficients are probably k1 to k4 of a fisheye lens: {fisheye}"
+            raise lens.fail(
+                f"{coefficient} = {shift:g} is too large for tangential distortion (below {_LARGEST_TANGENTIAL:g}); "
+                f"the coefficients are probably k1 to k4 of a fisheye lens: {fisheye}"
             )
-    return camera
+    if size is not None:
+        width, height = size.pair() if isinstance(size, Located) else size
+        pixels = (width.count(), height.count())
+    return ImportedCamera(
+        name=name,
+        focal_lengths=pinhole[:2],
+        centre=pinhole[2:],
+        pixels=pixels,
+        lens_model=lens_model,
+        coefficients=coefficients,
+        conventions=(
+            Convention(name="origin of pixels", says=PIXEL_ORIGIN, key=matrix.key),
+            *((Convention(name="lens model", says=says, key=(named or lens).key),) if says else ()),
+            *conventions,
+        ),
+        keys={
+            "focal_lengths": matrix.key,
+            "centre": matrix.key,
+            "pixels": (size if isinstance(size, Located) else (size or (matrix,))[0]).key,
+            "coefficients": lens.key,
+        },
+    )
 
 
 def _folding(camera: ImportedCamera) -> str:

@@ -16,11 +16,10 @@ from tradestudy.study.camera_files.located import (
     Request,
     UnsupportedLensError,
     coefficients_of,
-    origin_of_pixels,
     shortest_coefficients,
 )
 from tradestudy.study.camera_files.opencv import translation_of_projection
-from tradestudy.study.camera_files.pairs import UNUSUAL_SIGN, check_lens, paired, pinhole_of, rotation_of
+from tradestudy.study.camera_files.pairs import UNUSUAL_SIGN, checked_camera, paired, pinhole_of, rotation_of
 from tradestudy.study.document import ListEntry
 
 _MODELS: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
@@ -178,32 +177,21 @@ def _camera(top: Located, request: Request) -> ImportedCamera:
     """One camera: the raw one by K and D, or the rectified one by P."""
     is_rectified = request.pictures == "rectified"
     matrix = top.need(*(_PROJECTION if is_rectified else _MATRIX))
-    focal_lengths, centre = pinhole_of(matrix, _numbers(matrix, 12 if is_rectified else 9))
+    pinhole = pinhole_of(matrix, _numbers(matrix, 12 if is_rectified else 9))
     distortion = top.need(*_DISTORTION)
     model, coefficients = ("rational", {}) if is_rectified else _lens(top, distortion, request)
-    across, down = top.need("image_width", "width"), top.need("image_height", "height")
     named = top.find("camera_name")
-    camera = ImportedCamera(
-        name=top.file.path.stem if named is None else named.text(),
-        focal_lengths=focal_lengths,
-        centre=centre,
-        pixels=(across.count(), down.count()),
-        lens_model=model,
-        coefficients=coefficients,
-        conventions=(
-            origin_of_pixels(matrix),
-            Convention(name="lens model", says="none: rectified" if is_rectified else model, key=distortion.key),
-        ),
-        keys={
-            "focal_lengths": matrix.key,
-            "centre": matrix.key,
-            "pixels": across.key,
-            "coefficients": distortion.key,
-        },
+    return checked_camera(
+        top.file.path.stem if named is None else named.text(),
+        pinhole,
+        model,
+        coefficients,
+        matrix=matrix,
+        lens=distortion,
+        size=(top.need("image_width", "width"), top.need("image_height", "height")),
+        says="none: rectified" if is_rectified else model,
+        **({"fisheye": ""} if request.lens_model == "pinhole" else {}),
     )
-    if request.lens_model == "pinhole":
-        return check_lens(camera, distortion, "")
-    return check_lens(camera, distortion)
 
 
 def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensModelName, dict[str, float]]:
