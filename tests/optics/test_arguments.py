@@ -47,13 +47,13 @@ def test_a_wrong_type_raises_by_name(name: str, call: Callable[..., Any], argume
     [
         (lambda: optics.point_spread(**LENS, pupil={8: 0.1}), "pupil must be a Pupil or None, not {8: 0.1}"),  # type: ignore[arg-type]
         (
-            lambda: optics.MicrolensCamera(**CAMERA | {"odd_pixels": True}),  # type: ignore[arg-type]
+            lambda: optics.MicrolensCamera(**CAMERA | {"odd_pixels": True}),
             "odd_pixels must be 2 values, (a, b), not True",
         ),
-        (lambda: optics.point_spread(50e-3, 8.0), "point_spread() takes 0 positional arguments but 2 were given"),  # type: ignore[misc]
+        (lambda: optics.point_spread(50e-3, 8.0), "point_spread() takes 0 positional arguments but 2 were given"),  # type: ignore[call-arg]
         (
             lambda: optics.microlens_image(
-                optics.MicrolensCamera(**CAMERA),  # type: ignore[arg-type]
+                optics.MicrolensCamera(**CAMERA),
                 optics.PointSource(distance=0.5),
                 wavelength=550e-9,
                 legs="kirchhoff",  # type: ignore[arg-type]
@@ -105,7 +105,7 @@ def test_python_names_a_missing_argument() -> None:
         optics.point_spread(focal_length=50e-3, wavelength=550e-9)  # type: ignore[call-arg]
 
 
-CAMERA = {
+CAMERA: dict[str, Any] = {
     "focal_length": 2e-3,
     "f_number": 8,
     "array_distance": 2.5e-3,
@@ -137,11 +137,11 @@ IMPOSSIBLE: dict[str, Callable[[], object]] = {
     "pitch that is not a number": lambda: optics.pixel_shares(SPOT, pitch=np.nan, corner=(0.0, 0.0), shape=(1, 1)),
     "too many pixels": lambda: optics.pixel_shares(SPOT, pitch=1e-9, corner=(0.0, 0.0), shape=(10**7, 10**7)),
     "angle in degrees": lambda: optics.full_width_at_half_maximum(SPOT, angle=90.0),
-    "waves as metres": lambda: optics.point_spread(**LENS, pupil=optics.Pupil(zernikes={8: 0.1})),  # type: ignore[arg-type]
+    "waves as metres": lambda: optics.point_spread(**LENS, pupil=optics.Pupil(zernikes={8: 0.1})),
     "radial and azimuthal order as Noll's index": lambda: optics.noll_order((3, 1)),  # type: ignore[arg-type]
     "waves in words": lambda: optics.Pupil.from_waves({8: "0.1"}, wavelength=550e-9),  # type: ignore[dict-item]
-    "gap behind the array": lambda: optics.MicrolensCamera(**CAMERA | {"gap": -0.1e-3}),  # type: ignore[arg-type]
-    "pixel pitch in micrometres": lambda: optics.MicrolensCamera(**CAMERA | {"pixel_pitch": 4}),  # type: ignore[arg-type]
+    "gap behind the array": lambda: optics.MicrolensCamera(**CAMERA | {"gap": -0.1e-3}),
+    "pixel pitch in micrometres": lambda: optics.MicrolensCamera(**CAMERA | {"pixel_pitch": 4}),
     "infinite angle": lambda: optics.full_width_at_half_maximum(SPOT, angle=np.inf),
     "unequal frequencies": lambda: optics.modulation_transfer(SPOT, frequency_x=np.zeros(3), frequency_y=np.zeros(2)),
     "no wavelength": lambda: optics.FresnelKernel(wavelength=0.0),

@@ -226,7 +226,7 @@ class Spot:
 
     def lights(self, places: Sequence[Place]) -> Iterator[PointLight]:
         """Follow source points side by side; yielded one by one, so that few fine grids are held at once."""
-        shared = self.tables.at(places) if self.tables else {}
+        shared = self.tables.at(list(places)) if self.tables else {}
         with ThreadPoolExecutor(POINTS_AT_ONCE) as pool:
             yield from pool.map(lambda at: _point_light(self, at, shared.get(at)), places)
 
