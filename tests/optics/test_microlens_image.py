@@ -12,7 +12,7 @@ from tests.cameras.builders import r5
 from tests.optics.small_chain import relative
 from tradestudy import optics
 from tradestudy.errors import NotConvergedError, OutOfRangeError, TradestudyError, UnaffordableError
-from tradestudy.optics import refined_image as module
+from tradestudy.optics import microlens_camera as module
 from tradestudy.optics.chain.arriving_light import blur_radius
 from tradestudy.optics.chain.lit_part import array_reach
 
@@ -269,7 +269,7 @@ def test_a_dark_microlens_and_a_giant_coherent_disc_are_refused() -> None:
     giant = optics.DiscSource(diameter=1e12, distance=1e15, coherent=True)
     with pytest.raises(UnaffordableError, match="coherent disc"):
         module.microlens_image(CAMERA, giant, wavelength=WAVELENGTH)
-    with pytest.raises(OutOfRangeError, match="source"):
+    with pytest.raises(TypeError, match="source"):
         CAMERA.light_path("x", wavelength=WAVELENGTH)  # type: ignore[arg-type]  # wrong on purpose
 
 

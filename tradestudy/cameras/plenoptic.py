@@ -245,10 +245,9 @@ class PlenopticCamera(DepthCamera):
         field curvature: it moves images near the array as in the design. Positions are those of the light, upside
         down compared with the picture.
         """
-        from tradestudy.optics.microlens_camera import (
-            FocalLengths,
-            MicrolensCamera,  # reading a study does not need it
-        )
+        # Reading a study does not need them.
+        from tradestudy.optics.microlens_camera import MicrolensCamera
+        from tradestudy.optics.propagation.lens import FocalLengths
 
         f, z, corner = self.main_lens.focal_length, self.geometry.mla_distance, self.sensor.diagonal / 2.0
         height = corner * np.linspace(0.0, 1.0, _FIELD_PLACES)

@@ -22,7 +22,7 @@ from tradestudy.optics.chain import (
     square_centres,
 )
 from tradestudy.optics.lens_point_spread import LensPointSpread, point_spread
-from tradestudy.optics.microlens_camera import FocalLengths, MicrolensCamera
+from tradestudy.optics.microlens_camera import MicrolensCamera, microlens_image
 from tradestudy.optics.propagation import (
     ApertureField,
     ApertureSamples,
@@ -38,9 +38,9 @@ from tradestudy.optics.propagation import (
     aperture_field,
     propagate_samples,
 )
+from tradestudy.optics.propagation.lens import FocalLengths
 from tradestudy.optics.propagation.pupil import Pupil, noll_order
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, rectangle_nodes
-from tradestudy.optics.refined_image import microlens_image
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread, as_point_spread
 from tradestudy.optics.spread_metrics import (
     diffraction_limited_peak,

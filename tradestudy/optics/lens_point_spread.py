@@ -14,17 +14,19 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arguments import check_angle, checked
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lateral_resolution import FIRST_DARK_RING
-from tradestudy.optics.microlens_camera import FocalLengths, focal_length_for, reference_focal_length
 from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
 from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import (
     AS_AT_INFINITY,
     CircularLens,
+    FocalLengths,
     LensPhase,
     LensWave,
     Obliquity,
     PointSource,
     finite_image_distance,
+    focal_length_for,
+    reference_focal_length,
 )
 from tradestudy.optics.propagation.pupil import Pupil
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method
