@@ -1,13 +1,9 @@
-"""The place of a pydantic error in a study file and in the schema.
-
-pydantic locates an error by keys and positions mixed with labels of the union members that it tried. Walking along the
-types distinguishes them, and ends at the model that knows which keys are legal.
-"""
+"""Validation of a document: all mistakes at once, each with its place, what is expected and the nearest name."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
@@ -42,74 +38,9 @@ _LABEL = re.compile(
 _KEY = "[key]"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Alignment:
-    """The place of an error.
-
-    Parameters
-    ----------
-    path
-        Keys and positions in the document.
-    members
-        For each union along the path, the member that the error is about: the union's path and the member's label.
-    owner
-        The innermost model along the path, which should contain the last key.
-    of_key
-        Whether the error is about the last key itself, not about its value.
-    kind
-        The type of the value at the path.
-    """
-
-    path: Path
-    members: tuple[tuple[Path, str], ...]
-    owner: type[BaseModel] | None
-    of_key: bool
-    kind: Any
-
-
-def align(model: type[BaseModel], location: tuple[str | int, ...]) -> Alignment:
-    """Follow an error's location through a model."""
-    kind: Any = model
-    path: Path = ()
-    members: list[tuple[Path, str]] = []
-    owner: type[BaseModel] | None = None
-    rest = list(location)
-    while rest:
-        kind = _bare(kind)
-        if get_origin(kind) in (Union, UnionType):
-            members_of_kind = [_bare(member) for member in get_args(kind) if member is not NoneType]
-            if len(members_of_kind) > 1 and _is_label(rest[0], members_of_kind):
-                label = str(rest.pop(0))
-                members.append((path, label))
-                kind = _chosen(label, members_of_kind, rest)
-            else:
-                kind = _chosen("", members_of_kind, rest)
-            continue
-        step = rest.pop(0)
-        if step == _KEY:
-            return Alignment(path=path, members=tuple(members), owner=owner, of_key=True, kind=kind)
-        path = (*path, step)
-        owner = kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
-        kind = _below(kind, step)
-    return Alignment(path=path, members=tuple(members), owner=owner, of_key=False, kind=_bare(kind))
-
-
 def key_names(model: type[BaseModel]) -> list[str]:
     """List the keys that a model knows, as a file spells them."""
     return [field.alias or name for name, field in model.model_fields.items()]
-
-
-def key_meaning(model: type[BaseModel] | None, key: str) -> str:
-    """The first sentence of a key's description, without its full stop."""
-    fields = model.model_fields if model else {}
-    words = next((field.description or "" for name, field in fields.items() if key in (name, field.alias)), "")
-    return words.split(". ")[0].removesuffix(".")
-
-
-def value_schema(model: type[BaseModel] | None, key: str) -> dict[str, Any]:
-    """The JSON Schema of a key's value, without references to other parts; empty if the model has no such key."""
-    found: dict[str, Any] = model.model_json_schema().get("properties", {}).get(key, {}) if model else {}
-    return found
 
 
 def tags(kind: Any, discriminator: str) -> list[str]:
@@ -132,12 +63,6 @@ def keys_of_value(kind: Any) -> list[str]:
         return []
     required = [field.alias or name for name, field in kind.model_fields.items() if field.is_required()]
     return required or key_names(kind)
-
-
-def keys_of_part(model: type[BaseModel] | None, key: str) -> list[str]:
-    """List the keys of the part under a model's key; none if the value there is not a part."""
-    kind = _bare(_below(model, key))
-    return keys_of_value(kind) if _is_model(kind) else []
 
 
 def _bare(kind: Any) -> Any:
@@ -244,7 +169,12 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     try:
         valid = model.model_validate(document.tree)
     except ValidationError as error:
-        details = [detail for detail in error.errors(include_url=False) if not _is_broken(document, detail["loc"])]
+        # Errors inside a part that could not be assembled merely follow from that.
+        details = [
+            detail
+            for detail in error.errors(include_url=False)
+            if document.broken.isdisjoint(detail["loc"][:length] for length in range(len(detail["loc"]) + 1))
+        ]
         found = [_Finding.of(detail, document, model) for detail in details[:MOST_MISTAKES]]
         problems = _problems(document, model, found)
         if len(details) > MOST_MISTAKES:
@@ -273,58 +203,98 @@ def _is_same(found: Problem, reported: Problem) -> bool:
     return not shorter or f"{longer}.".startswith((f"{shorter}.", f"{shorter}["))
 
 
-def _is_broken(document: Document, location: Path) -> bool:
-    """Whether an error merely follows from a part that could not be assembled."""
-    return any(location[:length] in document.broken for length in range(len(location) + 1))
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Finding:
-    """An error of pydantic, aligned with the document."""
+    """An error of pydantic, aligned with the study file and with the schema.
 
-    details: Any
-    alignment: Alignment
+    Parameters
+    ----------
+    kind, context, text
+        Type of the error, what it depends on, and pydantic's message.
+    path, entry
+        Keys and positions in the document, and what is there.
+    members
+        For each union along the path, the member that the error is about: the union's path and the member's label.
+    owner
+        The innermost model along the path, which should contain the last key.
+    of_key
+        Whether the error is about the last key itself, not about its value.
+    expected
+        The type of the value at the path.
+    """
+
+    kind: str
+    context: Mapping[str, Any]
+    text: str
+    path: Path
     entry: Entry | None
+    members: tuple[tuple[Path, str], ...]
+    owner: type[BaseModel] | None
+    of_key: bool
+    expected: Any
 
     @classmethod
     def of(cls, details: Any, document: Document, model: type[BaseModel]) -> _Finding:
-        alignment = align(model, details["loc"])
-        return cls(details=details, alignment=alignment, entry=document.entry(alignment.path))
+        """Follow an error's location through a model.
 
-    @property
-    def path(self) -> Path:
-        return self.alignment.path
-
-    @property
-    def kind(self) -> str:
-        return str(self.details["type"])
-
-    @property
-    def context(self) -> dict[str, Any]:
-        return self.details.get("ctx") or {}
-
-    def is_shape(self) -> bool:
-        """Whether the value has a different shape from the one tried."""
-        return self.kind in _SHAPES
-
-    def is_consequence(self) -> bool:
-        """Whether pydantic only counted fewer items because some of them were wrong."""
-        short = self.kind == "too_short" and isinstance(self.entry, ListEntry)
-        return short and len(self.entry.items) >= self.context["min_length"]  # type: ignore[union-attr]  # `short` implies it
+        pydantic locates it by keys and positions mixed with labels of the union members that it tried. Walking along
+        the types distinguishes them, and ends at the model that knows which keys are legal.
+        """
+        kind: Any = model
+        path: Path = ()
+        members: list[tuple[Path, str]] = []
+        owner: type[BaseModel] | None = None
+        rest = list(details["loc"])
+        while rest and rest[0] != _KEY:
+            kind = _bare(kind)
+            if get_origin(kind) in (Union, UnionType):
+                possible = [_bare(member) for member in get_args(kind) if member is not NoneType]
+                label = str(rest.pop(0)) if len(possible) > 1 and _is_label(rest[0], possible) else ""
+                if label:
+                    members.append((path, label))
+                kind = _chosen(label, possible, rest)
+                continue
+            step = rest.pop(0)
+            path = (*path, step)
+            owner = kind if _is_model(kind) else None
+            kind = _below(kind, step)
+        return cls(
+            kind=details["type"],
+            context=details.get("ctx") or {},
+            text=details["msg"],
+            path=path,
+            entry=document.entry(path),
+            members=tuple(members),
+            owner=owner,
+            of_key=bool(rest),
+            expected=_bare(kind),
+        )
 
 
 def _problems(document: Document, model: type[BaseModel], found: list[_Finding]) -> list[Problem]:
     """Turn findings into one problem for each place, from the likeliest member of each union."""
-    kept = [finding for finding in found if not finding.is_consequence()]
+    # pydantic counts only the items of a list that are right: too few may follow from wrong ones.
+    kept = [
+        finding
+        for finding in found
+        if not (finding.kind == "too_short" and isinstance(finding.entry, ListEntry))
+        or len(finding.entry.items) < finding.context["min_length"]
+    ]
+    ordered = sorted(_likeliest(kept), key=lambda one: ([*map(str, one.path)], one.kind != "value_error"))
     problems: list[Problem] = []
-    for path, group in groupby(sorted(_likeliest(kept), key=_order), key=lambda finding: finding.path):
+    for path, group in groupby(ordered, key=lambda finding: finding.path):
         findings = list(group)
         if (misnamed := _misnamed(document, path)) is not None:
             problems.append(misnamed)
         elif findings[0].kind == "missing":
             problems.append(_missing(document, findings[0]))
         elif findings[0].kind == "value_error" and isinstance(findings[0].context.get("error"), MistakeAt):
-            problems += _mistakes(document, findings)
+            problems += [
+                document.locate((*path, *single.tail)).problem((*path, *single.tail), single.what)
+                for finding in findings
+                if isinstance(mistake := finding.context.get("error"), MistakeAt)
+                for single in mistake.all
+            ]
         elif findings[0].kind == "extra_forbidden":
             problems.append(_unknown_key(document, model, findings[0]))
         else:
@@ -332,20 +302,18 @@ def _problems(document: Document, model: type[BaseModel], found: list[_Finding])
     return problems
 
 
-def _order(finding: _Finding) -> tuple[tuple[str, ...], bool]:
-    return tuple(str(step) for step in finding.path), finding.kind != "value_error"
-
-
 def _likeliest(findings: list[_Finding]) -> list[_Finding]:
     """Of the members tried in a union, keep those that match the shape of the written value."""
-    unions = sorted({path for finding in findings for path, _ in finding.alignment.members}, key=len)
+    unions = sorted({path for finding in findings for path, _ in finding.members}, key=len)
     for union in unions:
         by_label: dict[str, list[_Finding]] = {}
         for finding in findings:
-            for path, label in finding.alignment.members:
+            for path, label in finding.members:
                 if path == union:
                     by_label.setdefault(label, []).append(finding)
-        misshapen = {label for label, tried in by_label.items() if any(f.is_shape() and f.path == union for f in tried)}
+        misshapen = {
+            label for label, tried in by_label.items() if any(f.kind in _SHAPES and f.path == union for f in tried)
+        }
         if len(misshapen) < len(by_label):
             dropped = {id(finding) for label in misshapen for finding in by_label[label]}
             findings = [finding for finding in findings if id(finding) not in dropped]
@@ -372,9 +340,16 @@ def _missing(document: Document, finding: _Finding) -> Problem:
         return document.locate(above).problem(
             above, f"the list is too short; its value number {path[-1] + 1} is missing"
         )
-    owner = finding.alignment.owner
-    meaning = key_meaning(owner, path[-1])
-    expected = _expected_value(value_schema(owner, path[-1])) or _with_keys(keys_of_part(owner, path[-1]), "; ")
+    owner, key = finding.owner, path[-1]
+    meaning, expected = "", ""
+    if owner is not None:
+        fields = owner.model_fields.items()
+        words = next((field.description or "" for name, field in fields if key in (name, field.alias)), "")
+        meaning = words.split(". ")[0].removesuffix(".")  # its first sentence
+        below = _bare(_below(owner, key))
+        expected = _expected_value(owner.model_json_schema().get("properties", {}).get(key, {})) or _with_keys(
+            keys_of_value(below) if _is_model(below) else (), "; "
+        )
     what = f"this key is missing{f' ({meaning})' if meaning else ''}{expected}{' is expected' if expected else ''}"
     return document.locate(above).problem(path, what)
 
@@ -395,22 +370,12 @@ def _with_keys(keys: Sequence[str], before: str = "") -> str:
     return f"{before}a mapping with keys such as {some}" if keys else ""
 
 
-def _mistakes(document: Document, findings: Sequence[_Finding]) -> list[Problem]:
-    """Report the mistakes that the schema's validators found, each at its place."""
-    return [
-        document.locate((*finding.path, *single.tail)).problem((*finding.path, *single.tail), single.what)
-        for finding in findings
-        if isinstance(mistake := finding.context.get("error"), MistakeAt)
-        for single in mistake.all
-    ]
-
-
 def _unknown_key(document: Document, model: type[BaseModel], finding: _Finding) -> Problem:
     """Report an unknown key, and where the study has the same one, or one like it.
 
     A path of ``--set`` may start with a camera, so its first key may have meant one.
     """
-    path, owner = finding.path, finding.alignment.owner
+    path, owner = finding.path, finding.owner
     name, names = str(path[-1]), key_names(owner) if owner else []
     if owner is model and (same := _path_to(document, name)):
         return document.locate_key(path).problem(path, f"unknown key here; the study has '{dotted(same)}'")
@@ -445,7 +410,7 @@ def _cameras(document: Document) -> list[str]:
 def _wrong_value(document: Document, path: Path, findings: Sequence[_Finding]) -> Problem:
     """Report an invalid value or key."""
     first = findings[0]
-    if first.alignment.of_key:
+    if first.of_key:
         return document.locate_key(path).problem(path, _name_message(first))
     if first.kind in ("union_tag_invalid", "union_tag_not_found"):
         return _discriminator(document, first)
@@ -467,7 +432,7 @@ def _discriminator(document: Document, finding: _Finding) -> Problem:
         if _is_implied(finding.entry) and (cameras := _cameras(document)) and finding.path[:-1] == ("cameras",):
             what = f"no camera is called '{finding.path[-1]}'; {_choice(cameras)} is expected"
             return document.locate(finding.path).problem(finding.path, what)
-        what = f"this key is missing; {_choice(tags(finding.alignment.kind, key))} is expected"
+        what = f"this key is missing; {_choice(tags(finding.expected, key))} is expected"
         return document.locate(finding.path).problem(path, what)
     known = re.findall(r"'([^']*)'", finding.context["expected_tags"])
     what = f"'{finding.context['tag']}' is unknown; {_choice(known)} is expected"
@@ -489,7 +454,7 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
         head, _, expected = text.rpartition("; ") if isinstance(context["error"], UnitError) else (text, "", "")
         return head, expected, ""
     if kind in _SHAPES:
-        keys = keys_of_value(finding.alignment.kind) if _SHAPES[kind] == "a mapping" else []
+        keys = keys_of_value(finding.expected) if _SHAPES[kind] == "a mapping" else []
         scalar = isinstance(finding.entry, ScalarEntry)
         example = f", for example {{{_SPREAD}: {shown.strip(chr(39))}}}," if _SPREAD in keys and scalar else ""
         return f"{shown} is given", (_with_keys(keys) or _SHAPES[kind]) + example, ""
@@ -504,7 +469,8 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
         return f"{shown} is out of range", f"{words} {limit if isinstance(limit, int) else f'{limit:g}'}", ""
     if kind in ("too_short", "too_long"):
         bound, words = ("min_length", "at least") if kind == "too_short" else ("max_length", "at most")
-        count = len(finding.entry.items) if isinstance(finding.entry, ListEntry) else len(list(_members(finding.entry)))
+        entry = finding.entry
+        count = len(entry.items if isinstance(entry, ListEntry) else getattr(entry, "members", ()))
         here = "1 value is given" if count == 1 else f"{count} values are given"
         return here, f"{words} {context[bound]} {'is' if context[bound] == 1 else 'are'} expected", ""
     if kind == "string_too_short":
@@ -513,11 +479,7 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
         return "the text is too long", f"at most {context['max_length']} characters are expected", ""
     if kind == "string_pattern_mismatch":
         return f"{shown} is not a valid name", _NAME, ""
-    return str(finding.details["msg"]), "", ""
-
-
-def _members(entry: Entry | None) -> Iterable[str]:
-    return entry.members if isinstance(entry, MappingEntry) else ()
+    return finding.text, "", ""
 
 
 def _choice(names: Sequence[str]) -> str:
