@@ -15,6 +15,7 @@ from tradestudy.calibration.corners.view_blocks import (
     camera_blocks,
     first_values,
     pair_blocks,
+    right_centre,
     shared_names,
 )
 from tradestudy.calibration.laplace import covariance_from_information, triangular_factor
@@ -94,12 +95,6 @@ class PairFit(_Fit):
     """
 
     shared: FloatArray
-
-    @property
-    def right_centre(self) -> FloatArray:
-        """Centre of the right camera in the left camera's frame, −Rᵀ t [m], shape (3,)."""
-        centre: FloatArray = -rotation_matrix(self.shared[ROTATION]).T @ self.shared[TRANSLATION]
-        return centre
 
     @property
     def baseline(self) -> float:
@@ -224,7 +219,7 @@ def check_rig(fit: PairFit) -> None:
             remedy="turn it upright; for 180°, replace right_x_px by the width of the picture − 1 − right_x_px, and "
             "right_y_px by its height − 1 − right_y_px",
         )
-    right, down, ahead = 1e3 * fit.right_centre
+    right, down, ahead = 1e3 * right_centre(fit.shared)
     place = f"the right camera lies {right:+.1f} mm to the right of the left one"
     if abs(right) < max(abs(down), abs(ahead)):
         raise CornerFileError(

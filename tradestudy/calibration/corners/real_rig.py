@@ -30,11 +30,12 @@ from tradestudy.calibration.corners.pair_residual import (
 from tradestudy.calibration.corners.view_blocks import (
     RELATIVE,
     ROTATION,
-    TRANSLATION,
+    both_pictures,
     cameras_of,
     first_values,
     motion_columns,
     pair_blocks,
+    right_centre,
     shared_names,
 )
 from tradestudy.calibration.laplace import covariance_from_information
@@ -122,14 +123,7 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
     by_right = project_with_jacobians(right, seen_right, lens.model, lens.free)[2] @ rotation_matrix(shared[ROTATION])
     shapes = warp_shapes(corners, lever)
     rows = [np.einsum("vnij,vj,vne->vnie", by, normal, shapes) for by in (by_left, by_right)]
-    return _in_block_order(rows[0], rows[1], corners)
-
-
-def _in_block_order(left: FloatArray, right: FloatArray, corners: StereoCorners) -> FloatArray:
-    """Rows of both pictures, each (V, N, 2, E), arranged as in `ViewBlocks`: left corners, then right corners."""
-    rows = [np.where(corners.present[..., None, None], side, 0.0) for side in (left, right)]
-    both = np.concatenate([side.reshape(len(side), -1, side.shape[-1]) for side in rows], axis=1)
-    return both if corners.noise is None else corners.noise.whiten(both)
+    return both_pictures(*rows, corners)
 
 
 _MOST_WEIGHTINGS = 10
@@ -167,8 +161,7 @@ def observe_pair(
 def points_midway(shared: FloatArray, z: FloatArray) -> FloatArray:
     """Points at distances z [m] in the left camera's frame, midway between the cameras and their axes, (D, 3)."""
     axis = rotation_matrix(shared[ROTATION])[2] + np.array([0.0, 0.0, 1.0])  # sum of both axes
-    centre = -rotation_matrix(shared[ROTATION]).T @ shared[TRANSLATION]
-    return np.concatenate([0.5 * centre[:2] + z[:, None] * axis[:2] / axis[2], z[:, None]], axis=-1)
+    return np.concatenate([0.5 * right_centre(shared)[:2] + z[:, None] * axis[:2] / axis[2], z[:, None]], axis=-1)
 
 
 def inverse_depth(

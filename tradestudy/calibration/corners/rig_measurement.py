@@ -15,6 +15,7 @@ from tradestudy.calibration.corners.view_blocks import (
     ROTATION,
     TRANSLATION,
     cameras_of,
+    right_centre,
     shared_names,
 )
 from tradestudy.calibration.projection import (
@@ -429,12 +430,6 @@ def _of_draws(errors: Errors, name: str) -> FloatArray:
     return value_of(errors, name).reshape(-1)
 
 
-def _right_centre(rigs: FloatArray) -> FloatArray:
-    """Centre of the right camera in the left camera's frame, −Rᵀ t [m], shape (..., 3)."""
-    centre: FloatArray = -(rotation_matrix(rigs[..., ROTATION]).swapaxes(-1, -2) @ rigs[..., TRANSLATION, None])[..., 0]
-    return centre
-
-
 def _posed(rigs: FloatArray, errors: Errors) -> FloatArray:
     """Rigs with the right camera moved and rotated by the errors of a stereo rig; see `cameras.stereo.pair`."""
     yaw, pitch, roll, longer, down, along = np.broadcast_arrays(*(_of_draws(errors, name) for name in _POSE))
@@ -444,7 +439,7 @@ def _posed(rigs: FloatArray, errors: Errors) -> FloatArray:
         @ rotation_matrix(np.stack([pitch, zero, zero], axis=-1))
         @ rotation_matrix(np.stack([zero, zero, roll], axis=-1))
     )
-    centre = _right_centre(rigs)
+    centre = right_centre(rigs)
     length = np.linalg.norm(centre, axis=-1, keepdims=True)
     direction = centre / length + np.stack([zero, np.tan(down), np.tan(along)], axis=-1)
     direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)

@@ -29,7 +29,7 @@ from tradestudy.calibration.corners.view_blocks import RELATIVE, cameras_of
 from tradestudy.calibration.projection import FreeLens
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lens_model import LensModel, Rational
+from tradestudy.optics.lens_model import Rational
 from tradestudy.wording import lens_in_words
 
 EXTENSIONS: Final[Sequence[tuple[str, ...]]] = (("k3",), ("p1", "p2"), ("k3", "p1", "p2"), ("s1", "s2", "s3", "s4"))
@@ -89,7 +89,9 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
     for names in EXTENSIONS if isinstance(lens.model, Rational) else ():
         if more := tuple(name for name in names if name not in lens.free):
             wider = FreeLens(model=lens.model, free=(*lens.free, *more))
-            start = _with_more(explained.shared, lens.model, more)
+            # The additional coefficients of both cameras start at their values in the model.
+            added, (left, right) = [getattr(lens.model, name) for name in more], cameras_of(explained.shared)
+            start = np.array([*left, *added, *right, *added, *explained.shared[RELATIVE]])
             other = _leave_one_out(fit, wider, start, explained.states, explained.lever, seen)
             found[lens_in_words(lens.model.name, wider.free)] = _compared(own, other, z)
     for other_lens in others:
@@ -142,13 +144,6 @@ def _slopes(lens: FreeLens, shared: FloatArray, deviation: FloatArray, seen: Flo
     step = _STEP * deviation
     up, down = (_read(lens, shared + sign * np.diag(step), seen) for sign in (1.0, -1.0))
     return np.asarray(((up - down) / (2.0 * step[:, None])).T)
-
-
-def _with_more(shared: FloatArray, model: LensModel, names: Sequence[str]) -> FloatArray:
-    """The parameters, with these coefficients of both cameras added at their values in the model."""
-    more = [getattr(model, name) for name in names]
-    left, right = cameras_of(shared)
-    return np.array([*left, *more, *right, *more, *shared[RELATIVE]])
 
 
 def _leave_one_out(

@@ -109,8 +109,8 @@ def camera_blocks(
     by_pose = by_points @ move_jacobian(poses, points)
     return ViewBlocks(
         residuals=_flat(image - predicted, present),
-        by_shared=_flat_rows(by_intrinsics, present),
-        by_pose=_flat_rows(by_pose, present),
+        by_shared=_flat(by_intrinsics, present),
+        by_pose=_flat(by_pose, present),
     )
 
 
@@ -141,23 +141,15 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     left_pose = move_jacobian(poses, points)
     right_by_relative = right_by_points @ move_jacobian(shared[RELATIVE], seen_left)
     right_by_pose = right_by_points @ rotation_matrix(shared[ROTATION]) @ left_pose
-    there = corners.present
-    whiten = (lambda values: values) if corners.noise is None else corners.noise.whiten
     none = np.zeros((*left_by_intrinsics.shape[:-1], len(shared) - len(of_left)))
     by_shared_left = np.concatenate([left_by_intrinsics, none], axis=-1)
     by_shared_right = np.concatenate(
         [np.zeros_like(right_by_intrinsics), right_by_intrinsics, right_by_relative], axis=-1
     )
     return ViewBlocks(
-        residuals=whiten(
-            np.concatenate([_flat(corners.left - left, there), _flat(corners.right - right, there)], axis=1)
-        ),
-        by_shared=whiten(
-            np.concatenate([_flat_rows(by_shared_left, there), _flat_rows(by_shared_right, there)], axis=1)
-        ),
-        by_pose=whiten(
-            np.concatenate([_flat_rows(left_by_points @ left_pose, there), _flat_rows(right_by_pose, there)], axis=1)
-        ),
+        residuals=both_pictures(corners.left - left, corners.right - right, corners),
+        by_shared=both_pictures(by_shared_left, by_shared_right, corners),
+        by_pose=both_pictures(left_by_points @ left_pose, right_by_pose, corners),
     )
 
 
@@ -184,22 +176,26 @@ def motion_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners
         [-cross_matrix(seen - centre) / lever, np.broadcast_to(np.eye(3), (*seen.shape[:-1], 3, 3))], axis=-1
     )
     by_points = project_with_jacobians(cameras_of(shared)[1], seen, corners.lens.model, corners.lens.free)[2]
-    right = _flat_rows(by_points @ twist, corners.present)
-    both = np.concatenate([np.zeros_like(right), right], axis=1)
-    return both if corners.noise is None else corners.noise.whiten(both)
+    right = by_points @ twist
+    return both_pictures(np.zeros_like(right), right, corners)
 
 
 def _flat(values: FloatArray, present: BoolArray | FloatArray) -> FloatArray:
-    """Coordinates of all corners in one row per view, weighted; zero where absent."""
-    weight = present[..., None]
-    return np.where(weight > 0.0, values * weight, 0.0).reshape(*values.shape[:-2], -1)
+    """Coordinates (V, N, 2) or their derivatives (V, N, 2, P) with all rows of a view together; zero where absent."""
+    weight = present.reshape(*present.shape, *[1] * (values.ndim - 2))
+    return np.where(weight > 0.0, values * weight, 0.0).reshape(len(present), -1, *values.shape[3:])
 
 
-def _flat_rows(values: FloatArray, present: BoolArray | FloatArray) -> FloatArray:
-    """Derivatives of all corners in one block per view, weighted; zero where absent."""
-    weight = present[..., None, None]
-    blanked = np.where(weight > 0.0, values * weight, 0.0)
-    return blanked.reshape(len(present), -1, values.shape[-1])
+def both_pictures(left: FloatArray, right: FloatArray, corners: StereoCorners) -> FloatArray:
+    """Rows of both pictures as in the `ViewBlocks` of a pair: left corners, then right corners, whitened."""
+    rows = np.concatenate([_flat(side, corners.present) for side in (left, right)], axis=1)
+    return rows if corners.noise is None else corners.noise.whiten(rows)
+
+
+def right_centre(shared: FloatArray) -> FloatArray:
+    """Centre of the right camera in the left camera's frame, −Rᵀ t [m], shape (..., 3)."""
+    turned = rotation_matrix(shared[..., ROTATION]).swapaxes(-1, -2) @ shared[..., TRANSLATION, None]
+    return np.asarray(-turned[..., 0])
 
 
 _FOCALS: Final = 12
