@@ -53,9 +53,9 @@ def test_pixels_saturate_at_the_full_well_or_the_last_number(gain: float | None,
     one = recording(gain, well)
     rng = np.random.default_rng(0)
     full = one.saturation_electrons
-    assert full == pytest.approx(min(well, 2**BITS * one.electrons_per_number - 200.0))
+    assert full == pytest.approx(min(well, 2**BITS * one.noise.step_electrons - 200.0))
     below, above = (
-        np.ptp(one.record(np.full(10_000, share * full), rng).astype(float) * one.electrons_per_number)
+        np.ptp(one.record(np.full(10_000, share * full), rng).astype(float) * one.noise.step_electrons)
         for share in (0.9, 1.3)
     )
     assert above < 0.25 * below  # no shot noise is left

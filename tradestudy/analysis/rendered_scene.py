@@ -13,7 +13,7 @@ from tradestudy.cameras.light_cones import Exposure
 from tradestudy.declarations.part import MistakeAt
 from tradestudy.imaging.models import Texture
 from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern, read_depths, read_picture
-from tradestudy.imaging.scenes.scene import DepthMapSurface, Plain, Rock, SceneSource, SurfaceSource
+from tradestudy.imaging.scenes.scene import DepthMapSurface, Rock, SceneSource, SurfaceSource
 from tradestudy.imaging.scenes.surfaces import Flat, Sphere
 from tradestudy.provenance import file_hash
 from tradestudy.study.schema.scene import (
@@ -50,12 +50,12 @@ def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> Scen
     surfaces: list[SurfaceSource] = []
     for number, one in enumerate(part.surfaces):
         if isinstance(one, PlanePart):
-            surfaces.append(Plain(surface=_plane(one, pattern)))
+            surfaces.append(_plane(one, pattern))
         elif isinstance(one, StairsPart):
-            surfaces += [Plain(surface=face) for face in _stairs(one, pattern)]
+            surfaces += _stairs(one, pattern)
         elif isinstance(one, SpherePart):
             sphere = Sphere(centre=(*one.centre, one.distance), radius=one.radius, pattern=pattern)
-            surfaces.append(Plain(surface=sphere))
+            surfaces.append(sphere)
         elif isinstance(one, RockPart):
             surfaces.append(
                 Rock(
@@ -82,7 +82,7 @@ def plane_across(distance: float, pattern: RandomPattern) -> SceneSource:
         size=(math.inf, math.inf),
         pattern=pattern,
     )
-    return SceneSource(surfaces=(Plain(surface=plane),), background=0.0)
+    return SceneSource(surfaces=(plane,), background=0.0)
 
 
 def pattern_of_scene(

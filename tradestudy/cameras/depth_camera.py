@@ -193,7 +193,8 @@ class DepthCamera(Camera):
     propagation: Propagation = LINEAR
 
     def __post_init__(self) -> None:
-        require_disparity_error(self.disparity_error_px)
+        if isinstance(self.disparity_error_px, float | int):  # a law checks itself
+            require_positive("disparity error", self.disparity_error_px, "px")
         require_positive("discrimination step", self.discrimination_step_px, "px")
 
     @property
@@ -388,12 +389,6 @@ def false_match_share(camera: DepthCamera, error_source: str = "both") -> float:
     """
     error = camera.disparity_error_px
     return 0.0 if isinstance(error, float | int) or error_source == "calibration" else error.false_matches
-
-
-def require_disparity_error(error: DisparityError) -> None:
-    """Refuse a declared error that is not a finite number above zero; a law checks itself."""
-    if isinstance(error, float | int):
-        require_positive("disparity error", error, "px")
 
 
 def declared_disparity_error(camera: DepthCamera) -> float:

@@ -70,9 +70,9 @@ def flat_picture(values: NDArray[Any], white: WhitePicture, recording: Recording
     """Flat-field recorded digital numbers or electrons; saturated and dim pixels become NaN."""
     noise = recording.noise
     if recording.is_digital:
-        electrons = values * recording.electrons_per_number - recording.black_level
+        electrons = values * noise.step_electrons - recording.black_level
         full = values >= 2**noise.bits - 1
-        rounding = recording.electrons_per_number / 2.0
+        rounding = noise.step_electrons / 2.0
     else:
         electrons = np.asarray(values, np.float64)
         full, rounding = np.zeros(electrons.shape, bool), 0.0
@@ -86,7 +86,7 @@ def flat_picture(values: NDArray[Any], white: WhitePicture, recording: Recording
     if "read" in recording.model:
         variance = variance + noise.read_noise_electrons**2
     if recording.is_digital:
-        variance = variance + recording.electrons_per_number**2 / 12.0
+        variance = variance + noise.step_electrons**2 / 12.0
     usable = bright & ~full
     flat = np.where(usable, white.electrons, np.nan)
     return FlatPicture(

@@ -130,7 +130,8 @@ def bounds_and_errors_px(
     for variant in variants:
         _require_possible(geometry, settings, variant.models)
     for chosen, along in _by_blur(geometry):
-        band = _band(geometry.at(chosen), settings, tuple(_rule(share * along) for share in (1.0, *_COARSER)))
+        rules = tuple(_rule(share * along) for share in (1.0, *_COARSER))
+        band = TextureBand(geometry=geometry.at(chosen), settings=settings, rules=rules)
         for k, variant in enumerate(variants):
             brighter = np.broadcast_to(variant.brighter, geometry.distance.shape)[chosen]
             found[k, 0, chosen], found[k, 1, chosen] = _value_and_error(band.passed(variant.models, brighter))
@@ -176,7 +177,15 @@ class WeighedPicture:
     @cached_property
     def _bands(self) -> tuple[tuple[IndexArray, TextureBand], ...]:
         return tuple(
-            (chosen, _band(self.geometry.at(chosen), self.settings, (_rule(along),), interpolated=self.interpolated))
+            (
+                chosen,
+                TextureBand(
+                    geometry=self.geometry.at(chosen),
+                    settings=self.settings,
+                    rules=(_rule(along),),
+                    interpolated=self.interpolated,
+                ),
+            )
             for chosen, along in _by_blur(self.geometry)
         )
 
@@ -198,12 +207,6 @@ def filled_share(geometry: PictureGeometry, settings: PictureSettings, models: P
     """Electrons of the brightest texture relative to the full well, over distance."""
     brightest = picture_electrons(geometry, settings, models) * (1.0 + _PEAK_CONTRAST * settings.texture.contrast)
     return np.asarray(brightest / settings.sensor_noise.full_well_electrons)
-
-
-def _band(
-    geometry: PictureGeometry, settings: PictureSettings, rules: tuple[BandNodes, ...], *, interpolated: bool = True
-) -> TextureBand:
-    return TextureBand(geometry=geometry, settings=settings, rules=rules, interpolated=interpolated)
 
 
 def _require_possible(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> None:

@@ -247,7 +247,7 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
     part = definition.file.cameras[taken.name]
     near, far = rendering.scene.extent
     values: dict[str, Any] = (
-        {"unit": "digital number", "electrons_per_number": recording.electrons_per_number}
+        {"unit": "digital number", "electrons_per_number": recording.noise.step_electrons}
         if recording.is_digital
         else {"unit": "electron"}
     )

@@ -72,9 +72,6 @@ class ImageStackFocus:
         if self.most_images < 1:
             raise OutOfRangeError("number of images in a focus stack", value=str(self.most_images), limit="at least 1")
 
-    def _at(self, focus_distance: float, name: str) -> SingleLensFocus:
-        return SingleLensFocus(lens=self.lens, focus_distance=focus_distance, sample_pitch=self.sample_pitch, name=name)
-
     def _planning_blur(self, criterion: BlurCriterion) -> tuple[float, str]:
         """The blur [m] left for defocus at the near end, where diffraction is widest, and the reason if it is zero."""
         f_number = image_distance(self.near, self.lens.focal_length) / self.lens.pupil_diameter
@@ -92,15 +89,20 @@ class ImageStackFocus:
             return np.array([self.near])
         return plan_focus_stack(self.near, self.far, images=count, **lens, blur_diameter=blur).focus_distances
 
-    def _images(self, criterion: BlurCriterion) -> list[SingleLensFocus]:
-        return self._stack(self.focus_distances(criterion))
-
     def _stack(self, focus_distances: FloatArray) -> list[SingleLensFocus]:
-        return [self._at(float(distance), f"image {number}") for number, distance in enumerate(focus_distances, 1)]
+        return [
+            SingleLensFocus(
+                lens=self.lens,
+                focus_distance=float(distance),
+                sample_pitch=self.sample_pitch,
+                name=f"image {number}",
+            )
+            for number, distance in enumerate(focus_distances, 1)
+        ]
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
         """The slices of the stack, each with the diffraction at its own focus."""
-        images = self._images(criterion)
+        images = self._stack(self.focus_distances(criterion))
         ranges = [image.sharp_range(criterion).slices for image in images]
         names = tuple(image.name for image in images)
         return sharp_range(names, ranges, self._planning_blur(criterion)[1])
@@ -142,7 +144,8 @@ class ImageStackFocus:
     @cached_property
     def _sharpest(self) -> list[SingleLensFocus]:
         """The stack planned for a geometric blur of one pixel, by which resolution is judged."""
-        return self._images(BlurCriterion(blur_px=1.0, measure="none", wavelength=1e-6))  # λ does not enter
+        one_pixel = BlurCriterion(blur_px=1.0, measure="none", wavelength=1e-6)  # λ does not enter
+        return self._stack(self.focus_distances(one_pixel))
 
     def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
         """Resolution of the best image at each distance, of the stack planned for one pixel of blur [m]."""

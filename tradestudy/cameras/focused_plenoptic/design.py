@@ -21,18 +21,17 @@ from tradestudy.cameras.depth_camera import (
 from tradestudy.cameras.depth_measurement import Environment, Errors, value_of
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
+    MicroImages,
     PlenopticEstimator,
     UsedLenses,
     effective_baseline,
     neighbour_distance,
-    relayed_picture,
-    require_choice,
     share_with_a_pair,
 )
 from tradestudy.cameras.focused_plenoptic.focus import NO_SCALING, DepthScaling, MicrolensTypesFocus
 from tradestudy.cameras.microlens_exposure import ArrayGeometry, MicrolensExposure, Observation, disparity_error
-from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
-from tradestudy.cameras.picture_geometry import PictureGeometry
+from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
+from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -45,6 +44,7 @@ from tradestudy.optics.microlens_coverage import (
 from tradestudy.optics.plenoptic_depth_of_field import inverse_focus_virtual_depth, relay_blur_diameter
 from tradestudy.optics.thin_lens import (
     focus_shift,
+    image_distance,
     microlens_object_distance,
     object_distance,
     object_distance_of_virtual_depth,
@@ -103,43 +103,6 @@ METHOD: Final = Method(
 )
 
 
-def properties_of(
-    lens: Lens,
-    array: MicrolensArray,
-    sensor: Sensor,
-    *,
-    mla_distance: float,
-    total_covering_plane: float,
-    virtual_depth_at_infinity: float,
-    depth_scaling: DepthScaling,
-) -> Properties:
-    """Distances, microlenses, coverage and field of view."""
-    at_infinity = math.isnan(total_covering_plane) and math.isclose(abs(virtual_depth_at_infinity), 2.0)
-    plane = math.inf if at_infinity else total_covering_plane
-    scaled = () if depth_scaling.is_identity else (("metric depth of the depth Z by eq. 8", depth_scaling.words),)
-    return (
-        *scaled,
-        ("distance from main lens to array, z", pretty(mla_distance, LENGTH, 5)),
-        ("microlens gap, b_L", pretty(array.gap, LENGTH, 4)),
-        ("microlens focal lengths, f_L", ", ".join(pretty(f, LENGTH, 4) for f in array.focal_lengths)),
-        ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-        ("microlens f-number, gap/pitch", pretty(array.gap / array.pitch, NUMBER, 4)),
-        ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
-        ("fill factor of the array", fill_factor(array)),
-        ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
-        (
-            "total covering plane, where |virtual depth| is 2",
-            "none" if math.isnan(plane) else pretty(plane, LENGTH, 4),
-        ),
-        (
-            "distances, exact for this lattice, at which two or more microlenses of any type see every point",
-            _covered(lens, array, mla_distance, depth_scaling),
-        ),
-        ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
-        ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
-    )
-
-
 def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scaling: DepthScaling) -> str:
     """Exact distances at which two microlenses of any type see every point, on both sides of the array.
 
@@ -168,80 +131,6 @@ def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scali
         elif not keplerian:
             return "everywhere"
     return " and ".join(found) or "nowhere"
-
-
-def relay_observation(
-    geometry: ArrayGeometry, baseline: ArrayLike, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike
-) -> Observation:
-    """The observation of a point by a camera that deviates from its design by ``errors``.
-
-    Two microlenses Δx apart relay the image at a_L in front of the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in absolute
-    coordinates on the detector).
-
-    Parameters
-    ----------
-    geometry
-        The design.
-    baseline
-        Δx [m]: distance between the two microlenses as designed.
-    errors
-        True minus designed values, by the names of `PLENOPTIC_ERRORS`, without pixel noise and without the scatter of
-        the microlens centres, which varies over the array.
-    x, y, z
-        The point [m] from the centre of the main lens; upright coordinates.
-
-    Returns
-    -------
-    Observation
-        Distance between the two micro-images, and their position. Exact for thin lenses; infinite where the main lens
-        images onto the array, NaN for points that it does not image.
-    """
-    place = geometry.place_of(errors, x, y, z)
-    a_L = geometry.microlens_object_distance(errors, place, z)
-    with np.errstate(divide="ignore"):  # an image on the array is a pole, documented above
-        apart = np.asarray(baseline) * _grid_scale(geometry, errors) * (1.0 + place.gap / a_L)
-    return apart, *place.on_sensor
-
-
-def relay_inverse_depth(
-    geometry: ArrayGeometry, baseline: ArrayLike, errors: Errors, seen: Observation
-) -> tuple[FloatArray, BoolArray]:
-    """The inverse depth that a calibration with ``errors`` computes: eq. 8 with coordinates on the detector.
-
-    ``Δσ = Δu cos φ + error − Δx``, ``a_L = b_L Δx/Δσ``, ``b = z − a_L``, ``1/a = (b − f)/(f b)``.
-
-    Parameters
-    ----------
-    geometry, baseline
-        The design.
-    errors
-        Calibrated minus designed values, by the names of `PLENOPTIC_ERRORS`.
-    seen
-        From `relay_observation`.
-
-    Returns
-    -------
-    inverse_depth
-        [1/m]. Beyond infinity it continues smoothly down to −1/f. A disparity of the wrong sign gives −1/f for a
-        Keplerian relay, and the front focal point (1/f) for a Galilean one. NaN where the estimator has no
-        microlenses.
-    valid
-        False where a calibrated length is not positive or the calibrated distortion has no inverse.
-    """
-    apart, seen_x, seen_y = seen
-    f, place = geometry.focal_length_with(errors), geometry.place_seen(errors, seen_x, seen_y)
-    spacing = np.asarray(baseline) * _grid_scale(geometry, errors)
-    sigma = apart * np.cos(value_of(errors, "array_rotation")) + disparity_error(errors) - spacing
-    shift = plenoptic_focus_shift(
-        sigma,
-        spacing,
-        mla_distance=place.flat_distance,
-        microlens_gap=place.gap * place.stretch,
-        focal_length=f,
-    )
-    inverse = np.maximum(shift, -f) / (f * (f + np.maximum(shift, 0.0)))
-    sign = np.sign(apart - np.asarray(baseline))  # 1 for a Keplerian relay, −1 for a Galilean one
-    return np.where(sigma * sign <= 0.0, -sign / f, inverse), place.valid & (spacing > 0.0)
 
 
 def _grid_scale(geometry: ArrayGeometry, errors: Errors) -> FloatArray:
@@ -298,7 +187,11 @@ class FocusedPlenoptic(PlenopticCamera):
     def __post_init__(self) -> None:
         require_positive("distance from main lens to microlens array", self.mla_distance)
         super().__post_init__()
-        require_choice(self.estimator, self.lenses)
+        only = LENSES_OF_PAIRS.get(self.estimator, self.lenses)
+        if self.lenses != only:
+            raise OutOfRangeError(
+                f"the estimator {self.estimator} has no choice of microlenses", value=self.lenses, limit=only
+            )
         if self.microlenses.pitch > self.sensor.width:
             raise OutOfRangeError(
                 "the sensor is smaller than one microlens",
@@ -440,17 +333,50 @@ class FocusedPlenoptic(PlenopticCamera):
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
         used, modelled = self.least_sharp_type(a), self.modelled_distance(a)
-        found = relayed_picture(
-            modelled,
-            self.main_lens,
-            self.microlenses,
-            self.sensor,
-            self.mla_distance,
-            estimator=self.estimator,
-            lenses=self.lenses,
-            radius_over_pitch=self.radius_over_pitch(a),
-            blur=np.take_along_axis(self.blur_px(a), used[np.newaxis], axis=0)[0] * self.sensor.pixel_pitch,
-            used_type=used,
+        array, pixel, z = self.microlenses, self.sensor.pixel_pitch, self.mla_distance
+        f, pupil = self.main_lens.focal_length, self.main_lens.pupil_diameter
+        image = image_distance(modelled, f)
+        relayed = np.asarray(microlens_object_distance(modelled, z, f))
+        # An image on the array is magnified infinitely: there is no picture.
+        relayed = np.where(relayed == 0.0, np.nan, relayed)
+        relay = array.gap / np.abs(relayed)
+        blur = np.take_along_axis(self.blur_px(a), used[np.newaxis], axis=0)[0] * pixel
+        microlens = LensStage(
+            aperture_diameter=array.aperture_diameter,
+            focal_length=np.asarray(array.focal_lengths)[used],
+            object_distance=relayed,
+            plane_distance=np.full_like(modelled, array.gap),
+            blur_diameter=np.where(np.isnan(relayed), np.nan, blur),
+            relay=np.ones_like(modelled),
+        )
+        micro_image = min(array.pitch, pupil * array.gap / z)
+        found = PictureGeometry(
+            distance=modelled,
+            magnification=image / modelled * relay,
+            sample_pitch=pixel,
+            sample_width=pixel,
+            sample_shape="square",
+            pixel_pitch=pixel,
+            compared=MicroImages(
+                estimator=self.estimator,
+                lenses=self.lenses,
+                array=array,
+                diameter_px=micro_image / pixel,
+                neighbours_apart_px=array.pitch * relay * image / z / pixel,
+                radius_over_pitch=self.radius_over_pitch(a),
+            ),
+            light_f_number=microlens.f_number,
+            pupil_diameter=pupil,
+            main_lens=LensStage(
+                aperture_diameter=pupil,
+                focal_length=np.full_like(modelled, f),
+                object_distance=modelled,
+                plane_distance=image,
+                blur_diameter=np.zeros_like(modelled),
+                relay=relay,
+            ),
+            microlens=microlens,
+            micro_image_diameter=micro_image,
         )
         if self.depth_scaling.is_identity:
             return found
@@ -481,12 +407,23 @@ class FocusedPlenoptic(PlenopticCamera):
         return self.geometry_at(self.mla_distance)
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
-        """Distance between the two micro-images of a point, and their position; see `relay_observation`."""
+        """Distance between the two micro-images of a point, and their position.
+
+        Two microlenses Δx apart relay the image at a_L in front of the array: ``Δu = Δx (1 + b_L/a_L)`` (eq. 4 in
+        absolute coordinates on the detector). Exact for thin lenses; infinite where the main lens images onto the
+        array, NaN for points that it does not image. Pixel noise and the scatter of the microlens centres, which varies
+        over the array, belong to `believe`.
+        """
         baseline = self.estimator_baseline(z)
         if not self.depth_scaling.is_identity:
             modelled = self.modelled_distance(z)
             x, y, z = (np.asarray(one) * (modelled / np.asarray(z)) for one in (x, y, z))  # along the ray
-        return relay_observation(self.geometry, baseline, errors, x, y, z)
+        geometry = self.geometry
+        place = geometry.place_of(errors, x, y, z)
+        a_L = geometry.microlens_object_distance(errors, place, z)
+        with np.errstate(divide="ignore"):  # an image on the array is a pole, documented above
+            apart = baseline * _grid_scale(geometry, errors) * (1.0 + place.gap / a_L)
+        return apart, *place.on_sensor
 
     def rescaled(self, seen: Observation, changed: Errors, scale: FloatArray) -> Observation:  # noqa: ARG002 - all is on the sensor
         """All three are lengths on the sensor, and the distance of the centres is that of the calibration."""
@@ -494,9 +431,28 @@ class FocusedPlenoptic(PlenopticCamera):
         return apart / scale, x / scale, y / scale
 
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Inverse depth by eq. 8 and the depth scaling; see `relay_inverse_depth`."""
-        inverse, valid = relay_inverse_depth(self.geometry, self.estimator_baseline(distance), errors, seen)
-        return self.depth_scaling.metric_inverse(inverse), valid
+        """Inverse depth by eq. 8 with coordinates on the detector, and by the depth scaling.
+
+        ``Δσ = Δu cos φ + error − Δx``, ``a_L = b_L Δx/Δσ``, ``b = z − a_L``, ``1/a = (b − f)/(f b)``. Beyond infinity,
+        it continues smoothly down to −1/f. A disparity of the wrong sign gives −1/f for a Keplerian relay, and the
+        front focal point (1/f) for a Galilean one. NaN where the estimator has no microlenses; invalid where a
+        calibrated length is not positive or the calibrated distortion has no inverse.
+        """
+        geometry, baseline, (apart, seen_x, seen_y) = self.geometry, self.estimator_baseline(distance), seen
+        f, place = geometry.focal_length_with(errors), geometry.place_seen(errors, seen_x, seen_y)
+        spacing = baseline * _grid_scale(geometry, errors)
+        sigma = apart * np.cos(value_of(errors, "array_rotation")) + disparity_error(errors) - spacing
+        shift = plenoptic_focus_shift(
+            sigma,
+            spacing,
+            mla_distance=place.flat_distance,
+            microlens_gap=place.gap * place.stretch,
+            focal_length=f,
+        )
+        inverse = np.maximum(shift, -f) / (f * (f + np.maximum(shift, 0.0)))
+        sign = np.sign(apart - baseline)  # 1 for a Keplerian relay, −1 for a Galilean one
+        inverse = np.where(sigma * sign <= 0.0, -sign / f, inverse)
+        return self.depth_scaling.metric_inverse(inverse), place.valid & (spacing > 0.0)
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Disparity of the two micro-images of a corner, and their position on the array."""
@@ -526,13 +482,29 @@ class FocusedPlenoptic(PlenopticCamera):
         return float(self.depth_scaling.metric(plane))
 
     def properties(self) -> Properties:
-        """Distances, microlenses, coverage and field of view; see `properties_of`."""
-        return properties_of(
-            self.main_lens,
-            self.microlenses,
-            self.sensor,
-            mla_distance=self.mla_distance,
-            total_covering_plane=self.total_covering_plane,
-            virtual_depth_at_infinity=float(self.virtual_depth(math.inf)),
-            depth_scaling=self.depth_scaling,
+        """Distances, microlenses, coverage and field of view."""
+        array, lens, sensor, scaling = self.microlenses, self.main_lens, self.sensor, self.depth_scaling
+        at_infinity, plane = float(self.virtual_depth(math.inf)), self.total_covering_plane
+        if math.isnan(plane) and math.isclose(abs(at_infinity), COVERING_VIRTUAL_DEPTH):
+            plane = math.inf
+        return (
+            *(() if scaling.is_identity else (("metric depth of the depth Z by eq. 8", scaling.words),)),
+            ("distance from main lens to array, z", pretty(self.mla_distance, LENGTH, 5)),
+            ("microlens gap, b_L", pretty(array.gap, LENGTH, 4)),
+            ("microlens focal lengths, f_L", ", ".join(pretty(f, LENGTH, 4) for f in array.focal_lengths)),
+            ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
+            ("microlens f-number, gap/pitch", pretty(array.gap / array.pitch, NUMBER, 4)),
+            ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
+            ("fill factor of the array", fill_factor(array)),
+            ("virtual depth at infinity", pretty(at_infinity, NUMBER, 4)),
+            (
+                "total covering plane, where |virtual depth| is 2",
+                "none" if math.isnan(plane) else pretty(plane, LENGTH, 4),
+            ),
+            (
+                "distances, exact for this lattice, at which two or more microlenses of any type see every point",
+                _covered(lens, array, self.mla_distance, scaling),
+            ),
+            ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+            ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
         )

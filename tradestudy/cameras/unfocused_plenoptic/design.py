@@ -8,6 +8,12 @@ in two views whose parts are Δu apart shifted by
 on the array, by similar triangles from the pupil through the image point. This is exactly a parallel stereo rig with
 baseline Δu and principal distance z whose disparities are relative to the plane of focus. One lateral sample is one
 microlens.
+
+With errors in all parameters: The two pixels of a pair of views lie N apart under every microlens, measured from the
+centre of its white image, which is the image of the exit pupil at a distance z_p in front of the array. A pixel at a
+distance o from that centre, under a microlens at x, looks along the slope ``o/b_L + x/z_p``. The rays of both views
+through an image at a_L in front of the array therefore meet the array d' apart, ``d' (1 − a_L/z_p) = N a_L/b_L``. The
+disparity is d = −d', positive for points nearer than the focus.
 """
 
 from __future__ import annotations
@@ -21,9 +27,9 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.depth_camera import Formula, Method, declared_disparity_error
-from tradestudy.cameras.depth_measurement import Errors
-from tradestudy.cameras.focus import BlurCriterion, SharpRange, SingleLensFocus
-from tradestudy.cameras.microlens_exposure import ArrayGeometry, Observation
+from tradestudy.cameras.depth_measurement import Errors, value_of
+from tradestudy.cameras.focus import SingleLensFocus
+from tradestudy.cameras.microlens_exposure import ArrayGeometry, Observation, PlaceOnArray, disparity_error
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
@@ -31,14 +37,9 @@ from tradestudy.cameras.unfocused_plenoptic.views import (
     ComparedViews,
     ViewEstimator,
     baseline_of_views,
-    between_known_centres,
-    views_inverse_depth,
-    views_observation,
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.depth_of_field import DiffractionMeasure
-from tradestudy.optics.lateral_resolution import LateralResolution
 from tradestudy.optics.plenoptic_depth_of_field import refocus_distance, view_pupil_diameter
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse
@@ -59,66 +60,6 @@ METHOD: Final = Method(
         ),
     ),
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class RefocusedViewsFocus:
-    """A lens as wide as the pupil of one view, with one lateral sample for each microlens.
-
-    Parameters
-    ----------
-    main_lens
-        The main lens.
-    focus_distance
-        a₀ [m]: the distance that is imaged onto the array.
-    view_pupil_diameter
-        Diameter of the part of the pupil that one pixel sees [m].
-    microlens_pitch
-        The lateral sample [m].
-    """
-
-    main_lens: Lens
-    focus_distance: float
-    view_pupil_diameter: float
-    microlens_pitch: float
-
-    mechanisms = 0
-
-    def __post_init__(self) -> None:
-        require_positive("pupil of a view", self.view_pupil_diameter)
-
-    @property
-    def _view(self) -> SingleLensFocus:
-        f = self.main_lens.focal_length
-        return SingleLensFocus(
-            lens=Lens(focal_length=f, f_number=f / self.view_pupil_diameter),
-            focus_distance=self.focus_distance,
-            sample_pitch=self.microlens_pitch,
-            name="refocused views",
-        )
-
-    def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """Depth of field of one view, with blur and diffraction of its small pupil in microlenses."""
-        return self._view.sharp_range(criterion)
-
-    def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
-        """See `depth_of_field_at_resolution`."""
-        return self._view.sharp_range_at_resolution(resolution, wavelength)
-
-    def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
-        """Always one: images are refocused by computation."""
-        return 1
-
-    def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
-        """``p a/z``, ``B |a − a₀|/a₀`` and ``1.22 λ a/B`` [m], p the microlens pitch and B the pupil of a view."""
-        return self._view.lateral_resolution(distance, wavelength)
-
-    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Width of the diffraction spot of one view's pupil on the array, times a/z [m].
-
-        A refocused image is the sum of the views, and no sharper than each of them.
-        """
-        return np.asarray(self._view.diffraction_width(distance, wavelength, measure))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,13 +181,18 @@ class UnfocusedPlenoptic(PlenopticCamera):
         return baseline_of_views(self.estimator, self.view_positions)
 
     @property
-    def focus(self) -> RefocusedViewsFocus:
-        """The range of refocusing, in which each view is sharp."""
-        return RefocusedViewsFocus(
-            main_lens=self.main_lens,
+    def focus(self) -> SingleLensFocus:
+        """The range of refocusing, in which each view is sharp: that of a lens as wide as the pupil of one view.
+
+        Its lateral sample is one microlens. An image refocused by computation is the sum of the views, and no sharper
+        than each of them.
+        """
+        f = self.main_lens.focal_length
+        return SingleLensFocus(
+            lens=Lens(focal_length=f, f_number=f / self.view_pupil_diameter),
             focus_distance=self.focus_distance,
-            view_pupil_diameter=self.view_pupil_diameter,
-            microlens_pitch=self.microlenses.pitch,
+            sample_pitch=self.microlenses.pitch,
+            name="refocused views",
         )
 
     def refocus_distance(self, shift: ArrayLike) -> FloatArray:
@@ -342,16 +288,50 @@ class UnfocusedPlenoptic(PlenopticCamera):
         return self.estimator_baseline * self.microlenses.gap / self.mla_distance
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
-        """Disparity of a point on the array, and its position; see `views_observation`."""
-        return views_observation(self.geometry, self.pixels_apart, errors, x, y, z)
+        """Disparity of a point, in microlenses of the design, and its position on the sensor.
+
+        Exact for thin lenses; NaN for points that the main lens does not image. Pixel noise and the scatter of the
+        microlens centres, which varies over the array, belong to `believe`.
+        """
+        geometry = self.geometry
+        place = geometry.place_of(errors, x, y, z)
+        a_L = geometry.microlens_object_distance(errors, place, z)
+        shift = -self.pixels_apart * a_L / (place.gap * (1.0 - a_L / _pupil_distance(errors, place)))
+        return shift / geometry.pitch_scale(errors), *place.on_sensor
 
     def rescaled(self, seen: Observation, changed: Errors, scale: FloatArray) -> Observation:
-        """See `views.between_known_centres`."""
-        return between_known_centres(self.geometry, self.pixels_apart, changed, seen, scale)
+        """See `PlenopticCamera.rescaled`; disparities are relative to the true, then to the calibrated centres.
+
+        A pixel chosen by the centre c that was calibrated for its microlens lies ``o = (c + o₀) s − c m`` from the true
+        centre, where ``c = x (1 + b_L/z)``, s and m are the factors of pixels and array, and b_L/z is unchanged. With
+        ``r = m/s`` and N as calibrated, two views through one image are therefore ``d = g/(r + (1 − r)(1 + b_L/z)
+        g/N)`` apart, where g is the disparity between the true centres, in pitches that have grown with the array.
+        """
+        shift, x, y = seen
+        geometry = self.geometry
+        array = geometry.pitch_scale(changed)
+        g, r = shift * array, array / scale
+        kept = g / (r + (1.0 - r) * (1.0 + geometry.gap / geometry.mla_distance) * g / self.pixels_apart)
+        return kept, x / scale, y / scale
 
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:  # noqa: ARG002 - the same views at every distance
-        """Inverse depth from the rays of both views; see `views_inverse_depth`."""
-        return views_inverse_depth(self.geometry, self.pixels_apart, errors, seen)
+        """Inverse depth from the rays of both views; zero at infinity and negative beyond.
+
+        ``a_L = −d/(N/b_L − d/z_p)``, ``b = z − a_L``, ``1/a = 1/f − 1/b``; where the pupil lies in the main lens,
+        ``1/a = 1/f − 1/z + d b_L/(N z²)``. Invalid where a calibrated length is not positive, the calibrated distortion
+        has no inverse, or the two rays do not meet behind the main lens.
+        """
+        shift, seen_x, seen_y = seen
+        geometry = self.geometry
+        place = geometry.place_seen(errors, seen_x, seen_y)
+        turned = geometry.pitch_scale(errors) * np.cos(value_of(errors, "array_rotation"))
+        d = shift * turned + disparity_error(errors)
+        pupil = _pupil_distance(errors, place)
+        opening = self.pixels_apart / place.gap - d / pupil
+        image_times_opening = place.flat_distance * opening + place.stretch * d
+        meet = ~(image_times_opening <= 0.0)
+        inverse = 1.0 / geometry.focal_length_with(errors) - opening / np.where(meet, image_times_opening, np.nan)
+        return inverse, place.valid & (turned > 0.0) & (pupil > 0.0) & meet
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Disparity of a corner, and its position."""
@@ -391,3 +371,8 @@ class UnfocusedPlenoptic(PlenopticCamera):
                 pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4),
             ),
         )
+
+
+def _pupil_distance(errors: Errors, place: PlaceOnArray) -> FloatArray:
+    """Distance z_p from the exit pupil to the array [m]; by design the pupil lies in the main lens."""
+    return place.distance + value_of(errors, "pupil_distance")

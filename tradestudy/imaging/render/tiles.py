@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
@@ -88,16 +88,11 @@ class Recording:
             )
 
     @property
-    def electrons_per_number(self) -> float:
-        """One step of the digitiser [electrons]."""
-        return self.noise.step_electrons
-
-    @property
     def saturation_electrons(self) -> float:
         """Mean electrons at which a pixel saturates: its full well, or fewer if digital numbers end earlier."""
         if not self.is_digital:
             return self.noise.full_well_electrons
-        top = 2.0**self.noise.bits * self.electrons_per_number - self.black_level
+        top = 2.0**self.noise.bits * self.noise.step_electrons - self.black_level
         return min(self.noise.full_well_electrons, top)
 
     @property
@@ -121,7 +116,7 @@ class Recording:
             electrons = electrons + rng.normal(0.0, noise.read_noise_electrons, expected.shape)
         if not self.is_digital:
             return np.asarray(electrons, np.float32)
-        numbers = np.rint((electrons + self.black_level) / self.electrons_per_number)
+        numbers = np.rint((electrons + self.black_level) / noise.step_electrons)
         kind = np.uint16 if noise.bits <= 16 else np.uint32
         return np.asarray(np.clip(numbers, 0, 2.0**noise.bits - 1), kind)
 
@@ -268,13 +263,11 @@ def expected_electrons(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
     """Mean electrons and depth of every pixel."""
     shape = (tile.rows[1] - tile.rows[0], tile.columns[1] - tile.columns[0])
     electrons, depth = np.zeros(shape), np.zeros(shape, np.float32)
-    for rows, columns in _blocks(shape):
-        part = replace(
-            tile,
-            rows=(tile.rows[0] + rows.start, tile.rows[0] + rows.stop),
-            columns=(tile.columns[0] + columns.start, tile.columns[0] + columns.stop),
-        )
-        electrons[rows, columns], depth[rows, columns] = _block(part)
+    rows, columns = np.mgrid[slice(*tile.rows), slice(*tile.columns)]
+    for top, left in itertools.product(range(0, shape[0], _AT_ONCE[0]), range(0, shape[1], _AT_ONCE[1])):
+        block = np.s_[top : top + _AT_ONCE[0], left : left + _AT_ONCE[1]]
+        found = electrons_at(tile, rows[block].ravel(), columns[block].ravel())
+        electrons[block], depth[block] = (one.reshape(rows[block].shape) for one in found)
     return electrons, depth
 
 
@@ -290,19 +283,6 @@ def _sampling_error(tile: Tile) -> tuple[float, float]:
     waves = None if tile.waves is None else replace(tile.waves, fineness=2 * tile.waves.fineness)
     fine, _ = expected_electrons(replace(coarse, samples=FINER * tile.samples, waves=waves))
     return float(np.sum(np.square(light - fine))), float(np.sum(np.square(fine)))
-
-
-def _blocks(shape: tuple[int, int]) -> Iterator[tuple[slice, slice]]:
-    for top in range(0, shape[0], _AT_ONCE[0]):
-        for left in range(0, shape[1], _AT_ONCE[1]):
-            yield slice(top, min(top + _AT_ONCE[0], shape[0])), slice(left, min(left + _AT_ONCE[1], shape[1]))
-
-
-def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
-    """Electrons and depths of the pixels of a small tile."""
-    rows, columns = np.mgrid[slice(*tile.rows), slice(*tile.columns)]
-    electrons, depth = electrons_at(tile, rows.ravel(), columns.ravel())
-    return electrons.reshape(rows.shape), depth.reshape(rows.shape)
 
 
 def electrons_at(

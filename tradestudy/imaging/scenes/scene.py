@@ -13,7 +13,7 @@ import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.scenes.pattern import Pattern
-from tradestudy.imaging.scenes.surfaces import Flat, HeightField, PatternSource, Sphere, Surface
+from tradestudy.imaging.scenes.surfaces import HeightField, PatternSource, Surface
 from tradestudy.uncertainty.streams import point_generator
 
 ROCK_SIDE: Final = 1024
@@ -34,33 +34,6 @@ class SurfaceSource(Protocol):
 
     def build(self) -> Surface:
         """Build the surface; cached per process."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Plain:
-    """A surface with a closed form, which needs no building.
-
-    Parameters
-    ----------
-    surface
-        The surface.
-    """
-
-    surface: Flat | Sphere
-
-    @property
-    def pattern(self) -> PatternSource:
-        """See `SurfaceSource`."""
-        return self.surface.pattern
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        """See `SurfaceSource`."""
-        return self.surface.extent
-
-    def build(self) -> Surface:
-        """Return the surface itself."""
-        return self.surface
 
 
 @dataclass(frozen=True, kw_only=True)

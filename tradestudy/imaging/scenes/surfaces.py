@@ -8,9 +8,10 @@ by that distance or to the next sample. Once it has passed the surface, regula f
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final, Protocol
+from typing import Final, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +76,24 @@ Vector = tuple[float, float, float]
 _EDGE_ON: Final = 1e-6  # a face seen at a smaller cosine to its normal is not met
 
 
+class ClosedForm(ABC):
+    """A surface whose intersections with rays have a closed form, and which is its own declaration."""
+
+    @abstractmethod
+    def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:
+        """See `Surface`; nothing need be known about rays."""
+
+    def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, None]:  # noqa: ARG002 - a closed form needs no help
+        """See `Surface`."""
+        return self.depth(start, slope, None), None
+
+    def build(self) -> Self:
+        """Return the surface itself."""
+        return self
+
+
 @dataclass(frozen=True, kw_only=True)
-class Flat:
+class Flat(ClosedForm):
     """A flat face: ``centre + u first + v second`` with |u| and |v| at most half its size.
 
     Parameters
@@ -124,10 +141,6 @@ class Flat:
         )
         return self.centre[2] - reach, self.centre[2] + reach
 
-    def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, None]:  # noqa: ARG002 - a closed form needs no help
-        """See `Surface`."""
-        return self.depth(start, slope, None), None
-
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:  # noqa: ARG002 - as above
         """``n·(c − s)/n·(m, 1)``."""
         kind = start.dtype.type
@@ -159,7 +172,7 @@ class Flat:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sphere:
+class Sphere(ClosedForm):
     """A sphere; its pattern is mapped by arc length from the point nearest to the camera's plane.
 
     Parameters
@@ -178,10 +191,6 @@ class Sphere:
     def extent(self) -> tuple[float, float]:
         """See `Surface`; depths of the visible half."""
         return self.centre[2] - self.radius, self.centre[2]
-
-    def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, None]:  # noqa: ARG002 - a closed form needs no help
-        """See `Surface`."""
-        return self.depth(start, slope, None), None
 
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:  # noqa: ARG002 - as above
         """The smaller root of ``|s + z (m, 1) − c| = r``, computed from the ray's point at the depth of the centre."""
@@ -248,10 +257,10 @@ class HeightField:
     pattern_in_samples: bool = False
     steepest: float = field(init=False)
     padded: NDArray[np.float32] = field(init=False, repr=False)
-    range: tuple[float, float] = field(init=False)
+    extent: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "range", (float(self.depths.min()), float(self.depths.max())))
+        object.__setattr__(self, "extent", (float(self.depths.min()), float(self.depths.max())))
         # Then every sample has a successor along both axes.
         beyond = np.pad(self.depths, (0, 1), mode="wrap" if self.repeats else "edge")
         object.__setattr__(self, "padded", beyond)
@@ -259,11 +268,6 @@ class HeightField:
         across, down = np.abs(np.diff(self.depths, axis=1)), np.abs(np.diff(self.depths, axis=0))
         steepest = np.hypot(np.maximum(across[1:], across[:-1]), np.maximum(down[:, 1:], down[:, :-1]))
         object.__setattr__(self, "steepest", float(steepest.max()))
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        """See `Surface`."""
-        return self.range
 
     def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, Nearby]:
         """See `Surface`."""
