@@ -473,6 +473,8 @@ def _refuse_other(page: Path) -> None:
 
 def _lines(said: Sequence[str]) -> list[str]:
     """Texts such as ``a.b=value`` and ``a.c=value`` as YAML with one line for each outer key: ``a: {b: …, c: …}``."""
+    from tradestudy.study.source import comment_after
+
     keys: dict[str, Any] = {}
     for text in said:
         path, sign, value = text.partition("=")
@@ -485,6 +487,9 @@ def _lines(said: Sequence[str]) -> list[str]:
             inside = inside.setdefault(key, {}) if isinstance(inside, dict) else inside
         if not isinstance(inside, dict) or last in inside:
             raise _InputError("--set gives this key, or a part of it, twice", value=path.strip(), remedy="omit one")
+        if comment := comment_after(value):
+            remedy = "quote the whole value if '#' is part of it"
+            raise _InputError("this part of a value is a YAML comment", value=repr(comment), remedy=remedy)
         inside[last] = value.strip()
     return [_flow(key, value) for key, value in keys.items()]
 

@@ -318,6 +318,18 @@ class TestValuesFromOutside:
         assert not once.problems
         assert with_values(once, {"eye.lens.focal_length": "null"}).problems
 
+    def test_a_comment_in_set_is_refused(self, write: Write) -> None:
+        for value in ("Rig #2", "# 2", "'Rig' # 2", "[1, 2] # 2"):
+            (said,) = reported(read(write(BASE), [f"title={value}"]))
+            comment = value[value.index("#") :]
+            assert (
+                said
+                == f"--set:1:7: title: '{comment}' is a YAML comment; quote it and any text before it if '#' is part "
+                "of the value"
+            )
+        for value, title in (("Rig#2", "Rig#2"), ("'Rig #2'", "Rig #2")):
+            assert read(write(BASE), [f"title={value}"]).tree["title"] == title
+
     @pytest.mark.parametrize(
         ("override", "message"),
         [

@@ -33,7 +33,7 @@ from tradestudy.study.shared_cameras import (
     problems_of_removals,
     refused,
 )
-from tradestudy.study.source import UnreadableError, compose, entry_of_value
+from tradestudy.study.source import UnreadableError, comment_after, compose, entry_of_value
 
 __all__ = ["Document", "read", "validate", "with_values"]
 
@@ -153,16 +153,11 @@ def _read_value(value: Value | Entry, place: Place) -> tuple[Entry, list[Problem
         return value, []
     if not isinstance(value, str):
         return entry_of_value(value, place)
-    if _is_comment(value):
-        what = f"{value.strip()!r} is a YAML comment, not a value; quote it if '#' is part of the value"
-        raise refused(place, what)
+    if comment := comment_after(value):
+        raise refused(
+            place, f"{comment!r} is a YAML comment; quote it and any text before it if '#' is part of the value"
+        )
     return compose(value, place) if value.strip() else (ScalarEntry(place=place, value=None, text=""), [])
-
-
-def _is_comment(text: str) -> bool:
-    """Whether a text contains only comments."""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return bool(lines) and all(line.startswith("#") for line in lines)
 
 
 def _shared(steps: tree.Path, entry: Entry) -> Iterator[tree.Path]:

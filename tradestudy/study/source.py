@@ -55,6 +55,10 @@ _FLOAT = re.compile(
 )
 
 
+# The parser raises others than its own on some malformed escapes and directives.
+_PARSER_ERRORS = (YAMLError, ValueError, OverflowError, TypeError, AttributeError, IndexError)
+
+
 class UnreadableError(Exception):
     """The text gives no tree; ``problems`` are the mistakes found before reading stopped."""
 
@@ -108,12 +112,23 @@ def _composed(text: str, start: Place, tags: bool) -> tuple[Entry, tuple[Problem
         composer.fail(
             place, f"the character U+{ord(text[error.position]):04X} is not allowed in YAML; the file may not be text"
         )
-    except (YAMLError, ValueError, OverflowError, TypeError, AttributeError, IndexError) as error:
-        # The parser raises these instead of its own errors on some malformed escapes and directives.
+    except _PARSER_ERRORS as error:
         composer.fail(composer.last, f"this is not valid YAML ({error})")
     if root is None:
         composer.fail(start, "it is empty; `tradestudy new NAME` writes a starter study")
     return root, (*composer.problems,)
+
+
+def comment_after(text: str) -> str:
+    """The comment that ends the YAML of a single value, with its '#'; empty if there is none or the text is no YAML."""
+    if "#" not in text:
+        return ""
+    try:
+        tokens = [*YAML(typ="safe", pure=True).scan(text)]
+    except _PARSER_ERRORS:
+        return ""
+    # Tokens without text, such as the end of a block, stand after the comment.
+    return text[max((t.end_mark.index for t in tokens if t.end_mark.index > t.start_mark.index), default=0) :].strip()
 
 
 def entry_of_value(value: Value, place: Place) -> tuple[Entry, list[Problem]]:

@@ -153,8 +153,12 @@ def test_several_parts_of_one_key_are_set_together(tmp_path: Path, monkeypatch: 
         twice = CliRunner().invoke(app, [*asked, "--set", f"{key}=1"])
         assert twice.exit_code == 2
         assert twice.output == f"--set gives this key, or a part of it, twice: {key}; omit one\n"
-    made = CliRunner().invoke(app, [*asked, "--set", "sensor.pixel_pitch=3.45 um"])
+    commented = CliRunner().invoke(app, [*asked, "--set", "title=Rig #2"])
+    assert commented.exit_code == 2
+    assert commented.output.startswith("this part of a value is a YAML comment: '#2'; quote the whole value")
+    made = CliRunner().invoke(app, [*asked, "--set", "sensor.pixel_pitch=3.45 um", "--set", "title='Rig #2'"])
     assert made.exit_code == 0, made.output
+    assert tradestudy.load(tmp_path / "my-rig.yaml").file.cameras["rig"].title == "Rig #2"
     sensor = tradestudy.load(tmp_path / "my-rig.yaml").definition.designs["rig"].sensor
     assert (sensor.columns, sensor.rows, sensor.pixel_pitch) == (640, 480, pytest.approx(3.45e-6))
 
