@@ -24,7 +24,7 @@ from tradestudy.errors import StudyError
 from tradestudy.optics.lens_families import DoubleSphere
 from tradestudy.study.camera_files import kalibr
 from tradestudy.study.camera_files.importing import recognised
-from tradestudy.study.camera_files.located import Request
+from tradestudy.study.camera_files.located import CameraFileError, Request
 
 ERRORS = "calibration: {errors: {yaw: {standard_deviation: 0.02 deg}, baseline: {standard_deviation: 0.1 mm}}}"
 
@@ -411,6 +411,9 @@ def test_models_of_kalibr_have_their_own_numbers_first(
     assert isinstance(rig, ImportedRig)
     assert rig.left.coefficients == coefficients
     assert (rig.left.focal_lengths, rig.left.centre) == ((400.0, 401.0), (320.0, 240.0))
+    for asked in ("pinhole", "fisheye"):
+        with pytest.raises(CameraFileError, match=f"{camera_model} includes its own lens model; remove .*: {asked}"):
+            kalibr.FORMAT.read([file], Request(lens_model=asked))
 
 
 def test_the_design_of_a_converging_pair_converges_with_it(tmp_path: Path) -> None:

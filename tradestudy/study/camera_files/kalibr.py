@@ -142,6 +142,10 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
     name = named.text()
     if name not in _OWN:
         raise named.fail(f"the camera model '{name[:40]}' is unknown; one of {', '.join(_OWN)} is expected")
+    if request.lens_model and name != "pinhole":
+        raise named.fail(
+            f"the camera model {name} includes its own lens model; remove lens_model: {request.lens_model}"
+        )
     model, own = _OWN[name]
     numbers = intrinsics.numbers(len(own) + 4)
     projection, coefficients = pinhole(intrinsics, *numbers[len(own) :]), dict(zip(own, numbers, strict=False))
