@@ -52,7 +52,7 @@ def only_rays() -> Iterator[None]:
 
     For tests that ask something else of many pictures; tests/imaging/test_pictures_by_waves.py tests what it changes.
     """
-    from tradestudy.plan.problems import scene_pictures
+    from tradestudy.models import scene_pictures
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scene_pictures, "_changed", lambda _trial: (0.0, 1.0))

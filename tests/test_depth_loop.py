@@ -13,6 +13,7 @@ import xarray as xr
 
 from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, figures
+from tradestudy.answers import depth_loop
 from tradestudy.errors import StudyError
 from tradestudy.execution import Threads
 from tradestudy.execution.executor import heard_by
@@ -20,7 +21,6 @@ from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text
 from tradestudy.results.views.conclusions import terminal_lines
-from tradestudy.run import depth_loop
 from tradestudy.study.document import Value
 
 pytestmark = pytest.mark.usefixtures("only_rays")

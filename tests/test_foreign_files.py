@@ -39,7 +39,7 @@ def test_a_run_over_files_of_others_is_refused_before_it_computes(
 ) -> None:
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_bytes(MINE)
-    monkeypatch.setattr("tradestudy.run.runner.compute", lambda *_: pytest.fail("computed"))
+    monkeypatch.setattr("tradestudy.answers.runner.compute", lambda *_: pytest.fail("computed"))
     code, output = _invoke("run", RIGHT, "--out", tmp_path)
     assert code == 2
     assert f"{tmp_path / name}; move it away, or give another output folder" in output

@@ -16,8 +16,8 @@ ORDER = (
     "errors", "unit_registry", "units", "wording", "light_methods", "accuracy", "provenance", "machine",
     "optics", "declarations", "uncertainty", "execution",
     "cameras", "imaging", "calibration", "effects",
-    "study", "analysis", "verification", "results", "plan", "run",
-    "figures", "report", "comparison", "cost", "result", "loaded_study", "api",
+    "study", "depth", "verification", "results", "models", "answers",
+    "figures", "report", "comparison", "result", "loaded_study", "api",
     "shown_progress", "cli", "__main__",
 )  # fmt: skip
 # Figures and reports are made from results, and from nothing that computes them.
@@ -34,9 +34,9 @@ DRAWINGS = ("figures", "figures.drawing", "figures.drawn", "figures.fonts")
 # library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
     "pydantic": ("declarations", "study", *DECLARATIONS),
-    "xarray": ("results", "run", "cost", "comparison", "figures", "report", "result", "loaded_study", "api"),
+    "xarray": ("results", "answers", "comparison", "figures", "report", "result", "loaded_study", "api"),
     "matplotlib": ("figures", "optics.spread_plot"),
-    "PIL": ("imaging.scenes.pattern", "run.pictures", "run.depth_maps"),
+    "PIL": ("imaging.scenes.pattern", "answers.pictures", "answers.depth_maps"),
     "typst": ("report",),
     "jinja2": ("report",),
     "ruamel": ("study", "verification.study_files"),

@@ -60,7 +60,7 @@ def test_pictures_of_an_earlier_run_stay_until_the_next_is_complete(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("tradestudy.run.runner._answers", interrupt)  # after the pictures
+        patched.setattr("tradestudy.answers.runner._answers", interrupt)  # after the pictures
         with pytest.raises(KeyboardInterrupt):
             api.run(study(tmp_path, STEP), out, pdf=False, fresh=True)
     assert content() == before
@@ -127,7 +127,7 @@ def test_the_report_shows_every_camera_and_lists_every_picture(ran: tuple[api.Re
 def test_large_pictures_are_reduced_by_whole_blocks() -> None:
     from types import SimpleNamespace
 
-    from tradestudy.run.groups.pictures import _block, _reduced
+    from tradestudy.answers.scene import _block, _reduced
 
     values = np.arange(600.0 * 500.0).reshape(600, 500)
     one = SimpleNamespace(values=values, depth=np.ones((600, 500), dtype=np.float32))

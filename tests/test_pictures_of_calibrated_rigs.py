@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from tradestudy import api
-from tradestudy.analysis.depth_table import depth_uncertainty
-from tradestudy.run.depth_loop import loop_points, measure_on_plane
+from tradestudy.answers.depth_loop import loop_points, measure_on_plane
+from tradestudy.depth.table import depth_uncertainty
 
 pytestmark = pytest.mark.usefixtures("only_rays")
 

@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 
 from tests.scene_studies import BY_RAYS, PAIR, PLENOPTIC, scene_study
 from tradestudy import api, cli
+from tradestudy.answers import pictures
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.execution import Checkpoints, Executor, Steps, Threads
 from tradestudy.imaging.render import tiles
 from tradestudy.imaging.render.tiles import drawn_errors
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.run import pictures
 
 pytestmark = pytest.mark.usefixtures("only_rays")
 

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
-from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.loaded_study import Study, load
+from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result, open_result, shown, write_parts
 
 if TYPE_CHECKING:
@@ -79,13 +79,13 @@ def run(
     _refuse_file(directory)  # before anything is computed
     storage.refuse_foreign(directory, storage.RUN_FILES)
     if study.file.scene is not None and study.file.scene.image is not None:
-        from tradestudy.run.scene_pictures import files_of_pictures
+        from tradestudy.answers.scene import files_of_pictures
 
         storage.refuse_foreign(directory / storage.PICTURES, files_of_pictures(study.definition))
     result = None if fresh else _finished(study, directory)
     measuring = with_cost and (result is None or "cost" not in result.data.children)
     if measuring:
-        from tradestudy.cost.study_cost import require_prices
+        from tradestudy.answers.cost import require_prices
 
         require_prices(study.definition)  # before anything is computed
 
@@ -176,11 +176,11 @@ def render(
     PlaceError
         If a file would be replaced that this program did not write.
     """
-    from tradestudy.analysis.scene_pictures import declared_image
+    from tradestudy.answers.calibration import infer_calibrations
+    from tradestudy.answers.scene import files_of_pictures, take_scene
     from tradestudy.execution import Checkpoints, Serial, Steps
+    from tradestudy.models.rendered_scene import declared_image
     from tradestudy.results.storage import refuse_foreign
-    from tradestudy.run.inference import infer_calibrations
-    from tradestudy.run.scene_pictures import files_of_pictures, take_scene
 
     declared_image(study.definition)  # before calibrations are inferred
     folder = directory / "pictures"
@@ -197,7 +197,7 @@ def usable_span(study: Study) -> tuple[float, float] | None:
     """The longest stretch from 2 cm to 1 km where the only camera of a study is usable [m]; None if there is none."""
     import numpy as np
 
-    from tradestudy.analysis.depth_points import DepthPoint, depth_table
+    from tradestudy.answers.depth import DepthPoint, depth_table
 
     ((camera,), criteria) = study.definition.case.cameras.values(), study.definition.case.criteria
     table = depth_table(DepthPoint(camera=camera, criteria=criteria, distance=np.geomspace(0.02, 1e3, 121)))
@@ -236,8 +236,8 @@ def export(
         If there is no such camera, a format cannot represent it, its calibration cannot be fitted, or a file would be
         replaced that this program did not write.
     """
+    from tradestudy.answers.export import SUFFIXES, export, write_export
     from tradestudy.results.storage import refuse_foreign
-    from tradestudy.run.export import SUFFIXES, export, write_export
 
     refuse_foreign(directory, [f"{escape(camera)}-{one}" for one in SUFFIXES])
     found = export(study.definition, camera, formats, lossy=lossy)
@@ -310,7 +310,7 @@ def cost(
     from xarray import DataTree
 
     from tradestudy import figures
-    from tradestudy.cost.study_cost import cost_json
+    from tradestudy.answers.cost import cost_json
     from tradestudy.report.document import plain_text
     from tradestudy.report.sections.cost import answers
     from tradestudy.results.storage import list_written, refuse_foreign, replace_file

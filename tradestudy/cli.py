@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 import tradestudy
-from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.errors import RequirementsNotMetError, StudyError, TradestudyError, escaped, place_error
+from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.shown_progress import shown_progress
 from tradestudy.wording import json_text
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 UNEXPECTED = 1
-_NEEDED_BY_WORKERS = ("tradestudy.analysis.requirements", "tradestudy.analysis.ranks")
+_NEEDED_BY_WORKERS = ("tradestudy.answers.requirements", "tradestudy.answers.ranks")
 
 app = typer.Typer(
     no_args_is_help=True,

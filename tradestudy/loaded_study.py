@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
-from tradestudy.cost import DEFAULT_BUDGET
+from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Value
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from tradestudy.execution import Checkpoints, Executor
     from tradestudy.execution.steps import Progress
-    from tradestudy.plan.plan import Plan
+    from tradestudy.models.plan import Plan
     from tradestudy.study.schema.root import StudyFile
 
 
@@ -148,11 +148,11 @@ class Study:
             cannot be measured in them; or if the study prescribes a model for an effect that none of its cameras,
             lenses or light paths has.
         """
-        from tradestudy.run.inference import refuse_corners
+        from tradestudy.answers.calibration import refuse_corners
 
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:
-            from tradestudy.plan.choice import choose_models
+            from tradestudy.models.choice import choose_models
 
             choose_models(self.definition)
         self._refuse_pictures()
@@ -193,8 +193,10 @@ class Study:
             If even the most complete models exceed a tolerance, or the run would take far longer than its
             time limit.
         """
-        from tradestudy.plan.plan import plan_of
+        from tradestudy.answers.trade_off import refuse_words
+        from tradestudy.models.plan import plan_of
 
+        refuse_words(self.definition)
         self._refuse_pictures()
         return plan_of(self.definition)
 
@@ -202,12 +204,12 @@ class Study:
         """Refuse pictures that a run would refuse; see `refuse_pictures` and `refuse_large_picture`."""
         scene, spot = self.file.scene, self.file.light_spot
         if spot is not None and spot.methods:
-            from tradestudy.analysis.spot_images import compared_models, refuse_large_picture
+            from tradestudy.models.spot_images import compared_models, refuse_large_picture
 
             for method in spot.methods:
                 refuse_large_picture(spot, compared_models(spot, method))
         if self.file.depth_loop is not None or (scene is not None and scene.image is not None):
-            from tradestudy.run.refusals import refuse_pictures
+            from tradestudy.answers.scene import refuse_pictures
 
             refuse_pictures(self.definition)
 
@@ -248,7 +250,7 @@ class Study:
         UnaffordableError
             If `plan` raises it.
         """
-        from tradestudy.cost.study_cost import study_cost
+        from tradestudy.answers.cost import study_cost
         from tradestudy.execution import Serial, Steps
 
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
@@ -288,17 +290,17 @@ class Study:
         PlaceError
             If ``pictures`` has files in the place of those to be written that this program did not write.
         """
+        from tradestudy.answers.runner import compute
         from tradestudy.execution import Serial, Steps
         from tradestudy.execution.steps import within_time
-        from tradestudy.plan.plan import TIME_REMEDY
-        from tradestudy.run.runner import compute
+        from tradestudy.models.plan import TIME_REMEDY
 
         started = datetime.now(UTC)
         begin = time.perf_counter()
         seconds: dict[str, float] = {}
         if pictures is not None:
+            from tradestudy.answers.scene import files_of_pictures
             from tradestudy.results.storage import refuse_foreign
-            from tradestudy.run.scene_pictures import files_of_pictures
 
             refuse_foreign(pictures, files_of_pictures(self.definition))
         plan = self.plan()

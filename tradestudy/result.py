@@ -382,9 +382,9 @@ def _write_posteriors(tree: xr.DataTree, directory: Path) -> list[str]:
     """Write every posterior of a run as a file for a camera's ``calibration: {posterior: {file: …}}``."""
     if "calibration" not in tree.children:
         return []
+    from tradestudy.answers.calibration import saved_posteriors
     from tradestudy.calibration.posterior_file import write_posterior
     from tradestudy.results.storage import list_written, replacing
-    from tradestudy.run.groups.calibration import saved_posteriors
 
     saved = saved_posteriors(tree)
     files = {f"posteriors/{name}.nc": posterior for name, posterior in saved.items()}
@@ -399,8 +399,8 @@ def _write_matchers(tree: xr.DataTree, directory: Path) -> list[str]:
     """Write the matchers fitted by a depth loop as ``matchers.yaml``, for the cameras of a study."""
     if "depth_loop" not in tree.children:
         return []
+    from tradestudy.answers.depth_loop import matcher_file
     from tradestudy.results.storage import list_written, replace_file
-    from tradestudy.run.groups.depth_loop import matcher_file
 
     text = matcher_file(tree["depth_loop"].to_dataset(), str(tree.attrs["study"]))
     list_written(directory, ["matchers.yaml"])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.causes import NOISE, largest_cause
-from tradestudy.analysis.depth_table import depth_uncertainty
-from tradestudy.analysis.planned_calibrations import planned
+from tradestudy.answers.decision import NOISE, largest_cause
+from tradestudy.answers.questions import planned
+from tradestudy.depth.table import depth_uncertainty
 
 STUDY = Path(__file__).parents[2] / "studies" / "calibration_plan.yaml"
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.claims import claim_value
-from tradestudy.analysis.requirements_of_any_camera import _gaps
+from tradestudy.answers.claims import claim_value
+from tradestudy.answers.requirement_answer import _gaps
 
 STUDIES = Path(__file__).parents[2] / "studies"
 RIG = {

@@ -12,13 +12,13 @@ from scipy.optimize import brentq
 from tests.analysis.plain_depths import PIXEL, B, half_width, of_rig
 from tests.analysis.test_linear_depth import STUDY
 from tests.cameras.builders import stereo
-from tradestudy.analysis.decision import TIED, best_cameras, decide_pair
-from tradestudy.analysis.inverse_questions import solve
-from tradestudy.analysis.ranks import rank
-from tradestudy.analysis.usable import usable_intervals
+from tradestudy.answers.decision import TIED, best_cameras, decide_pair
+from tradestudy.answers.questions import solve
+from tradestudy.answers.ranks import rank
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.depth_measurement import Environment
+from tradestudy.depth.usable import usable_intervals
 from tradestudy.study.definition import Case
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.distributions import Normal

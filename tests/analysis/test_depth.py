@@ -13,10 +13,10 @@ from scipy.special import ndtr, ndtri
 from tests.analysis.plain_depths import CENTRAL, F_MAIN, PIXEL, B, F, depth_quantile, of_rig, r5_depth, stereo_depth
 from tests.cameras.builders import PITCH, r5, stereo, unfocused
 from tests.uncertainty.builders import correlated_normal
-from tradestudy.analysis.depth import ERROR_SOURCES, evaluate_depth, variance_shares
-from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.parts import Lens
+from tradestudy.depth.evaluation import ERROR_SOURCES, evaluate_depth, variance_shares
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
 from tradestudy.uncertainty.joint import GaussianCopula
 from tradestudy.uncertainty.sources import ErrorClass, Source

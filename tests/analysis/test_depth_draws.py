@@ -20,12 +20,12 @@ from tests.analysis.plain_depths import (
 )
 from tests.analysis.test_depth import R5_CALIBRATION, STEREO_CALIBRATION
 from tests.cameras.builders import r5, stereo
-from tradestudy.analysis import depth_draws
-from tradestudy.analysis.depth import distribution
-from tradestudy.analysis.depth_distribution import DepthDistribution
-from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, settled_draws
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.depth import draws as depth_draws
+from tradestudy.depth.distribution import DepthDistribution
+from tradestudy.depth.draws import SCRAMBLES, exact_distribution, settled_draws
+from tradestudy.depth.evaluation import distribution
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.uncertainty.sources import ErrorClass

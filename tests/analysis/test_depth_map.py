@@ -10,9 +10,9 @@ import pytest
 import xarray as xr
 
 from tests.calibration.cameras import stereo, webcams
-from tradestudy.analysis.depth import distribution
-from tradestudy.analysis.depth_map import ACROSS, DOWN, depth_map, map_places
-from tradestudy.analysis.depth_table import depth_uncertainty
+from tradestudy.answers.depth_map import ACROSS, DOWN, depth_map, map_places
+from tradestudy.depth.evaluation import distribution
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.figures.uncertainty_map import map_words, uncertainty_map_drawings
 from tradestudy.optics.lens_families import KannalaBrandt
 from tradestudy.results import dataset

@@ -9,11 +9,11 @@ import pytest
 
 from tests.analysis.plain_depths import of_rig
 from tests.cameras.builders import r5, stereo, unfocused
-from tradestudy.analysis.decision import decide_pair
-from tradestudy.analysis.depth import ERROR_SOURCES, distribution, imaged
-from tradestudy.analysis.depth_table import distribution_between, judged_uncertainty
+from tradestudy.answers.decision import decide_pair
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.depth.evaluation import ERROR_SOURCES, distribution, imaged
+from tradestudy.depth.table import distribution_between, judged_uncertainty
 from tradestudy.study.definition import Case
 from tradestudy.uncertainty.distributions import Normal, Uniform
 

@@ -12,17 +12,17 @@ from scipy.spatial.transform import Rotation
 from tests.analysis.plain_depths import CENTRAL, of_rig
 from tests.imaging.test_picture import CLOSED, SETTINGS, hand_lens
 from tests.study.conftest import STUDIES
-from tradestudy.analysis.depth import ERROR_SOURCES, evaluate_depth
-from tradestudy.analysis.usable import evaluate_limits, usable_intervals
+from tradestudy.answers import runner
+from tradestudy.answers.depth import depth_as_declared
+from tradestudy.answers.disparity_causes import compute_kirchhoff_pictures
 from tradestudy.cameras.calibration import Calibration, Propagation
+from tradestudy.depth.evaluation import ERROR_SOURCES, evaluate_depth
+from tradestudy.depth.usable import evaluate_limits, usable_intervals
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.optical_transfer import kirchhoff_correction
 from tradestudy.imaging.picture import PictureDisparityError
-from tradestudy.plan.plan import plan_of
-from tradestudy.run import runner
-from tradestudy.run.groups.depth import depth_as_declared
-from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures
+from tradestudy.models.plan import plan_of
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.distributions import Normal, Uniform

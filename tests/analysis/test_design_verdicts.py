@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.decision import decide_pair
-from tradestudy.analysis.depth_points import DepthPoint, depth_table
-from tradestudy.analysis.design_verdicts import Curve, best_at, crossings
+from tradestudy.answers.decision import decide_pair
+from tradestudy.answers.depth import DepthPoint, depth_table
+from tradestudy.answers.designs import Curve, best_at, crossings
 
 STUDIES = Path(__file__).parents[2] / "studies"
 GRID = np.geomspace(0.1, 5.0, 40)

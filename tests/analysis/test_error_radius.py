@@ -15,9 +15,9 @@ import tradestudy
 from tests.analysis.plain_depths import PIXEL, B, F, of_rig
 from tests.cameras.builders import r5, stereo
 from tradestudy import figures
-from tradestudy.analysis.depth import distribution, evaluate_depth, model_error
-from tradestudy.analysis.error_radius import error_radius
 from tradestudy.cameras.calibration import Calibration, Propagation
+from tradestudy.depth.distribution import error_radius
+from tradestudy.depth.evaluation import distribution, evaluate_depth, model_error
 from tradestudy.report.curve_values import curve_values
 from tradestudy.results.views.conclusions import terminal_lines
 from tradestudy.uncertainty.distributions import Normal, Uniform

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis import inverse_questions
-from tradestudy.analysis.depth_table import depth_uncertainty
-from tradestudy.analysis.inverse_questions import Solved, solve
+from tradestudy.answers import questions as inverse_questions
+from tradestudy.answers.questions import Solved, solve
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.errors import StudyError
 
 STUDIES = Path(__file__).parents[2] / "studies"

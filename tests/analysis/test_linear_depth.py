@@ -10,10 +10,10 @@ import pytest
 
 from tests.analysis.plain_depths import CENTRAL, B, of_rig, stereo_depth
 from tests.cameras.builders import stereo
-from tradestudy.analysis.depth import model_error
-from tradestudy.analysis.linear_depth import linear_distribution, linearised_depth
 from tradestudy.cameras.calibration import Calibration
-from tradestudy.plan.plan import plan_of
+from tradestudy.depth.evaluation import model_error
+from tradestudy.depth.linear import linear_distribution, linearised_depth
+from tradestudy.models.plan import plan_of
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.distributions import Normal
 

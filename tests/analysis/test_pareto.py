@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tradestudy.analysis.pareto import non_dominated
+from tradestudy.answers.trade_off import non_dominated
 
 
 def by_definition(values: np.ndarray, maximise: list[bool]) -> list[bool]:

@@ -10,11 +10,11 @@ import pytest
 
 import tradestudy
 from tests.calibration.cameras import focused, stereo
-from tradestudy.analysis.depth import distribution
-from tradestudy.analysis.requirements import check_requirement, is_kept
+from tradestudy.answers.requirements import check_requirement, is_kept
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.depth_measurement import CORNERS, PicturePlace, place_words, places_within, towards_corners
 from tradestudy.cameras.parts import Lens, Sensor
+from tradestudy.depth.evaluation import distribution
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.joint import JointNormal

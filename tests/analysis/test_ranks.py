@@ -12,8 +12,8 @@ import pytest
 from tests.analysis.plain_depths import B, F, of_rig
 from tests.analysis.test_linear_depth import STUDY
 from tests.cameras.builders import stereo
-from tradestudy.analysis.inverse_questions import Solved, solve
-from tradestudy.analysis.ranks import rank
+from tradestudy.answers.questions import Solved, solve
+from tradestudy.answers.ranks import rank
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.distributions import Normal

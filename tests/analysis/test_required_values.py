@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth_table import depth_uncertainty
-from tradestudy.analysis.inverse_questions import Solved
-from tradestudy.analysis.required_values import _beside_the_nearest, _nearest, _Trial, solve_requirement
-from tradestudy.analysis.requirement_answer import RequirementAnswer
+from tradestudy.answers.questions import Solved, _beside_the_nearest, _nearest, _Trial, solve_requirement
+from tradestudy.answers.requirement_answer import RequirementAnswer
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.errors import StudyError
 from tradestudy.units import LENGTH
 

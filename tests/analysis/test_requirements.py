@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth import evaluate_depth
-from tradestudy.analysis.depth_table import judged_uncertainty, judged_uncertainty_error
-from tradestudy.analysis.requirement_answer import RequirementAnswer
-from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable, check_requirement, is_kept
-from tradestudy.analysis.usable import END_OF_STUDY, Interval
+from tradestudy.answers.ranks import ranks_group
+from tradestudy.answers.requirement_answer import RequirementAnswer
+from tradestudy.answers.requirement_verdicts import requirements_group
+from tradestudy.answers.requirements import Judge, _shift_to_decide, _unusable, check_requirement, is_kept
+from tradestudy.depth.evaluation import evaluate_depth
+from tradestudy.depth.table import judged_uncertainty, judged_uncertainty_error
+from tradestudy.depth.usable import END_OF_STUDY, Interval
 from tradestudy.errors import StudyError
 from tradestudy.execution import Processes, Steps
 from tradestudy.results.views.designs import common_ranges
-from tradestudy.run.groups.ranks import ranks_group
-from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.schema.requirements import GuardBandPart, RequirementPart
 from tradestudy.study.varying import sweep_axes, sweep_points
 from tradestudy.wording import limit_words
@@ -175,7 +175,7 @@ def test_an_answer_is_marked_where_the_value_or_an_end_could_reverse_it() -> Non
     [("any", True, False), ("any", False, True), ("all", True, True), ("all", False, False)],
 )
 def test_a_second_camera_can_keep_an_answer_that_the_first_would_lose(camera: str, met: bool, reversible: bool) -> None:
-    from tradestudy.run.groups.requirements import _could_be_reversed
+    from tradestudy.answers.requirement_verdicts import _could_be_reversed
 
     near, far = answer(met=met, end_shift=0.005), answer(met=met, margin=0.5 if met else -0.5)
     if not met:
@@ -356,7 +356,7 @@ class _TwoStretches:
 def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     from types import SimpleNamespace
 
-    from tradestudy.run.groups.requirements import _stretches
+    from tradestudy.answers.requirement_verdicts import _stretches
     from tradestudy.study.varying import SweepAxis, quantity_entry
     from tradestudy.units import NUMBER
 
@@ -387,7 +387,7 @@ def test_nothing_lies_between_two_neighbouring_whole_numbers() -> None:
     """No study has the value in the middle, and the end is exact."""
     from types import SimpleNamespace
 
-    from tradestudy.run.groups.requirements import _root
+    from tradestudy.answers.requirement_verdicts import _root
     from tradestudy.study.varying import SweepAxis, quantity_entry
     from tradestudy.units import NUMBER
 
@@ -474,7 +474,7 @@ def test_whole_numbers_are_searched_in_whole_numbers() -> None:
     """Met from 6 on, tried at 2 and 11: no study has half an image."""
     from types import SimpleNamespace
 
-    from tradestudy.run.groups.requirements import _root
+    from tradestudy.answers.requirement_verdicts import _root
     from tradestudy.study.varying import SweepAxis, quantity_entry
     from tradestudy.units import NUMBER
 

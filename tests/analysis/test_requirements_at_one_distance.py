@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth_table import judged_uncertainty
-from tradestudy.analysis.requirement_answer import RequirementAnswer
-from tradestudy.analysis.requirements import Judge, _shift_to_decide, _unusable, check_requirement, is_kept
-from tradestudy.analysis.usable import Interval
+from tradestudy.answers.requirement_answer import RequirementAnswer
+from tradestudy.answers.requirements import Judge, _shift_to_decide, _unusable, check_requirement, is_kept
+from tradestudy.depth.table import judged_uncertainty
+from tradestudy.depth.usable import Interval
 from tradestudy.errors import StudyError
 from tradestudy.study.plausibility import implausible
 

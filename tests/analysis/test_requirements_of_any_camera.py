@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.requirements import Judge, is_kept
+from tradestudy.answers.requirement_verdicts import requirements_group
+from tradestudy.answers.requirements import Judge, is_kept
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import PageBreak
-from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.plausibility import implausible
 from tradestudy.study.varying import sweep_axes, sweep_points
 from tradestudy.wording import plain_span

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.requirement_answer import RequirementAnswer
-from tradestudy.analysis.requirements import Judge, is_kept
+from tradestudy.answers.requirement_answer import RequirementAnswer
+from tradestudy.answers.requirements import Judge, is_kept
 from tradestudy.errors import StudyError
 
 DATA = Path(__file__).parents[1] / "data"

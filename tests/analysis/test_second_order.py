@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.campaigns.depth_cases import KINDS, base_study
-from tradestudy.analysis.depth import distribution, model_error
-from tradestudy.analysis.depth_draws import exact_distribution
-from tradestudy.analysis.second_order import second_order
 from tradestudy.cameras.calibration import ONE_SIGMA
+from tradestudy.depth.draws import exact_distribution
+from tradestudy.depth.evaluation import distribution, model_error
+from tradestudy.depth.linear import second_order
 from tradestudy.study.building import apply_models
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.analysis.plain_depths import PIXEL, B, F, of_rig
 from tests.cameras.builders import stereo
-from tradestudy.analysis.sensitivity import sensitivity_of
+from tradestudy.answers.sensitivity import sensitivity_of
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.uncertainty.distributions import Normal, StudentT
 from tradestudy.uncertainty.joint import JointNormal

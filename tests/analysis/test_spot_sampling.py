@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.campaigns.light_cases import large_part
-from tradestudy.analysis import spot_images
-from tradestudy.analysis.spot_images import SpotModels, light_path, light_source, picture_of
 from tradestudy.errors import NotConvergedError, TradestudyError, UnaffordableError
+from tradestudy.models import spot_images
+from tradestudy.models.spot_images import SpotModels, light_path, light_source, picture_of
 from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, chain_image
 
 

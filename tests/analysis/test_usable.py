@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.cameras.builders import r5, stereo
-from tradestudy.analysis.usable import END_OF_STUDY, all_met, boundaries, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.parts import Lens
+from tradestudy.depth.usable import END_OF_STUDY, all_met, boundaries, evaluate_limits, usable_intervals
 
 GRID = np.geomspace(0.05, 10.0, 401)
 

@@ -16,11 +16,11 @@ from typing import Final
 import numpy as np
 
 from tests.calibration.cameras import focused, normal, stereo
-from tradestudy.analysis.depth import distribution
-from tradestudy.analysis.depth_draws import SCRAMBLES, _of_draws, outcome_model, settled_draws, uncertain_sources
+from tradestudy.answers.cost_measuring import forget
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cost.measuring import forget
+from tradestudy.depth.draws import SCRAMBLES, _of_draws, outcome_model, settled_draws, uncertain_sources
+from tradestudy.depth.evaluation import distribution
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.sources import ErrorClass
 from tradestudy.uncertainty.streams import scramble_scores

@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 
 from tests.calibration import noisy_corners
 from tests.calibration.known_scales import errors_and_covariance
+from tradestudy.answers.calibration import calibration_group
 from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
 from tradestudy.calibration.corners.corner_noise import equal_noise, estimate_noise, outlier_weights
 from tradestudy.calibration.corners.real_rig import fit_rig
@@ -20,7 +21,6 @@ from tradestudy.calibration.posteriors import with_square_size
 from tradestudy.calibration.projection import move, project, rotation_matrix
 from tradestudy.errors import UnaffordableError
 from tradestudy.figures.calibration_trust import draw_trust
-from tradestudy.run.groups.calibration import calibration_group
 
 
 @pytest.mark.slow

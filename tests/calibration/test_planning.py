@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import tradestudy
 from tests.calibration.cameras import board, focused, normal, shown, stereo
-from tradestudy.analysis.depth import distribution
-from tradestudy.analysis.inverse_questions import solve
-from tradestudy.analysis.required_values import solve_requirement
+from tradestudy.answers.calibration import infer_calibrations
+from tradestudy.answers.questions import solve, solve_requirement
 from tradestudy.calibration.camera_target import (
     TargetProblem,
     TargetToInfer,
@@ -26,10 +25,10 @@ from tradestudy.calibration.camera_target import (
 from tradestudy.calibration.projection import project
 from tradestudy.calibration.synthetic_target import Priors, SyntheticTarget, flat_grid, observe_target
 from tradestudy.cameras.calibration import ONE_SIGMA
+from tradestudy.depth.evaluation import distribution
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.run.inference import infer_calibrations
 from tradestudy.uncertainty.joint import JointNormal
 
 REFITS = 400

@@ -10,12 +10,12 @@ import pytest
 
 import tradestudy
 from tests.cameras.builders import F_MAIN, depth_read, r5
-from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.focus import DepthScaling
 from tradestudy.cameras.parts import Lens
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.errors import OutOfRangeError, StudyError
 
 A, B, C = 0.11, 0.9, 0.012

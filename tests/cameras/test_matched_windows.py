@@ -12,8 +12,8 @@ from tests.cameras.builders import PITCH, r5, stereo, unfocused
 from tests.campaigns.matching import measured, scene
 from tests.imaging.scenes import bound_of
 from tests.imaging.test_picture import CLOSED, SETTINGS
-from tradestudy.analysis.depth import evaluate_depth
 from tradestudy.cameras.picture_geometry import MatchedPairs, WholePictures, largest_common_square
+from tradestudy.depth.evaluation import evaluate_depth
 from tradestudy.imaging.models import Light, field_illumination, radial_pupil_width
 from tradestudy.imaging.passed_texture import matched_window, picture_electrons
 from tradestudy.imaging.picture import SMALLEST_WINDOW_PX, PictureDisparityError, disparity_bound_px, disparity_error_px

@@ -21,14 +21,14 @@ import numpy as np
 
 from tests.campaigns.depth_cases import KINDS, base_study, random_study
 from tests.campaigns.record import write
-from tradestudy.analysis.depth_points import DepthPoint, depth_table
-from tradestudy.analysis.depth_table import depth_uncertainty
-from tradestudy.analysis.usable import all_met, evaluate_limits, usable_intervals
+from tradestudy.answers.cost_measuring import forget
+from tradestudy.answers.depth import DepthPoint, depth_table
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cost.measuring import forget
+from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.effects import Models, SlotName, models_of
 from tradestudy.errors import TradestudyError
-from tradestudy.plan.choice import choose_models
+from tradestudy.models.choice import choose_models
 from tradestudy.study.definition import StudyDefinition
 
 REPEATS = 3

@@ -8,8 +8,17 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tradestudy.cost import measuring
-from tradestudy.cost.measuring import Candidate, CostProblem, Entry, Reference, forget, measure, next_digit, on_frontier
+from tradestudy.answers import cost_measuring as measuring
+from tradestudy.answers.cost_measuring import (
+    Candidate,
+    CostProblem,
+    Entry,
+    Reference,
+    forget,
+    measure,
+    next_digit,
+    on_frontier,
+)
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre

@@ -16,9 +16,9 @@ from scipy.special import ndtri
 from typer.testing import CliRunner
 
 from tradestudy import api
+from tradestudy.answers import cost as candidates
 from tradestudy.api import Study
 from tradestudy.cli import app
-from tradestudy.cost import study_cost as candidates
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.results import GROUPS
@@ -210,7 +210,7 @@ def test_the_command_reports_each_camera_and_leaves_a_run_alone(pair: Study, tmp
 def test_a_run_measures_it_on_request_and_a_later_report_shows_it(
     pair: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tradestudy.cost.study_cost.study_cost.__kwdefaults__", {"budget": 2.0})
+    monkeypatch.setattr("tradestudy.answers.cost.study_cost.__kwdefaults__", {"budget": 2.0})
     result = api.run(pair, tmp_path, pdf=False, with_cost=True)
     assert "cost" in result.data.children
     written = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -14,9 +14,9 @@ from tests.execution.test_execution import assert_same_results
 from tests.study.test_light_spot import SMALL
 from tests.study.test_light_spot import STUDY as SPOT_STUDY
 from tests.study.test_spot_light import DISC, LOOSE, PATH, rng, study
-from tradestudy.analysis import spot_images
-from tradestudy.analysis.spot_images import SpotModels, compared_models
 from tradestudy.execution import Checkpoints, Processes, Serial, Steps, Threads
+from tradestudy.models import spot_images
+from tradestudy.models.spot_images import SpotModels, compared_models
 from tradestudy.optics.chain import FRESNEL, ChainImage, chain_image, separate_image
 from tradestudy.optics.chain.accuracy import Part, in_turn
 from tradestudy.optics.chain.spot_points import AskedSpot, follow_points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tradestudy.run.groups import hard_cases as group
+from tradestudy.answers import hard_cases as group
 from tradestudy.study.schema.root import HardCasesPart
 from tradestudy.verification.case import Family, OutcomeCase
 

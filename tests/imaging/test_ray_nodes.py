@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tradestudy import api
-from tradestudy.analysis.scene_pictures import declared_image, recording_of, set_up, whole_pictures
 from tradestudy.imaging.render.nodes import nodes
 from tradestudy.imaging.render.tiles import FINER, Tile, expected_electrons
+from tradestudy.models.rendered_scene import declared_image, recording_of, set_up, whole_pictures
 from tradestudy.optics.arrays import FloatArray
 
 STUDY = Path(__file__).parents[2] / "studies" / "rock_scene.yaml"

@@ -12,7 +12,7 @@ import pytest
 import tradestudy
 from tests.calibration.rig_draws import depth_of_draws
 from tests.cameras.builders import stereo
-from tradestudy.analysis.inverse_questions import solve
+from tradestudy.answers.questions import solve
 from tradestudy.optics import triangulation
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -25,7 +25,7 @@ WEBCAMS = np.array([800.0, 800, 320, 240, 0, 0] * 2 + [0.001, 0.002, 0.001, -0.0
 def forget() -> None:
     """What is kept of depths that were read by the law as it was."""
     for name, module in list(sys.modules.items()):
-        if name.startswith("tradestudy.analysis."):
+        if name.startswith(("tradestudy.depth.", "tradestudy.models.", "tradestudy.answers.")):
             for value in vars(module).values():
                 if hasattr(value, "cache_clear"):
                     value.cache_clear()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.campaigns.light_cases import large_part
-from tradestudy.analysis.spot_images import light_path, light_source
+from tradestudy.models.spot_images import light_path, light_source
 from tradestudy.optics.chain import (
     KIRCHHOFF,
     ChainAccuracy,

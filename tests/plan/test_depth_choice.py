@@ -15,13 +15,13 @@ import tradestudy
 from tests.campaigns.depth_cases import base_study
 from tests.campaigns.depth_regret import run, shift_of_ends
 from tradestudy.accuracy import Quantity
-from tradestudy.analysis.depth import evaluate_depth
-from tradestudy.analysis.depth_table import depth_uncertainty
+from tradestudy.depth.evaluation import evaluate_depth
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.effects import Change, Changes, Models, SimulationProblem, Slot, choose
 from tradestudy.errors import StudyError
-from tradestudy.plan.choice import choose_models
-from tradestudy.plan.problems.depth import depth_problems
-from tradestudy.plan.problems.depth_variant import DepthVariant
+from tradestudy.models.choice import choose_models
+from tradestudy.models.depth_problem import depth_problems
+from tradestudy.models.depth_variant import DepthVariant
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from tests.campaigns.depth_cases import KINDS, base_study, random_study
-from tradestudy.analysis.depth_table import depth_uncertainty
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.effects import Models
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.optical_transfer import kirchhoff_transfers
 from tradestudy.imaging.transfer import airy_transfer
-from tradestudy.plan.problems.depth import depth_problems
-from tradestudy.plan.problems.depth_variant import DepthVariant
+from tradestudy.models.depth_problem import depth_problems
+from tradestudy.models.depth_variant import DepthVariant
 from tradestudy.study.building import apply_models
 
 

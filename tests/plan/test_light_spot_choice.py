@@ -12,15 +12,15 @@ import pytest
 import tradestudy
 from tests.campaigns.light_cases import large_part, random_part
 from tests.campaigns.light_regret import measured, rows
-from tradestudy.analysis.spot_images import SpotModels, light_path, light_source, spot_picture
 from tradestudy.effects import OFF, Choice, Models, choose
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
+from tradestudy.models.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
+from tradestudy.models.light_trial import LightTrial, _lit_part, probes
+from tradestudy.models.sharpness import PointSpreadProblem
+from tradestudy.models.spot_images import SpotModels, light_path, light_source, spot_picture
 from tradestudy.optics.chain import DiscSource
 from tradestudy.optics.chain.arriving_light import RayWave, blur_radius
 from tradestudy.optics.propagation import PointSource
-from tradestudy.plan.problems.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
-from tradestudy.plan.problems.light_trial import LightTrial, _lit_part, probes
-from tradestudy.plan.problems.point_spread import PointSpreadProblem
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"

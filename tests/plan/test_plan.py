@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.api import Study
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.errors import StudyError, UnaffordableError
-from tradestudy.plan.plan import Plan
+from tradestudy.models.plan import Plan
 
 STUDIES = Path(__file__).parents[2] / "studies"
 UNIFORM_YAW = """

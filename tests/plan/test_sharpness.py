@@ -10,7 +10,7 @@ import pytest
 import tradestudy
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens
-from tradestudy.plan.problems.depth_of_field import DepthOfFieldProblem
+from tradestudy.models.sharpness import DepthOfFieldProblem
 from tradestudy.study.schema.questions import PROBLEM
 
 STUDIES = Path(__file__).parents[2] / "studies"

@@ -10,14 +10,14 @@ import pytest
 import xarray as xr
 
 from tradestudy import load
+from tradestudy.answers.disparity_causes import disparity_causes_group
+from tradestudy.answers.registers import cameras_group
 from tradestudy.imaging.picture import CHANGES
-from tradestudy.plan.plan import plan_of
+from tradestudy.models.plan import plan_of
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Paragraph, Table, Text, all_blocks, spans
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.results import GROUPS
-from tradestudy.run.groups.disparity_causes import disparity_causes_group
-from tradestudy.run.groups.registers import cameras_group
 from tradestudy.study.loading import load_definition
 
 STUDY = Path(__file__).parents[2] / "studies" / "close_range.yaml"

@@ -10,10 +10,10 @@ import xarray as xr
 
 import tradestudy
 from tradestudy.accuracy import IN_WORDS
-from tradestudy.plan.plan import Plan
+from tradestudy.answers.registers import effects_group
+from tradestudy.models.plan import Plan
 from tradestudy.report.document import Paragraph, Table, Text, spans
 from tradestudy.report.sections.effects import describe_effects, list_decisions
-from tradestudy.run.groups.effects import effects_group
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import NO_MICROLENSES
 

@@ -9,10 +9,10 @@ import pytest
 
 import tradestudy
 from tradestudy import figures
-from tradestudy.analysis.depth_table import judged_uncertainty
-from tradestudy.analysis.requirement_answer import RequirementAnswer
-from tradestudy.analysis.requirements import check_requirement
+from tradestudy.answers.requirement_answer import RequirementAnswer
+from tradestudy.answers.requirements import check_requirement
 from tradestudy.cameras.depth_camera import UsableCriteria
+from tradestudy.depth.table import judged_uncertainty
 from tradestudy.report.contents import compose_report
 from tradestudy.study.starter import starter
 

@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 
 import tradestudy
 from tradestudy import figures
-from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.api import Result
 from tradestudy.cli import app
 from tradestudy.comparison import compare_runs
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.errors import StudyError
 from tradestudy.results.views.conclusions import (
     best_ranges,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.depth_table import depth_uncertainty
-from tradestudy.run.groups.datasheet import datasheet_group
+from tradestudy.answers.datasheet import datasheet_group
+from tradestudy.depth.table import depth_uncertainty
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

@@ -10,10 +10,9 @@ import pytest
 from scipy.special import j0
 
 import tradestudy
-from tradestudy.analysis.fresnel_errors import limit_f_number
-from tradestudy.analysis.point_spreads import varied_values
 from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
+from tradestudy.models.point_spreads import limit_f_number, varied_values
 from tradestudy.optics.psf_difference import fresnel_psf_difference
 from tradestudy.study.schema.wave_optics import listed
 

@@ -12,11 +12,11 @@ import pytest
 import xarray as xr
 
 from tests.study.conftest import STUDIES
+from tradestudy.answers.depth_of_field import criteria_group
+from tradestudy.answers.registers import contradictions
 from tradestudy.api import Result, load
 from tradestudy.errors import StudyError
 from tradestudy.results import GROUPS, storage
-from tradestudy.run.groups.depth_of_field import criteria_group
-from tradestudy.run.groups.registers import contradictions
 
 DEPTH_CAMERAS = {
     "r5-one-type",

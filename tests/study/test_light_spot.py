@@ -14,10 +14,10 @@ from scipy.optimize import brentq
 from scipy.special import j0, j1
 
 import tradestudy
-from tradestudy.analysis import spot_images
-from tradestudy.analysis.point_spreads import LensAndPoint, spread_measures
 from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
+from tradestudy.models import spot_images
+from tradestudy.models.point_spreads import LensAndPoint, spread_measures
 from tradestudy.report.document import Bullets, Callout, spans
 from tradestudy.report.sections.light_spot import describe_light_spot_answer
 

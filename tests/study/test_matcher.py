@@ -11,15 +11,15 @@ import pytest
 from scipy.special import ndtr
 
 import tradestudy
-from tradestudy.analysis.depth import distribution, evaluate_depth, model_error
-from tradestudy.analysis.requirements import check_requirement
+from tradestudy.answers.requirements import check_requirement
 from tradestudy.api import Result
 from tradestudy.cameras.depth_camera import disparity_error_at
+from tradestudy.depth.evaluation import distribution, evaluate_depth, model_error
 from tradestudy.errors import StudyError
 from tradestudy.execution.steps import fingerprint
 from tradestudy.imaging.picture import at_bound
-from tradestudy.plan.plan import plan_of
-from tradestudy.plan.problems.depth import depth_problems
+from tradestudy.models.depth_problem import depth_problems
+from tradestudy.models.plan import plan_of
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Table, Text, all_blocks, spans
 from tradestudy.results.views.depth import best_of_any_matcher

@@ -10,12 +10,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from tests.cameras.builders import r5, stereo
 from tests.study.conftest import STUDIES
-from tradestudy.analysis.claims import claim_value
-from tradestudy.analysis.depth import evaluate_depth
-from tradestudy.analysis.usable import evaluate_limits
+from tradestudy.answers.claims import claim_value
 from tradestudy.api import Study, load
 from tradestudy.cameras.declaration import PixelCount
 from tradestudy.cameras.depth_camera import UsableCriteria
+from tradestudy.depth.evaluation import evaluate_depth
+from tradestudy.depth.usable import evaluate_limits
 from tradestudy.errors import StudyError
 from tradestudy.study.document import Value
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tradestudy import load
+from tradestudy.answers.registers import assumptions_group, contradictions
 from tradestudy.cameras.camera import Contradiction
-from tradestudy.run.groups.registers import assumptions_group, contradictions
 from tradestudy.study.starter import starter
 
 CLOSE = Path(__file__).parents[2] / "studies" / "close_range.yaml"

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.analysis.spot_images import SpotModels, light_path, spot_image, spot_picture
+from tradestudy.models.light_spot import LightSpotProblem
+from tradestudy.models.spot_images import SpotModels, light_path, spot_image, spot_picture
 from tradestudy.optics.chain import (
     FRESNEL,
     ChainAccuracy,
@@ -26,7 +27,6 @@ from tradestudy.optics.chain import (
     spectral_image,
 )
 from tradestudy.optics.propagation import CircularLens, PointSource
-from tradestudy.plan.problems.light_spot import LightSpotProblem
 from tradestudy.study.schema.wave_optics import LightSpotPart
 
 STUDY = """

@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 import tradestudy
-from tradestudy.analysis.depth_table import depth_uncertainty
 from tradestudy.comparison.comparison import Run
 from tradestudy.comparison.conclusions import compare_ranks
+from tradestudy.depth.table import depth_uncertainty
 from tradestudy.errors import StudyError
 from tradestudy.report.contents import compose_report
 from tradestudy.results import GROUPS

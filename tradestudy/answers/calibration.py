@@ -1,0 +1,355 @@
+"""Infer the calibrations that a study needs before it can predict depth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.calibration.calibration_file import CalibrationDraws
+from tradestudy.calibration.corners.real_rig import RigFit
+from tradestudy.calibration.corners.trust import DISTANCES, CalibrationTrust, ComparedLens
+from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
+from tradestudy.calibration.posteriors import InferredCalibration
+from tradestudy.calibration.projection import intrinsic_names, lens_of_text, text_of_lens
+from tradestudy.errors import Problem, StudyError, TradestudyError
+from tradestudy.execution import Steps
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.varying import calibrations_to_infer
+from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
+
+if TYPE_CHECKING:
+    from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
+    from tradestudy.calibration.posteriors import InferredCalibration
+
+
+def infer_calibrations(
+    definition: StudyDefinition, steps: Steps
+) -> tuple[StudyDefinition, Mapping[str, InferredCalibration]]:
+    """Infer every calibration from a target or corners, for the study, its readings and the designs of its sweep.
+
+    Returns
+    -------
+    StudyDefinition
+        The study, with the inferred calibrations of its cameras.
+    mapping of str to InferredCalibration
+        Calibrations of the study as declared, by camera.
+
+    Raises
+    ------
+    TradestudyError
+        A calibration cannot be inferred, or contradicts the declared geometry.
+    """
+    asked = calibrations_to_infer(definition)
+    if not asked:
+        return definition, {}
+    from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
+    from tradestudy.calibration.posteriors import infer
+
+    names = [one.name for one in asked.values()]
+    try:
+        found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names), strict=True))
+    except GeometryContradictionError as error:
+        raise StudyError(_located(definition, error)) from None
+    known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
+    return known, {one.name: found[key] for key, one in definition.calibrations_to_infer().items()}
+
+
+def refuse_corners(definition: StudyDefinition) -> None:
+    """Refuse corners, of the study as declared and of its readings, that a run would refuse after their fit.
+
+    Raises
+    ------
+    StudyError
+        No rig fits the corners, or they contradict the declared geometry.
+    """
+    forms = [definition, *definition.readings.values()]
+    asked = {key: request for form in forms for key, request in form.calibrations_to_infer().items()}
+    if not asked:
+        return
+    from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
+    from tradestudy.calibration.posteriors import CornersToInfer, check_corners
+
+    problems = []
+    for request in asked.values():
+        try:
+            if isinstance(request, CornersToInfer):
+                check_corners(request)
+        except GeometryContradictionError as error:
+            problems += _located(definition, error)
+        except TradestudyError as error:
+            path = ("cameras", request.name, "calibration", "corners")
+            problems.append(definition.document.locate(path).problem(path, str(error)))
+    if problems:
+        raise StudyError(problems)
+
+
+def _located(definition: StudyDefinition, error: GeometryContradictionError) -> list[Problem]:
+    """Every contradiction between corners and geometry, located at the calibration key of its camera."""
+    found = []
+    for line in str(error).splitlines():
+        name = next(name for name in definition.file.cameras if f"cameras.{name}." in line)
+        path = ("cameras", name, "calibration", "corners")
+        found.append(definition.document.locate(path).problem(path, line))
+    return found
+
+
+def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]]:
+    """Camera, quantity and value for the cameras calibrated from corners; empty if there are none."""
+    rows = [
+        (name, *row)
+        for name, one in inferred.items()
+        if one.fit is not None and one.trust is not None
+        for row in (*_rows(one.fit), *_trust_rows(one.fit, one.trust))
+    ]
+    if not rows:
+        return {}
+    cameras, quantities, values = (list(column) for column in zip(*rows, strict=True))
+    return {"rig_camera": cameras, "rig_quantity": quantities, "rig_value": values}
+
+
+def rig_trust(inferred: Mapping[str, InferredCalibration]) -> dict[str, FloatArray]:
+    """Cross-checks by halves of the views, and residual maps; NaN for cameras without corners, empty if all are."""
+    known = {name: one.trust for name, one in inferred.items() if one.trust is not None}
+    if not known:
+        return {}
+
+    def of_each(get: Callable[[CalibrationTrust], FloatArray]) -> FloatArray:
+        nothing = np.full_like(get(next(iter(known.values()))), np.nan)
+        return np.stack([get(known[name]) if name in known else nothing for name in inferred])
+
+    return {
+        "rig_claimed": of_each(lambda one: one.claimed),
+        "rig_halves_difference": of_each(lambda one: one.halves_difference),
+        "rig_halves_claim": of_each(lambda one: one.halves_claim),
+        "rig_residual": of_each(lambda one: one.residual_map),
+    }
+
+
+def rig_lenses(inferred: Mapping[str, InferredCalibration]) -> tuple[dict[str, FloatArray], list[str]]:
+    """Changes that other lens models would make, over calibrations and lens models; NaN where none was compared."""
+    known = [one.trust.lenses if one.trust is not None else {} for one in inferred.values()]
+    names = list(dict.fromkeys(name for lenses in known for name in lenses))
+    if not names:
+        return {}, []
+
+    def of_each(get: Callable[[ComparedLens], FloatArray | float]) -> FloatArray:
+        nothing = np.full_like(get(next(lenses[names[0]] for lenses in known if names[0] in lenses)), np.nan)
+        return np.array([[get(lenses[name]) if name in lenses else nothing for name in names] for lenses in known])
+
+    return {
+        "rig_lens_support": of_each(lambda one: one.support),
+        "rig_lens_support_deviation": of_each(lambda one: one.support_deviation),
+        "rig_lens_change": of_each(lambda one: one.depth_change),
+        "rig_lens_change_deviation": of_each(lambda one: one.depth_change_deviation),
+    }, names
+
+
+def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
+    yield "views and corners", f"{len(fit.corners.views)} views, {fit.corners.corner_count} corners"
+    for side, camera in (("left", fit.left), ("right", fit.right)):
+        yield f"residual of the {side} camera alone", pretty(camera.corner_rms_px, PIXELS)
+        for k, name in enumerate(intrinsic_names(fit.corners.lens.free)):
+            deviation = float(np.sqrt(camera.covariance[k, k]))
+            unit = " px" if name.endswith("_px") else ""
+            words = name.removesuffix("_px").replace("_", " ")
+            yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
+    lens, cameras = fit.corners.lens, cameras_of(fit.explained.shared)
+    for side, values in zip(("left", "right"), cameras, strict=True):
+        yield (
+            f"field angle up to which the {side} lens model is valid",
+            pretty(float(lens.at(values[4:]).valid_field), ANGLE),
+        )
+    yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
+    yield "correlation of the views' mean residuals, left with right", f"{fit.means.correlation:.4f}".replace("-", "−")
+    yield "motion of the board that explains this correlation", pretty(fit.explained.motion_scale, LENGTH)
+    yield (
+        "residual with this motion, left and right",
+        f"{pretty(fit.explained.left_rms_px, PIXELS)}, {pretty(fit.explained.right_rms_px, PIXELS)}",
+    )
+    yield "noise of one corner coordinate, root mean square over views", pretty(fit.explained.noise_px, PIXELS)
+    yield "gain in log likelihood from this motion", significant(fit.explained.log_likelihood_gain)
+    shared, covariance = fit.explained.shared, fit.covariance
+    baseline = float(np.linalg.norm(shared[TRANSLATION]))
+    direction = shared[TRANSLATION] / baseline
+    deviation = float(np.sqrt(direction @ covariance[TRANSLATION, TRANSLATION] @ direction))
+    yield "baseline", f"{_digits(1e3 * baseline, 1e3 * deviation)} mm"
+    for name, k in (("pitch", -6), ("yaw", -5), ("roll", -4)):
+        spread = float(np.sqrt(covariance[k, k]))
+        yield f"relative {name}", f"{_digits(float(np.degrees(shared[k])), float(np.degrees(spread)))}°"
+
+
+def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str]]:
+    for z, good, claimed in zip(trust.distances, trust.good_to, trust.claimed, strict=True):
+        where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
+        yield f"accuracy of this calibration at {where}", f"{to} (claimed: {says})"
+    for name, other in trust.lenses.items():
+        if other.failure:
+            yield f"lens model {name}", f"cannot be fitted: {other.failure}"
+    yield (
+        f"difference between random halves of the views, divided by the claimed difference ({trust.halves} splits)",
+        ", ".join(
+            f"{ratio:.2f} at {pretty(float(z), LENGTH)}" for z, ratio in zip(trust.distances, trust.ratio, strict=True)
+        ),
+    )
+    rms = trust.view_rms
+    yield "smallest and largest residual of a view", f"{pretty(rms.min(), PIXELS)}, {pretty(rms.max(), PIXELS)}"
+    along = trust.neighbour_correlation.mean(axis=0)
+    yield "correlation of neighbouring residuals, along rows and columns", f"{along[0]:.2f}, {along[1]:.2f}"
+    noise = fit.corners.noise
+    assert noise is not None
+    yield (
+        "share of the noise variance that neighbours have in common, and its correlation length",
+        f"{100.0 * noise.share:.0f} %, {pretty(noise.length, LENGTH)}",
+    )
+    yield "ratio of the largest to the smallest noise of a view", f"{noise.deviation.max() / noise.deviation.min():.2g}"
+    yield from _outlier_rows(fit)
+    names = ("bowl", "saddle along the edges", "saddle along the diagonals")
+    for name, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
+        yield f"warp of the board, {name}", f"{_digits(1e6 * float(value), 1e6 * float(deviation))} µm"
+
+
+def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
+    """Corners excluded as outliers, and the number of corners with reduced weight."""
+    there = fit.present
+    low = (fit.weights < 1.0) & there[:, None]
+    yield (
+        "corners with a weight below 1, in the left and right pictures together",
+        f"{int(low.sum())} of {2 * int(there.sum())}",
+    )
+    for view, side, corner in zip(*np.nonzero((fit.weights == 0.0) & there[:, None]), strict=True):
+        yield f"excluded outlier: view {fit.corners.views[view]}, {('left', 'right')[side]}", f"corner {corner + 1}"
+
+
+def _digits(value: float, deviation: float) -> str:
+    """A value with its standard deviation, both rounded to two digits of the deviation."""
+    decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
+    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", "−")
+
+
+_SHOWN_STEPS = 300
+
+
+def calibration_group(inferred: Mapping[str, InferredCalibration]) -> xr.Dataset:
+    """/calibration: the posterior of every camera with an inferred calibration, and the results of the fits."""
+    posterior, names = _posteriors(inferred)
+    lenses, lens_names = rig_lenses(inferred)
+    values = posterior | rig_rows(inferred) | rig_trust(inferred) | lenses
+    distances: dict[str, Any] = {"rig_distance": list(DISTANCES)} if "rig_claimed" in values else {}
+    models = {"lens_model": lens_names} if lenses else {}
+    return dataset("calibration", values, {"posterior": list(inferred), "parameter": names, **distances, **models})
+
+
+def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[str, Any], list[str]]:
+    """Variables of the inferred calibrations, padded with NaN over all parameters."""
+    names = list(dict.fromkeys(name for one in calibrations.values() for name in one.sample.names))
+    most = max(len(one.posterior.draws) for one in calibrations.values())
+    ensembles = max(one.sample.chains.shape[0] for one in calibrations.values())
+
+    def over_parameters(get: Any) -> FloatArray:
+        return np.stack([_spread(one, names, np.asarray(get(one))) for one in calibrations.values()])
+
+    def of_each(get: Any) -> list[Any]:
+        return [get(one) for one in calibrations.values()]
+
+    overconfidence = [
+        np.full(len(one.sample.names), np.nan)
+        if one.fit is None
+        else np.concatenate([one.fit.explained.overconfidence, np.full(5, np.nan)])
+        for one in calibrations.values()
+    ]
+    return {
+        "posterior_converged": of_each(lambda one: not one.failures),
+        "posterior_verdict": of_each(lambda one: "; ".join(one.failures)),
+        "posterior_kind": of_each(lambda one: "simulated target" if one.fit is None else "corners of a board"),
+        "posterior_lengths": of_each(lambda one: one.sample.diagnostics.lengths),
+        "posterior_acceptance": np.stack(
+            of_each(
+                lambda one: np.pad(
+                    one.sample.diagnostics.acceptance,
+                    (0, ensembles - len(one.sample.diagnostics.acceptance)),
+                    constant_values=np.nan,
+                )
+            )
+        ),
+        "posterior_marginal_efficiency": of_each(lambda one: one.check.efficiency),
+        "posterior_evaluations": of_each(lambda one: one.sample.evaluations),
+        "posterior_seconds": of_each(lambda one: one.sample.seconds),
+        "laplace_seconds": of_each(lambda one: one.laplace_seconds),
+        "posterior_mean": over_parameters(lambda one: one.sample.draws.mean(axis=0)),
+        "posterior_deviation": over_parameters(lambda one: one.sample.draws.std(axis=0)),
+        "prior_deviation": over_parameters(lambda one: one.prior_deviation),
+        "laplace_deviation": over_parameters(lambda one: one.laplace_deviation),
+        "posterior_autocorrelation": over_parameters(lambda one: one.sample.diagnostics.autocorrelation_steps),
+        "posterior_r_hat": over_parameters(lambda one: one.sample.diagnostics.r_hat),
+        "posterior_bulk_size": over_parameters(lambda one: one.sample.diagnostics.bulk_effective_size),
+        "posterior_tail_size": over_parameters(lambda one: one.sample.diagnostics.tail_effective_size),
+        "posterior_best": over_parameters(_best),
+        "posterior_lens_model": of_each(lambda one: text_of_lens(one.posterior.lens)),
+        "posterior_pixels": of_each(lambda one: one.posterior.pixels or (0, 0)),
+        "posterior_draw": over_parameters(lambda one: _draws(one, most)),
+        "posterior_trace": over_parameters(lambda one: _trace(one, ensembles)),
+        "rig_overconfidence": np.stack(
+            [_spread(one, names, row) for one, row in zip(calibrations.values(), overconfidence, strict=True)]
+        ),
+    }, names
+
+
+def _draws(one: InferredCalibration, most: int) -> FloatArray:
+    """The propagated draws, over the parameters of the sample; NaN for parameters without draws."""
+    found = np.full((most, len(one.sample.names)), np.nan)
+    columns = [one.sample.names.index(name) for name in one.posterior.names]
+    found[: len(one.posterior.draws), columns] = one.posterior.draws
+    return found
+
+
+def _best(one: InferredCalibration) -> FloatArray:
+    """The best fit of a rig calibrated from corners, over the parameters of the sample; NaN for others."""
+    found = np.full(len(one.sample.names), np.nan)
+    if one.posterior.best is not None:
+        found[[one.sample.names.index(name) for name in one.posterior.names]] = one.posterior.best
+    return found
+
+
+def _trace(one: InferredCalibration, ensembles: int) -> FloatArray:
+    """The first walker of each ensemble at evenly spaced steps, shape (ensembles, steps, parameters)."""
+    chains = one.sample.chains[:, :, 0]
+    steps = (np.arange(_SHOWN_STEPS) * chains.shape[1]) // _SHOWN_STEPS
+    padded = np.full((ensembles, _SHOWN_STEPS, chains.shape[-1]), np.nan)
+    padded[: len(chains)] = chains[:, steps]
+    return padded
+
+
+def _spread(one: InferredCalibration, names: list[str], values: FloatArray) -> FloatArray:
+    """Place values over a calibration's own parameters (last axis) among the parameters of all calibrations."""
+    found = np.full((*values.shape[:-1], len(names)), np.nan)
+    found[..., [names.index(name) for name in one.sample.names]] = values
+    return found
+
+
+def saved_posteriors(tree: xr.DataTree) -> dict[str, CalibrationDraws]:
+    """The posteriors of a run, by camera, as written beside its results."""
+    if "calibration" not in tree.children:
+        return {}
+    group, found = tree["calibration"].to_dataset(), {}
+    for name in group["posterior"].values:
+        one = group.sel(posterior=name)
+        of_rig = bool(np.isfinite(one["posterior_best"].values).any())
+        drawn = one["parameter"].values[np.isfinite(one["posterior_draw"].values).any(axis=0)]
+        own = one.sel(parameter=drawn)
+        draws = own["posterior_draw"].values
+        draws = draws[np.isfinite(draws).all(axis=1)]
+        columns, rows = (int(count) for count in own["posterior_pixels"].values)
+        found[str(name)] = CalibrationDraws(
+            names=tuple(map(str, own["parameter"].values)),
+            draws=draws,
+            reference=None if of_rig else draws.mean(axis=0),
+            best=own["posterior_best"].values if of_rig else None,
+            pixels=(columns, rows) if of_rig else None,
+            lens=lens_of_text(str(one["posterior_lens_model"].item())),
+        )
+    return found

@@ -1,0 +1,377 @@
+"""The largest cause of a depth uncertainty: the input that contributes most to its variance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.answers.depth import depth_as_declared
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import FieldPosition
+from tradestudy.depth.evaluation import ERROR_SOURCES, Reading, distribution, imaged
+from tradestudy.depth.linear import linearised_depth
+from tradestudy.depth.table import distribution_between, judged_uncertainty, judged_uncertainty_error, narrow_features
+from tradestudy.depth.usable import (
+    END_OF_STUDY,
+    all_met,
+    boundaries,
+    evaluate_limits,
+    margin,
+    places_around,
+    scramble_error,
+    usable_intervals,
+)
+from tradestudy.errors import OutOfRangeError
+from tradestudy.execution.steps import Progress
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.results import dataset
+from tradestudy.results import judged_uncertainty as stored_uncertainty
+from tradestudy.study.bases import input_words
+from tradestudy.study.definition import Case, StudyDefinition
+
+NOISE: Final = "noise"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """An uncertain parameter of a camera, or the noise of a measurement, and its share of the variance of depth."""
+
+    parameter: str
+    share: float
+
+
+def largest_cause(camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0) -> Cause | None:
+    """The parameter that contributes most to the depth uncertainty, on average over distances [m].
+
+    If inverse depth is linear in the errors, with sensitivities s and covariance C, its variance is Σ sᵢ (C s)ᵢ. Each
+    term, divided by that sum, is the share of one parameter with its correlations; noise accounts for the rest.
+    None if an uncertain parameter has no variance, or if nothing is measured.
+    """
+    seen = distance[camera.images(distance)]
+    try:
+        line = linearised_depth(camera, seen, field, "noise" if camera.propagation.model == "off" else "both")
+    except OutOfRangeError:
+        return None
+    contributed = line.sensitivity * (line.covariance @ line.sensitivity)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = contributed / contributed.sum(axis=0)
+    known = np.isfinite(shares).all(axis=0)
+    if not known.any():
+        return None
+    mean = shares[:, known].mean(axis=1)
+    declared = {name for group in camera.calibration.groups for name in group.parameters}
+    by_noise = float(sum(share for name, share in zip(line.parameters, mean, strict=True) if name not in declared))
+    named = {name: float(share) for name, share in zip(line.parameters, mean, strict=True) if name in declared} | {
+        NOISE: by_noise
+    }
+    largest = max(named, key=lambda name: named[name])
+    return Cause(parameter=largest, share=named[largest])
+
+
+_OFFSET: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
+_ROUNDING: Final = 1e-9
+_CROSSED_TO: Final = 1e-10  # relative accuracy of a crossing
+
+
+TIED: Final = ", "
+"""Separates the names of tied cameras, whose difference is below its stated error."""
+# A difference must exceed this many standard errors to decide. With eight scrambles, chance alone exceeds it once in a
+# thousand. With a lower limit, answers over many distances would alternate between equal cameras.
+_SURE: Final = 5.4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """Distance [m] at which two cameras are equally uncertain, its standard error, and which is better before it."""
+
+    distance: float
+    error: float
+    nearer: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """Distance [m] where the winner changes, its standard error, and the winners before and beyond it; "" for none."""
+
+    distance: float
+    error: float
+    nearer: str
+    farther: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairVerdict:
+    """Comparison of the study's main pair of cameras under one reading of the assumptions.
+
+    Parameters
+    ----------
+    winner, more_certain
+        Names by place and error source, shape (place, error source); ``winner`` considers only usable cameras, is empty
+        if none is, and names both if they are tied.
+    ratio
+        Uncertainty of the first camera relative to the second, shape (place, error source).
+    crossings, changes
+        For each error source, where the two are equally uncertain, usable or not, and where the winner changes.
+    """
+
+    winner: list[list[str]]
+    more_certain: list[list[str]]
+    ratio: FloatArray
+    crossings: Mapping[str, tuple[Crossing, ...]]
+    changes: Mapping[str, tuple[Change, ...]]
+
+
+def is_usable(case: Case, name: str, distance: FloatArray, depth: Reading = distribution_between) -> BoolArray:
+    """Whether a camera meets every limit of the study at distances [m], where its depth is read by ``depth``."""
+    return all_met(evaluate_limits(case.cameras[name], case.criteria, distance, depth=depth), distance.shape)
+
+
+def stated_error(camera: DepthCamera, error: FloatArray) -> FloatArray:
+    """Largest plausible error of a depth uncertainty [m], from the standard error of draws or the error of a model."""
+    return _SURE * error if camera.propagation.model == "exact" else error
+
+
+def best_cameras(
+    usable: Mapping[str, BoolArray], uncertainty: Mapping[str, FloatArray], error: Mapping[str, FloatArray]
+) -> list[str]:
+    """The usable camera with the lowest uncertainty at each distance; empty if none is usable.
+
+    A camera whose difference from the best is within their combined stated errors (`stated_error`) shares the win.
+    """
+    names = list(usable)
+    table = np.stack([np.where(usable[name], uncertainty[name], np.inf) for name in names])
+    table = np.where(np.isnan(table), np.inf, table)
+    errors = np.stack([np.nan_to_num(error[name]) for name in names])
+    best = np.argmin(table, axis=0)
+    lowest, of_lowest = (np.take_along_axis(rows, best[None], axis=0) for rows in (table, errors))
+    with np.errstate(invalid="ignore", over="ignore"):  # ∞ − ∞: neither camera is usable
+        tied = table - lowest <= np.hypot(errors, of_lowest)
+    tied[best, np.arange(best.size)] = True
+    return [
+        TIED.join(name for name, one in zip(names, tied[:, k], strict=True) if one)
+        if math.isfinite(lowest[0, k])
+        else ""
+        for k in range(best.size)
+    ]
+
+
+def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
+    """Which of two cameras is more certain, and which wins among the usable ones, at places [m], by error source."""
+    usable = {name: is_usable(case, name, places) for name in pair}
+    winners, certain, ratios = [], [], []
+    for source in ERROR_SOURCES:
+        uncertainty, error = {}, {}
+        for name in pair:
+            camera = case.cameras[name]
+            uncertainty[name] = distribution(camera, imaged(camera, places), source).judged
+            own = judged_uncertainty_error(camera, places, source, depth=distribution)
+            error[name] = stated_error(camera, own)
+        winners.append(best_cameras(usable, uncertainty, error))
+        everywhere = {name: np.ones(places.shape, dtype=bool) for name in pair}
+        certain.append([name if name in pair else "" for name in best_cameras(everywhere, uncertainty, error)])
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
+            ratios.append(uncertainty[pair[0]] / uncertainty[pair[1]])
+    crossings = {error_source: _crossings(case, pair, error_source) for error_source in ERROR_SOURCES}
+    ends = {place: 0.0 for name in pair for place in _ends_of_use(case, name)}
+    return PairVerdict(
+        winner=[list(row) for row in zip(*winners, strict=True)],
+        more_certain=[list(row) for row in zip(*certain, strict=True)],
+        ratio=np.stack(ratios, axis=-1),
+        crossings=crossings,
+        changes={
+            error_source: _changes(
+                case, pair, error_source, ends | {one.distance: one.error for one in crossings[error_source]}
+            )
+            for error_source in ERROR_SOURCES
+        },
+    )
+
+
+def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_source: str) -> FloatArray:
+    """ln(u₁/u₂) of each scramble; ±∞ where one is unbounded, NaN where both are; shape (scrambles, distances)."""
+    a, b = (distribution_between(camera, distance, error_source).judged_widths for camera in (first, second))
+    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
+        return np.asarray(np.log(a) - np.log(b))
+
+
+def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, error_source: str) -> list[str]:
+    """The usable camera with the lower uncertainty at each distance, regardless of its error."""
+    sure = {name: np.zeros(distance.shape) for name in pair}
+    found = best_cameras(
+        {name: is_usable(case, name, distance) for name in pair},
+        {name: judged_uncertainty(case.cameras[name], distance, error_source) for name in pair},
+        sure,
+    )
+    return [name.split(TIED)[0] for name in found]
+
+
+def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
+    """Distances [m] where a camera becomes usable or ceases to be usable, within the range of the study."""
+    intervals = usable_intervals(case.cameras[name], case.criteria, case.distance)
+    return tuple(
+        end
+        for one in intervals
+        for end, limit in ((one.near, one.near_limit), (one.far, one.far_limit))
+        if limit != END_OF_STUDY
+    )
+
+
+def _changes(case: Case, pair: tuple[str, str], error_source: str, places: Mapping[float, float]) -> tuple[Change, ...]:
+    """Where the winner changes, which can be only where a camera's usable range ends or the uncertainties are equal."""
+    if not places:
+        return ()
+    ordered = np.array(sorted(places))
+    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - _OFFSET), ordered * (1.0 + _OFFSET)]), error_source)
+    found: list[Change] = []
+    for place, nearer, farther in zip(ordered.tolist(), sides[: ordered.size], sides[ordered.size :], strict=True):
+        # Changes of both cameras at the same place, up to rounding, are reported once.
+        if nearer != farther and not (found and place <= found[-1].distance * (1.0 + _OFFSET)):
+            found.append(Change(distance=place, error=places[place], nearer=nearer, farther=farther))
+    return tuple(found)
+
+
+def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Crossing, ...]:
+    """Where the lead passes from one camera to the other, between distances where it is significant."""
+    first, second = (case.cameras[name] for name in pair)
+    distance = np.union1d(case.distance, [*narrow_features(first), *narrow_features(second)])
+    ratios = _log_ratios(first, second, distance, error_source)
+    lead = _sure_lead(ratios)
+    decided = np.flatnonzero(lead)
+    turns = np.flatnonzero(lead[decided[1:]] != lead[decided[:-1]])
+    found = []
+    for before, after in zip(decided[turns], decided[turns + 1], strict=True):
+        grid = distance[before : after + 1]
+        place = _turn(first, second, grid, error_source, begins=lead[before] > 0)
+        if place is not None:
+            error = scramble_error(_log_ratios(first, second, places_around(place), error_source), place)
+            found.append(Crossing(distance=place, error=error, nearer=pair[0] if lead[before] < 0 else pair[1]))
+    return tuple(found)
+
+
+def _sure_lead(ratios: FloatArray) -> FloatArray:
+    """−1 where the first camera is significantly more certain, +1 where the second is, 0 where undecided."""
+    with np.errstate(invalid="ignore"):  # NaN: both are unbounded
+        mean = np.mean(ratios, axis=0)
+        spread = np.std(ratios, axis=0, ddof=1) / math.sqrt(len(ratios)) if len(ratios) > 1 else np.zeros_like(mean)
+    sure = np.isinf(mean) | (np.abs(mean) > np.maximum(_SURE * np.nan_to_num(spread), _ROUNDING))
+    return np.where(sure & ~np.isnan(mean), np.sign(mean), 0.0)
+
+
+def _turn(
+    first: DepthCamera, second: DepthCamera, grid: FloatArray, error_source: str, *, begins: bool
+) -> float | None:
+    """Distance [m] between two significant leads where the ratio passes one; of several, the middle one."""
+
+    def below_one(points: FloatArray) -> FloatArray:
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
+            ratio = judged_uncertainty(first, points, error_source) / judged_uncertainty(second, points, error_source)
+        return margin(ratio < 1.0, ratio - 1.0)
+
+    # Where both intervals are unbounded, the ratio is undefined and counts as "not below one" for either camera.
+    ends = [end.distance for end in boundaries(below_one, grid, to=_CROSSED_TO) if end.begins == begins]
+    return ends[len(ends) // 2] if ends else None
+
+
+def decision_group(
+    definition: StudyDefinition,
+    readings: Mapping[str, StudyDefinition],
+    depth: xr.Dataset,
+    progress: Progress = lambda _step, _share: None,
+) -> xr.Dataset:
+    """/decision from /depth and from the study under each reading, without inverse questions."""
+    file, case = definition.file, definition.case
+    values: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {"distance": case.distance, "error_source": list(ERROR_SOURCES)}
+    attributes: dict[str, Any] = {}
+    nominal = depth if depth["depth_uncertainty"].ndim == 2 else depth_as_declared(definition)
+    rows = {name: i for i, name in enumerate(case.cameras)}
+    names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
+    attributes["candidates"] = ", ".join(names)
+    usable = {name: nominal["usable"].values[rows[name]] for name in names}
+    widths, errors = (stored_uncertainty(nominal, f"_by_error_source{of}").values for of in ("", "_error"))
+    values["best_camera"] = np.stack(
+        [
+            best_cameras(
+                usable,
+                {name: widths[rows[name], :, w] for name in names},
+                {name: stated_error(case.cameras[name], errors[rows[name], :, w]) for name in names},
+            )
+            for w in range(len(ERROR_SOURCES))
+        ],
+        axis=-1,
+    )
+    causes = {}
+    for name, camera in case.cameras.items():
+        used = nominal["usable"].values[rows[name]]
+        causes[name] = largest_cause(camera, case.distance[used] if used.any() else case.distance)
+    values["cause"] = [
+        "" if one is None else input_words(definition, name, one.parameter) for name, one in causes.items()
+    ]
+    values["cause_share"] = [math.nan if one is None else one.share for one in causes.values()]
+    coordinates["camera"] = list(case.cameras)
+    if file.decision is not None:
+        pair = (file.decision.between[0], file.decision.between[1])
+        places = np.array(file.decision.at)
+        verdicts: dict[str, PairVerdict] = {}
+        known: dict[Any, PairVerdict] = {}  # by what a verdict depends on
+        for done, (name, reading) in enumerate(readings.items()):
+            progress("decision", done / len(readings))
+            asked = (*(reading.case.cameras[one] for one in pair), reading.case.criteria)
+            if asked not in known:
+                known[asked] = decide_pair(reading.case, pair, places)
+            verdicts[name] = known[asked]
+        values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])
+        values["reading_says"] = readings_say(definition, readings)
+        coordinates |= {"reading": list(readings), "place": places}
+        attributes |= {"first": pair[0], "second": pair[1]}
+    return dataset("decision", values, coordinates, attributes=attributes)
+
+
+def _pair_arrays(verdicts: Mapping[str, PairVerdict], tolerance: float) -> dict[str, Any]:
+    first = next(iter(verdicts.values()))
+    readings = list(verdicts.values())
+    changes = _padded(
+        [v.changes for v in readings], ("distance", "error", "nearer", "farther"), (math.nan, math.nan, "", "")
+    )
+    crossings = _padded([v.crossings for v in readings], ("distance", "error", "nearer"), (math.nan, math.nan, ""))
+    return {
+        "winner": np.array([v.winner for v in verdicts.values()]),
+        "more_certain": np.array([v.more_certain for v in verdicts.values()]),
+        "uncertainty_ratio": np.stack([v.ratio for v in verdicts.values()]),
+        "within_tolerance": np.stack([np.abs(np.asarray(v.ratio) - 1.0) <= tolerance for v in verdicts.values()]),
+        "flips": np.array([v.winner for v in verdicts.values()]) != np.array(first.winner),
+        "certainty_flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
+        **{f"change_{name}": values for name, values in changes.items()},
+        **{f"crossover_{name}": values for name, values in crossings.items()},
+    }
+
+
+def _padded(
+    rows: Sequence[Mapping[str, Sequence[Any]]], fields: Sequence[str], absent: Sequence[Any]
+) -> dict[str, Any]:
+    """Every field of the events, over (reading, error source, event), padded to equal length and at least one event."""
+    most = max((len(events) for row in rows for events in row.values()), default=0)
+    return {
+        name: np.array(
+            [
+                [
+                    [getattr(one, name) for one in row[error_source]]
+                    + [empty] * (max(most, 1) - len(row[error_source]))
+                    for error_source in ERROR_SOURCES
+                ]
+                for row in rows
+            ]
+        )
+        for name, empty in zip(fields, absent, strict=True)
+    }
+
+
+def readings_say(definition: StudyDefinition, readings: Iterable[str]) -> list[str]:
+    """What each reading assumes."""
+    declared = definition.file.readings
+    return [declared[name].says if name in declared else "the study as declared" for name in readings]

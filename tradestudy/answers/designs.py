@@ -1,0 +1,143 @@
+"""The verdict of one design, interpolated from its curves in /depth: cheap enough for a sweep of many designs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.answers.decision import Crossing, best_cameras, stated_error
+from tradestudy.answers.depth import DepthTable, DepthTables, over_designs
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import distances_without_decision
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.varying import sweep_axes
+
+_BOTH: Final = -1  # index of noise and calibration together among the error sources
+_ROUNDING: Final = 1e-9  # of a distance
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Depth uncertainty that judges one camera (`judged_uncertainty`) over distance.
+
+    Parameters
+    ----------
+    distance
+        [m], increasing.
+    uncertainty, error
+        Uncertainty from noise and calibration [m], and its stated error.
+    usable
+        Intervals where the camera is usable (near, far) [m].
+    """
+
+    distance: FloatArray
+    uncertainty: FloatArray
+    error: FloatArray
+    usable: Sequence[tuple[float, float]]
+
+    @classmethod
+    def of(cls, camera: DepthCamera, table: DepthTable) -> Curve:
+        """The curve of a camera from its table."""
+        found = table.evaluation
+        return cls(
+            distance=found.distance,
+            uncertainty=found.judged[_BOTH],
+            error=stated_error(camera, found.judged_error[_BOTH]),
+            usable=[(one.near, one.far) for one in table.intervals],
+        )
+
+    def usable_at(self, places: FloatArray) -> np.ndarray:
+        """Whether the camera is usable at each place [m]."""
+        inside = [
+            (near * (1.0 - _ROUNDING) <= places) & (places <= far * (1.0 + _ROUNDING)) for near, far in self.usable
+        ]
+        return np.any(inside, axis=0) if inside else np.zeros(places.shape, dtype=bool)
+
+    def between(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Uncertainty at places between the distances, and its error; both [m].
+
+        Interpolates linearly in logarithms; half the second difference bounds the interpolation error.
+        """
+        logs = np.log(self.distance)
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
+            values = np.log(self.uncertainty)
+            found = np.interp(np.log(places), logs, values)
+            bent = np.abs(np.diff(values, 2, prepend=values[:1], append=values[-1:]))
+            relative = np.nan_to_num(self.error / self.uncertainty)
+        missed = np.interp(np.log(places), logs, _widened(bent)) / 2.0
+        on_grid = np.min(np.abs(np.log(places)[:, None] - logs), axis=1) < _ROUNDING
+        own = np.interp(np.log(places), logs, relative)
+        uncertainty = np.exp(found)
+        share = own + np.where(on_grid, 0.0, np.nan_to_num(missed))
+        with np.errstate(over="ignore"):  # the error is infinite next to an unbounded interval
+            return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
+
+
+def _widened(values: FloatArray) -> FloatArray:
+    """The largest of each value and its two neighbours; the ends have no second difference of their own."""
+    values = np.concatenate([values[1:2], values[1:-1], values[-2:-1]])
+    padded = np.pad(values, 1, mode="edge")
+    return np.asarray(np.fmax(np.fmax(padded[:-2], padded[2:]), values))
+
+
+def best_at(curves: Mapping[str, Curve], places: FloatArray) -> list[str]:
+    """The usable camera with the lowest uncertainty at each place [m], named as `best_cameras` does."""
+    found = {name: curve.between(places) for name, curve in curves.items()}
+    return best_cameras(
+        {name: curve.usable_at(places) for name, curve in curves.items()},
+        {name: values for name, (values, _) in found.items()},
+        {name: errors for name, (_, errors) in found.items()},
+    )
+
+
+def crossings(first: Curve, second: Curve, names: tuple[str, str]) -> tuple[Crossing, ...]:
+    """Where two cameras are equally uncertain, usable or not, by linear interpolation in logarithms.
+
+    The error is the combined error of both curves there, interpolation included, divided by the slope of their ratio.
+    """
+    logs = np.log(first.distance)
+    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
+        ratio = np.log(first.uncertainty) - np.log(second.uncertainty)
+    known = np.isfinite(ratio[:-1]) & np.isfinite(ratio[1:])
+    found = []
+    for k in np.flatnonzero(known & (np.sign(ratio[:-1]) * np.sign(ratio[1:]) < 0.0)):
+        slope = (ratio[k + 1] - ratio[k]) / (logs[k + 1] - logs[k])
+        place = float(np.exp(logs[k] - ratio[k] / slope))
+        off = [error[0] / value[0] for value, error in (curve.between(np.array([place])) for curve in (first, second))]
+        error = place * float(np.hypot(*off)) / abs(float(slope))
+        found.append(Crossing(distance=place, error=error, nearer=names[0] if ratio[k] < 0.0 else names[1]))
+    return tuple(found)
+
+
+def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:
+    """Variables of /decision over the swept parameters; the designs are those of `sweep_points`."""
+    axes, decision = sweep_axes(definition), definition.file.decision
+    places = np.array(decision.at if decision else distances_without_decision(definition.case.distance))
+    best, along, crossed = [], [], []
+    for design in designs:
+        case = design.case
+        curves = {name: Curve.of(camera, tables[camera, case.criteria]) for name, camera in case.cameras.items()}
+        among = decision.candidates if decision and decision.candidates else curves
+        chosen = {name: curves[name] for name in among}
+        best.append(best_at(chosen, places))
+        along.append(best_at(chosen, case.distance))
+        if decision is not None:
+            pair = (decision.between[0], decision.between[1])
+            crossed.append(crossings(curves[pair[0]], curves[pair[1]], pair))
+    shape = tuple(len(axis.labels) for axis in axes)
+    values: dict[str, Any] = {
+        "design_best_camera": np.array(best, dtype=object).reshape(*shape, len(places)),
+        "design_best_camera_along": np.array(along, dtype=object).reshape(*shape, -1),
+    }
+    if decision is not None:
+        most = max(1, *(len(row) for row in crossed))
+        for name, empty in (("distance", math.nan), ("error", math.nan), ("nearer", "")):
+            rows = [[getattr(one, name) for one in row] + [empty] * (most - len(row)) for row in crossed]
+            values[f"design_crossover_{name}"] = np.array(rows).reshape(*shape, most)
+    return over_designs("decision", values, {"design_place": places, "distance": definition.case.distance}, axes)

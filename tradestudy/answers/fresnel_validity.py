@@ -1,0 +1,257 @@
+"""/fresnel_validity: the measured error of the Fresnel point-spread function, and criteria that predict it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from tradestudy.execution import Steps
+from tradestudy.execution.steps import Seconds, timed
+from tradestudy.models.point_spreads import (
+    METRICS,
+    goodman_f_number,
+    limit_f_number,
+    paper_zeros,
+    path_error_f_number,
+    psf_differences,
+    southwell_f_number,
+)
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.fresnel_validity import paper_eq27_sweep
+from tradestudy.optics.propagation import LensPhase
+from tradestudy.optics.psf_difference import PsfDifference
+from tradestudy.results import dataset
+from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, listed
+
+_SWEEP_POINTS: Final = 1025  # enough to follow the smaller zero to twice its minimum and beyond
+_STEP: Final = "Fresnel against Kirchhoff, on axis"
+_OFF_AXIS_STEP: Final = "Fresnel against Kirchhoff, off axis"
+_Found = npt.NDArray[np.object_]  # of differences by lens phase
+
+
+def fresnel_validity_group(asked: FresnelValidityPart, steps: Steps, seconds: Seconds) -> xr.Dataset:
+    """/fresnel_validity over elements, lens phases, wavelengths, f-numbers, metrics and windows."""
+    elements = list(asked.elements.values())
+    f_numbers = listed(asked.f_numbers)
+    with timed(seconds, _STEP):
+        compared = [(*f_numbers, _published_f_number(one), one.f_number) for one in elements]
+        found = _differences_at(asked, compared, steps, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths)
+        on_axis, published, used = np.split(found, [len(f_numbers), len(f_numbers) + 1], axis=2)
+        limits = _limits(asked, elements, f_numbers, on_axis, steps)
+    values = {
+        **_laid_out(asked, on_axis, "psf_error"),
+        **_of_one_f_number(asked, published, "published_point_error"),
+        **_of_one_f_number(asked, used, "camera_point_error"),
+    }
+    attributes: dict[str, Any] = {"error_limit": asked.error_limit}
+    if asked.off_axis is not None:
+        attributes |= {"field_angle": asked.off_axis.field_angle, "field_wavelength": asked.off_axis.wavelength}
+        aside, waves = asked.off_axis.field_angle, (asked.off_axis.wavelength,)
+        with timed(seconds, _OFF_AXIS_STEP):
+            compared = [(*f_numbers, one.f_number) for one in elements]
+            found = _differences_at(asked, compared, steps, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves)
+        swept, used = np.split(found, [len(f_numbers)], axis=2)
+        off_axis = _laid_out(asked, swept, "off_axis_error") | _of_one_f_number(asked, used, "off_axis_camera_error")
+        values |= {name: one[:, :, 0] for name, one in off_axis.items()}
+    result = dataset(
+        "fresnel_validity",
+        {**_declared(elements), **values, "limit_f_number": limits, **_criteria(asked, elements)},
+        {
+            "element": list(asked.elements),
+            "lens_phase": list(asked.lens_phases),
+            "wavelength": list(asked.wavelengths),
+            "f_number": list(f_numbers),
+            "metric": list(METRICS),
+            "window": list(asked.windows),
+            "zero": ["first", "second"],
+            "quarter_wave": list(np.arange(_SWEEP_POINTS) / _SWEEP_POINTS),
+            "path_error": list(asked.path_errors),
+        },
+        attributes=attributes,
+    )
+    for name, units, long_name in (
+        ("wavelength", "m", "wavelength"),
+        ("f_number", "1", "focal length divided by pupil diameter"),
+        ("window", "1", "radius of the window, in Airy radii"),
+        ("quarter_wave", "1", "growth of a + b in quarter waves since the last jump"),
+        ("path_error", "wave", "allowed length of the neglected path"),
+    ):
+        result[name].attrs = {"units": units, "long_name": long_name}
+    return result
+
+
+def _declared(elements: list[ElementPart]) -> Mapping[str, Any]:
+    published = [element.published_error for element in elements]
+    return {
+        "title": [element.title for element in elements],
+        "focal_length": [element.focal_length for element in elements],
+        "object_distance": [element.object_distance for element in elements],
+        "image_distance": [element.image_distance for element in elements],
+        "camera_f_number": [element.f_number for element in elements],
+        "published_f_number": [math.nan if one is None else one.f_number for one in published],
+        "published_error": [math.nan if one is None else one.error for one in published],
+        "published_minimum": [element.published_minimum_f_number or math.nan for element in elements],
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Pair:
+    """The lens, light and f-number for which both laws are computed."""
+
+    asked: FresnelValidityPart
+    element: ElementPart
+    f_number: float
+    field_angle: float
+    wavelength: float
+
+
+def _differences_of(pair: _Pair) -> Mapping[LensPhase, PsfDifference]:
+    return _differences(pair.asked, pair.element, pair.f_number, pair.field_angle, pair.wavelength)
+
+
+def _differences(
+    asked: FresnelValidityPart, element: ElementPart, f_number: float, field_angle: float, wavelength: float
+) -> Mapping[LensPhase, PsfDifference]:
+    return psf_differences(
+        element,
+        f_number=f_number,
+        field_angle=field_angle,
+        wavelength=wavelength,
+        lens_phases=asked.lens_phases,
+        windows=asked.windows,
+        tolerance=asked.tolerance,
+    )
+
+
+def _stacked(asked: FresnelValidityPart, found: Mapping[LensPhase, PsfDifference], suffix: str) -> FloatArray:
+    """Shape (lens phase, metric, window)."""
+    return np.array([[getattr(found[phase], metric + suffix) for metric in METRICS] for phase in asked.lens_phases])
+
+
+def _published_f_number(element: ElementPart) -> float:
+    """The f-number of a published error; the lens's own without one."""
+    return element.published_error.f_number if element.published_error else element.f_number
+
+
+def _differences_at(
+    asked: FresnelValidityPart,
+    f_numbers: Sequence[tuple[float, ...]],
+    steps: Steps,
+    *,
+    step: str,
+    field_angle: float,
+    wavelengths: tuple[float, ...],
+) -> _Found:
+    """Differences of every lens at its own f-numbers, equally many for each, shape (element, wavelength, f-number)."""
+    elements = list(asked.elements.values())
+    shape = (len(elements), len(wavelengths), len(f_numbers[0]))
+    pairs = [
+        _Pair(
+            asked=asked,
+            element=elements[e],
+            f_number=f_numbers[e][f],
+            field_angle=field_angle,
+            wavelength=wavelengths[w],
+        )
+        for e, w, f in itertools.product(*map(range, shape))
+    ]
+    labels = [f"{one.element.title}, f/{one.f_number:g}, {one.wavelength:g} m" for one in pairs]
+    found = np.empty(len(pairs), dtype=object)
+    found[:] = steps.map(step, _differences_of, pairs, labels)
+    return found.reshape(shape)
+
+
+def _laid_out(asked: FresnelValidityPart, found: _Found, name: str) -> dict[str, FloatArray]:
+    """Errors and their numerical errors, shape (element, lens phase, wavelength, f-number, metric, window)."""
+    return {
+        name + label: np.moveaxis(
+            np.array([[[_stacked(asked, one, suffix) for one in row] for row in rows] for rows in found]), 3, 1
+        )
+        for label, suffix in (("", ""), ("_numerical", "_error"))
+    }
+
+
+def _of_one_f_number(asked: FresnelValidityPart, found: _Found, name: str) -> dict[str, FloatArray]:
+    """Like `_laid_out`, without the dimension of f-numbers."""
+    return {name: values[:, :, :, 0] for name, values in _laid_out(asked, found, name).items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _LensInLight:
+    """One lens in light of one wavelength, and the known differences at all f-numbers."""
+
+    asked: FresnelValidityPart
+    element: ElementPart
+    wavelength: float
+    known: Mapping[float, Mapping[LensPhase, PsfDifference]]
+
+
+def _limits(
+    asked: FresnelValidityPart,
+    elements: list[ElementPart],
+    f_numbers: tuple[float, ...],
+    on_axis: _Found,
+    steps: Steps,
+) -> FloatArray:
+    """f-numbers at the limit, shape (element, lens phase, wavelength, metric, window)."""
+    points = [
+        _LensInLight(
+            asked=asked,
+            element=element,
+            wavelength=wavelength,
+            known=dict(zip(f_numbers, on_axis[e, w], strict=True)),
+        )
+        for e, element in enumerate(elements)
+        for w, wavelength in enumerate(asked.wavelengths)
+    ]
+    labels = [f"{one.element.title}, {one.wavelength:g} m" for one in points]
+    found = np.array(steps.map("f-numbers at the limit", _limits_of, points, labels))
+    return np.moveaxis(found.reshape(len(elements), len(asked.wavelengths), *found.shape[1:]), 2, 1)
+
+
+def _limits_of(lens: _LensInLight) -> FloatArray:
+    """Shape (lens phase, metric, window)."""
+    asked = lens.asked
+    shape = (len(asked.lens_phases), len(METRICS), len(asked.windows))
+    limits = np.full(shape, np.nan)
+    for place in itertools.product(*map(range, shape)):
+
+        def error_at(f_number: float, place: tuple[int, ...] = place) -> float:
+            phase, metric, window = place
+            found = lens.known.get(f_number) or _differences(asked, lens.element, f_number, 0.0, lens.wavelength)
+            return float(getattr(found[asked.lens_phases[phase]], METRICS[metric])[window])
+
+        limits[place] = limit_f_number(error_at, tuple(lens.known), asked.error_limit)
+    return limits
+
+
+def _criteria(asked: FresnelValidityPart, elements: list[ElementPart]) -> Mapping[str, Any]:
+    wavelengths = np.asarray(asked.wavelengths)
+    zeros = [paper_zeros(element, asked.wavelengths) for element in elements]
+    return {
+        "paper_eq27_f_number": [zero for zero, _ in zeros],
+        "paper_eq27_condition": [condition for _, condition in zeros],
+        "paper_eq27_sweep": [[_sweep(element, w) for w in asked.wavelengths] for element in elements],
+        "path_error_f_number": [
+            path_error_f_number(element, wavelengths[:, None], np.asarray(asked.path_errors)) for element in elements
+        ],
+        "goodman_f_number": [goodman_f_number(element, wavelengths) for element in elements],
+        "southwell_f_number": [southwell_f_number(element, wavelengths, asked.error_limit) for element in elements],
+    }
+
+
+def _sweep(element: ElementPart, wavelength: float) -> FloatArray:
+    found = paper_eq27_sweep(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        wavelength=wavelength,
+        points=_SWEEP_POINTS,
+    )
+    return np.stack([found.first_zero_f_number, found.second_zero_f_number])

@@ -1,0 +1,204 @@
+"""The registers of a study: cameras, assumptions, contradictions."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Final
+
+import xarray as xr
+
+from tradestudy.accuracy import QUANTITIES
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.effects import Change, Changes
+from tradestudy.models.plan import Plan
+from tradestudy.models.plan_text import summary
+from tradestudy.results import dataset
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Annotation, Document, ListEntry, Path, Place, ScalarEntry, walk
+from tradestudy.study.plausibility import contradictions, implausible
+
+SET_FOR_THIS_RUN = "set for this run"
+_NO_INPUTS: Final = ("kind", "title", "note", "from", "like", "read_as", "stated")
+"""Keys of a camera that describe it and decide no result."""
+_ASKED: Final = (("distances",), ("image",))
+"""Keys of the scene that say what the study asks about."""
+
+
+def cameras_group(definition: StudyDefinition) -> xr.Dataset:
+    """/cameras: titles, kinds, notes and derived properties."""
+    parts, cameras = definition.file.cameras, definition.case.all_cameras
+    properties = [(name, *item) for name, camera in cameras.items() for item in camera.properties()]
+    return dataset(
+        "cameras",
+        {
+            "title": [part.title for part in parts.values()],
+            "kind": [part.kind for part in parts.values()],
+            "family": [camera.family for camera in cameras.values()],
+            # How a camera measures depth, for the report; empty if it measures none.
+            "method": [
+                json.dumps(asdict(camera.method), ensure_ascii=False) if isinstance(camera, DepthCamera) else ""
+                for camera in cameras.values()
+            ],
+            "note": [_note(definition, name) for name in parts],
+            "perfect_calibration": [
+                float(isinstance(camera, DepthCamera) and camera.calibration.inferred and not camera.calibration.groups)
+                for camera in cameras.values()
+            ],
+            "property_camera": [item[0] for item in properties],
+            "property_name": [item[1] for item in properties],
+            "property_value": [item[2] for item in properties],
+        },
+        {"camera": list(cameras)},
+    )
+
+
+def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
+    """/assumptions: the values of cameras and scene, and every other one with a basis.
+
+    Each is listed once for all cameras that inherit it from the same place. Values set for this run are marked, with
+    the values that they replace.
+    """
+    document = definition.under_tolerance
+    rows = [*_set_for_this_run(document), *_declared(document), *_defaults(definition)]
+    values: dict[str, Sequence[str | None]] = {
+        name: [row[name] for row in rows] for name in ("value", "basis", "note", "cameras")
+    }
+    if warned := implausible(definition):
+        values["warning"] = [f"{one.path}: {one.what}" for one in warned]
+    return dataset("assumptions", values, {"path": [row["path"] for row in rows]})
+
+
+def _set_for_this_run(document: Document) -> Iterator[dict[str, str | None]]:
+    for override in document.overrides:
+        camera, tail = _camera_and_tail(override.path)
+        yield {
+            "path": ".".join(map(str, tail)),
+            "cameras": camera,
+            "value": override.text or "none",
+            "basis": SET_FOR_THIS_RUN,
+            "note": f"replaces {override.before}" if override.before else "the study declares none",
+        }
+
+
+def _declared(document: Document) -> Iterator[dict[str, str | None]]:
+    given = {override.path for override in document.overrides}
+    written: dict[tuple[Place, Path], list[Path]] = {}
+    for path in (*document.annotations, *_without_basis(document)):
+        if path not in given:
+            written.setdefault((document.locate(path), _camera_and_tail(path)[1]), []).append(path)
+    for (_, tail), paths in written.items():
+        annotation = document.annotations.get(paths[0], Annotation())
+        yield {
+            "path": ".".join(map(str, tail)),
+            "cameras": ", ".join(filter(None, (_camera_and_tail(path)[0] for path in paths))),
+            "value": document.text_of(paths[0]),
+            "basis": annotation.basis or "",
+            "note": annotation.note,
+        }
+
+
+def _without_basis(document: Document) -> Iterator[Path]:
+    """Values of cameras and scene that the study gives without a basis or note, and without a --set for this run."""
+    given = [override.path for override in document.overrides]
+    for path, entry in walk(document.root, ()):
+        if not path or entry.annotation is not None or any(path[: len(one)] == one for one in given):
+            continue
+        camera, tail = _camera_and_tail(path)
+        is_input = tail[0] not in _NO_INPUTS if camera and tail else tail[:1] == ("scene",) and tail[1:2] not in _ASKED
+        is_value = isinstance(entry, ListEntry) or (isinstance(entry, ScalarEntry) and entry.value is not None)
+        in_list = any(isinstance(step, int) for step in path)
+        if is_input and is_value and not in_list and tail[-1] != "file":
+            yield path
+
+
+def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
+    """Defaults of values that the study does not declare, listed once for all cameras that rely on them."""
+    left_out: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    for name, part in definition.file.cameras.items():
+        for path, text in part.assumed():
+            left_out.setdefault((path, text), []).append(name)
+    if definition.file.scene is not None and definition.file.scene.picture is not None:
+        for path, text in definition.file.scene.picture.assumed():
+            left_out[("scene", "picture", *path), text] = []
+    for (path, text), cameras in left_out.items():
+        yield {
+            "path": ".".join(path),
+            "cameras": ", ".join(cameras),
+            "value": text,
+            "basis": "assumed",
+            "note": "default; the study declares none",
+        }
+
+
+def _note(definition: StudyDefinition, name: str) -> str:
+    """The note declared under a camera; it may no longer be true of values that this run sets."""
+    note = definition.file.cameras[name].note or ""
+    own = {
+        tail for camera, tail in (_camera_and_tail(one.path) for one in definition.document.overrides) if camera == name
+    }
+    changed = own - {("note",), ("title",)}
+    return (
+        f"{note} (Values of this camera were set for this run after the note was written.)"
+        if note and changed
+        else note
+    )
+
+
+def _camera_and_tail(path: Path) -> tuple[str, Path]:
+    """The camera that a value belongs to, "" if none, and the rest of the path."""
+    return (str(path[1]), path[2:]) if path[0] == "cameras" and len(path) > 1 else ("", path)
+
+
+def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
+    """/contradictions: inputs that contradict each other."""
+    found = contradictions(definition)
+    values = {
+        name: [getattr(row, name) for _, row in found] for name in ("what", "stated", "implied", "used", "consequence")
+    }
+    return dataset("contradictions", {"camera": [camera for camera, _ in found], **values}, {})
+
+
+_NONE = Change(relative=math.nan, evidence="computed")
+
+
+def effects_group(plan: Plan) -> xr.Dataset:
+    """/effects over decisions, and over the problems of the study that they belong to."""
+    decisions = [(one, decision) for one in plan.problems for decision in one.choice.decisions]
+    changes = [_row(decision.changes) for _, decision in decisions]
+    together = [_row(one.choice.changes) for one in plan.problems]
+    return dataset(
+        "effects",
+        {
+            "problem_of": [one.name for one, _ in decisions],
+            "slot": [decision.slot for _, decision in decisions],
+            "model": [decision.model for _, decision in decisions],
+            "chosen": [float(decision.chosen) for _, decision in decisions],
+            "forced": [float(decision.forced) for _, decision in decisions],
+            "reason": [one.reasons.get(decision.slot, "") for one, decision in decisions],
+            "change": [[one.relative for one in row] for row in changes],
+            "evidence": [[_evidence(one) for one in row] for row in changes],
+            "change_at": [[one.at for one in row] for row in changes],
+            "joint_change": [[one.relative for one in row] for row in together],
+            "joint_evidence": [[_evidence(one) for one in row] for row in together],
+            "forced_change": [[one.relative for one in _row(problem.by_forcing)] for problem in plan.problems],
+            "tolerance": [[one.asked.get(q, math.nan) for q in QUANTITIES] for one in plan.problems],
+            "problem_title": [one.title for one in plan.problems],
+            "summary": [summary(one) for one in plan.problems],
+        },
+        {
+            "decision": [f"{one.name}: {decision.slot}: {decision.model}" for one, decision in decisions],
+            "quantity": list(QUANTITIES),
+            "problem": [one.name for one in plan.problems],
+        },
+    )
+
+
+def _row(changes: Changes) -> list[Change]:
+    return [changes.get(q, _NONE) for q in QUANTITIES]
+
+
+def _evidence(change: Change) -> str:
+    return "" if math.isnan(change.relative) else change.evidence

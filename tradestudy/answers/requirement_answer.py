@@ -1,0 +1,195 @@
+"""The answer of one camera to one requirement, with its margin and its worst distance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import Final
+
+import numpy as np
+
+from tradestudy.answers.trade_criteria import criterion_of
+from tradestudy.cameras.depth_measurement import FieldPosition
+from tradestudy.cameras.focus import SharpRange
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.definition import Case
+from tradestudy.study.schema.requirements import CriterionPart, SharpPart, criterion_dimension
+from tradestudy.units import LENGTH, parse, pretty
+from tradestudy.wording import listed, range_words
+
+
+@dataclass(frozen=True, kw_only=True)
+class RequirementAnswer:
+    """The answer of one camera to one requirement.
+
+    Parameters
+    ----------
+    camera
+        Name of the camera.
+    met
+        Whether the requirement is met at all distances, including its guard band; None if there is no value.
+    value, bound
+        The worst value and its bound, in the SI unit of the quantity.
+    place
+        Distance of the worst value [m].
+    field
+        Position of the worst value in the picture.
+    error
+        Estimated error of the worst value.
+    margin
+        The fraction by which the worst value could worsen and still meet the bound, negative if it misses the bound. If
+        the camera is not usable everywhere, the margin is at most minus the unusable share of the distances.
+    unusable
+        The unusable share of the distances, on a logarithmic scale.
+    reason
+        The reason, in words.
+    limit
+        Name of the limit of the usable range that decides the answer; empty if the value does.
+    value_margin
+        The margin of the worst value, usable or not; None if `margin` is the same.
+    end_shift
+        The smallest relative shift of ends of usable ranges that changes whether the camera is usable everywhere;
+        infinite if no shift does.
+    """
+
+    camera: str
+    met: bool | None
+    value: float
+    bound: float
+    place: float
+    error: float
+    margin: float
+    unusable: float
+    reason: str
+    limit: str = ""
+    value_margin: float | None = None
+    end_shift: float = math.inf
+    field: FieldPosition = 0.0
+
+    def could_be_overturned(self, of_value: float, of_ends: float) -> bool:
+        """Whether relative changes of this size in the worst value and in the usable ends could reverse the answer."""
+        margin = self.margin if self.value_margin is None else self.value_margin
+        by_value, by_ends = abs(margin) <= of_value, self.end_shift <= of_ends
+        if self.met or self.value_margin is None or self.unusable == 0.0:
+            return by_value or (self.met is True and by_ends)
+        return by_ends and (by_value or margin > 0.0)
+
+    @property
+    def margin_in_errors(self) -> float:
+        """Distance of the worst value from its bound in standard errors, negative if it misses; NaN without errors."""
+        if not self.error > 0.0 or self.unusable > 0.0 or not math.isfinite(self.value):
+            return math.nan
+        return math.copysign(abs(self.bound - self.value) / self.error, self.margin)
+
+    @property
+    def conformity(self) -> float:
+        """Probability that the true worst value meets the bound, for a normal error; NaN without a value."""
+        if self.met is None or math.isnan(self.margin):
+            return math.nan
+        in_errors = self.margin_in_errors
+        if not math.isnan(in_errors):
+            return NormalDist().cdf(in_errors)
+        return float(bool(self.met) if self.margin == 0.0 else self.margin > 0.0)  # exactly at the bound, `met` decides
+
+    @classmethod
+    def unknown(cls, camera: str, bound: float, reason: str) -> RequirementAnswer:
+        """An undecided answer, for a camera without a value."""
+        nan = math.nan
+        return cls(
+            camera=camera,
+            met=None,
+            value=nan,
+            bound=bound,
+            place=nan,
+            error=nan,
+            margin=nan,
+            unusable=nan,
+            reason=reason,
+        )
+
+
+_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of distances
+_LEAST_MISS: Final = 1e-9  # share of a range: a miss within rounding is still a miss
+
+
+def check_criterion(required: CriterionPart, case: Case, name: str) -> RequirementAnswer:
+    """Check a bound on a criterion of one camera; undecided if the camera has no number for it."""
+    dimension = criterion_dimension(required.name, case.attributes.values())
+    assert dimension is not None  # in a valid study
+    bound, found = parse(required.bound, dimension), criterion_of(case, name, required.name)
+    if math.isnan(found.number):
+        return RequirementAnswer.unknown(name, bound, f"{required.name}: {found.text}")
+    value = found.number
+    is_above = required.side == "above"
+    kept = value >= bound if is_above else value < bound
+    small, large = (bound, value) if is_above else (value, bound)
+    ratio = large / small if small > 0.0 else math.copysign(math.inf, 1.0 if kept else -1.0)
+    return _exact(
+        name,
+        kept=kept,
+        value=value,
+        bound=bound,
+        margin=ratio - 1.0,
+        reason=f"{required.name} {pretty(value, dimension)}",
+    )
+
+
+def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer:
+    """Check a requirement on the sharp range of one camera, all its slices together, by a blur criterion."""
+    criterion = required.criterion or next(iter(case.sharp))
+    found = case.all_cameras[name].focus.sharp_range(case.sharp[criterion])
+    if required.above is not None:
+        depth = found.extent
+        reason = f"depth of field {pretty(depth, LENGTH)}" if depth > 0.0 else f"nothing is sharp: {found.reason}"
+        kept, margin = depth >= required.above, depth / required.above - 1.0
+        return _exact(name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
+    return _check_range(found, required.distances, name)
+
+
+def _check_range(found: SharpRange, over: tuple[float, ...], name: str) -> RequirementAnswer:
+    """How far the sharp range extends beyond the required one, at its tighter end, or by how much it falls short."""
+    near, far = over
+    around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
+    if around:
+        first, last = (float(end) for end in around[0])
+        beyond = (near / first - 1.0 if first > 0.0 else math.inf, near), (last / far - 1.0, far)
+        margin, place = min(beyond)
+        reason = f"sharp from {pretty(first, LENGTH)} to {pretty(last, LENGTH)}"
+        # Ends that coincide within rounding count as met.
+        margin = max(margin, 0.0)
+        return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
+    clipped = np.clip(found.union.covered, near, far)
+    sharp = float(np.sum(np.log(clipped[:, 1] / clipped[:, 0])))
+    unsharp = 1.0 - (sharp / math.log(far / near) if near < far else 0.0)
+    gaps = _gaps(found.union.covered, near, far)
+    place = gaps[0][0]
+    why = f": {found.reason}" if found.extent == 0.0 and found.reason else ""
+    reason = f"not sharp {listed([range_words(*gap) for gap in gaps])}{why}"
+    margin = -max(unsharp, _LEAST_MISS)
+    miss = _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
+    return replace(miss, limit="focus")
+
+
+def _gaps(covered: FloatArray, near: float, far: float) -> list[tuple[float, float]]:
+    """The ranges of distance [m] in which the scene is not sharp, from near to far; the first if all vanish."""
+    ends = [near, *(end for one in np.clip(covered, near, far).tolist() for end in one), far]
+    gaps = list(zip(ends[::2], ends[1::2], strict=True))
+    return [(start, end) for start, end in gaps if end > start * _MORE] or gaps[:1]
+
+
+def _exact(
+    name: str, *, kept: bool, value: float, bound: float, margin: float, reason: str, place: float = math.nan
+) -> RequirementAnswer:
+    """An answer from closed forms and declared values, exact up to rounding."""
+    return RequirementAnswer(
+        camera=name,
+        met=kept,
+        value=value,
+        bound=bound,
+        place=place,
+        error=0.0,
+        margin=margin,
+        unusable=0.0,
+        reason=reason,
+    )

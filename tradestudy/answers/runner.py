@@ -1,0 +1,211 @@
+"""Compute the results tree of a planned study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.answers.calibration import infer_calibrations
+from tradestudy.answers.claims import claims_group
+from tradestudy.answers.datasheet import datasheet_group
+from tradestudy.answers.decision import decision_group
+from tradestudy.answers.depth import DepthTables, depth_at_places_group, depth_field_group, depth_group, depth_tables
+from tradestudy.answers.depth_map import depth_map_group
+from tradestudy.answers.designs import design_verdicts
+from tradestudy.answers.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
+from tradestudy.answers.questions import questions_group
+from tradestudy.answers.ranks import ranks_group
+from tradestudy.answers.registers import assumptions_group, cameras_group, contradictions_group, effects_group
+from tradestudy.answers.requirement_verdicts import requirements_group
+from tradestudy.answers.requirements import Judge
+from tradestudy.execution import Steps
+from tradestudy.execution.steps import Seconds
+from tradestudy.models.plan import Plan
+from tradestudy.results import FORMAT_VERSION
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.varying import sweep_axes, sweep_points
+
+NOMINAL = "as declared"
+
+
+def compute(
+    plan: Plan,
+    steps: Steps | None = None,
+    seconds: Seconds | None = None,
+    pictures: Path | None = None,
+) -> xr.DataTree:
+    """Compute everything that a study asks for.
+
+    Parameters
+    ----------
+    plan
+        The study, and the models chosen for it.
+    steps
+        How independent points are computed: on which workers, with which checkpoints and progress.
+    seconds
+        Receives the time that each timed part took.
+    pictures
+        Folder for the pictures of the study's scene; None keeps only their reduced form in the results.
+
+    Returns
+    -------
+    xarray.DataTree
+        Groups and variables as defined in `tradestudy.results`.
+    """
+    steps = Steps() if steps is None else steps
+    definition, inferred = infer_calibrations(plan.definition, steps)
+    asked = _Asked(
+        plan=plan,
+        definition=definition,
+        designs=sweep_points(definition, sweep_axes(definition)),
+        readings={NOMINAL: definition, **definition.readings},
+        steps=steps,
+        seconds={} if seconds is None else seconds,
+        pictures=pictures,
+    )
+    groups: dict[str, xr.Dataset] = {
+        "/": _root(definition),
+        "/cameras": cameras_group(definition),
+        "/assumptions": assumptions_group(definition),
+        "/contradictions": contradictions_group(definition),
+    }
+    if inferred:
+        from tradestudy.answers.calibration import calibration_group
+
+        groups["/calibration"] = calibration_group(inferred)
+    if plan.problems:
+        groups["/effects"] = effects_group(plan)
+    tables: DepthTables = {}
+    if definition.case.cameras:
+        compute_kirchhoff_pictures(definition, steps.progress)
+        tables = depth_tables(definition, asked.designs, steps)
+        groups |= _depth_groups(asked, tables)
+    groups |= _groups_of_few(asked)
+    groups |= _answers(asked, tables, groups.get("/criteria"))
+    if definition.file.solve:
+        known = [groups["/decision"]] if "/decision" in groups else []
+        solved = questions_group(definition, steps.progress)
+        groups["/decision"] = xr.merge([*known, solved], combine_attrs="drop_conflicts")
+    return xr.DataTree.from_dict(groups)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Asked:
+    """The study being computed, its designs and readings, and how to compute it."""
+
+    plan: Plan
+    definition: StudyDefinition
+    designs: Sequence[StudyDefinition]
+    readings: Mapping[str, StudyDefinition]
+    steps: Steps
+    seconds: Seconds
+    pictures: Path | None
+
+
+def _root(definition: StudyDefinition) -> xr.Dataset:
+    file = definition.file
+    attributes = {"format_version": FORMAT_VERSION, "study": file.study, "title": file.title, "question": file.question}
+    return xr.Dataset(attrs=attributes | ({} if file.scene is None else {"wavelength": file.scene.wavelength}))
+
+
+def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
+    """Groups about the cameras that measure depth, and which of them is best."""
+    definition, steps, file = asked.definition, asked.steps, asked.definition.file
+    groups = {"/depth": depth_group(definition, asked.designs, tables)}
+    if file.propagation.field_places:
+        groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
+    steps.progress("decision", 0.0)
+    if (mapped := depth_map_group(definition)) is not None:
+        groups["/depth_map"] = mapped
+    if file.decision is not None:
+        groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
+    if (causes := disparity_causes_group(definition)) is not None:
+        groups["/disparity_causes"] = causes
+    groups["/datasheet"] = datasheet_group(definition)
+    decided = [decision_group(definition, asked.readings, groups["/depth"], steps.progress)]
+    if file.sweep:
+        decided.append(design_verdicts(definition, asked.designs, tables))
+    steps.progress("decision", 1.0)
+    if file.decision is not None:
+        decided.append(ranks_group(definition, steps))
+    groups["/decision"] = xr.merge(decided, combine_attrs="drop_conflicts")
+    return groups
+
+
+def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
+    """Groups that few studies ask for; their modules are imported on demand."""
+    plan, definition, file = asked.plan, asked.definition, asked.definition.file
+    progress, seconds = asked.steps.progress, asked.seconds
+    groups: dict[str, xr.Dataset] = {}
+    if file.value_of_information is not None:
+        from tradestudy.answers.value_of_information import value_of_information_group
+
+        groups["/value_of_information"] = value_of_information_group(definition, file.value_of_information, progress)
+    if file.scene is not None and file.scene.image is not None:
+        from tradestudy.answers.scene import pictures_group, take_scene
+
+        depth = file.scene.image.depth_maps
+        taken = take_scene(definition, asked.pictures, asked.steps, depth=depth)
+        groups["/pictures"] = pictures_group(taken)
+    if file.depth_loop is not None:
+        from tradestudy.answers.depth_loop import depth_loop_group
+
+        groups["/depth_loop"] = depth_loop_group(definition, file.depth_loop, asked.steps)
+    if file.sensitivity is not None:
+        from tradestudy.answers.sensitivity import sensitivity_group
+
+        groups["/sensitivity"] = sensitivity_group(definition, np.array(file.sensitivity.at), asked.steps)
+    if file.depth_of_field is not None:
+        from tradestudy.answers.depth_of_field import criteria_group, depth_of_field_group
+
+        progress("depth of field", 0.0)
+        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field)
+        if file.relief is not None:
+            groups["/criteria"] = criteria_group(definition)
+        progress("depth of field", 1.0)
+    if file.fresnel_validity is not None:
+        from tradestudy.answers.fresnel_validity import fresnel_validity_group
+
+        groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, asked.steps, seconds)
+    if file.light_spot is not None:
+        from tradestudy.answers.light import images_group
+        from tradestudy.models import light_spot
+
+        groups["/images"] = images_group(file.light_spot, asked.steps, seconds, plan.models(light_spot.NAME))
+    if file.point_spread is not None:
+        from tradestudy.answers.light import point_spread_group
+        from tradestudy.models import sharpness as point_spread
+
+        laws = plan.models(point_spread.NAME)
+        groups["/point_spread"] = point_spread_group(file.point_spread, asked.steps, seconds, laws)
+    if file.hard_cases is not None:
+        from tradestudy.answers.hard_cases import hard_cases_group
+
+        groups["/hard_cases"] = hard_cases_group(file.hard_cases, progress)
+    return groups
+
+
+def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) -> dict[str, xr.Dataset]:
+    """Claims, requirements and the trade-off, whose criteria join those derived for a relief."""
+    definition, file, progress = asked.definition, asked.definition.file, asked.steps.progress
+    groups: dict[str, xr.Dataset] = {}
+    if file.claims or file.requirements:
+        progress("claims", 0.0)
+    if file.claims:
+        groups["/claims"] = claims_group(definition, asked.readings, progress)
+    judge = Judge({one: table.intervals for one, table in tables.items()})
+    if file.requirements:
+        groups["/requirements"] = requirements_group(definition, asked.designs, judge, asked.steps)
+    if file.claims or file.requirements:
+        progress("claims", 1.0)
+    if file.trade_off is not None:
+        from tradestudy.answers.trade_off import trade_off_group
+
+        weighed = trade_off_group(definition, asked.designs, judge, progress)
+        both = [weighed] if criteria is None else [criteria, weighed]
+        groups["/criteria"] = xr.merge(both, combine_attrs="drop_conflicts")
+    return groups

@@ -1,0 +1,233 @@
+"""The pictures of a study's scene and the depth measured in them, computed once and written as files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from glob import escape
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.answers import pictures
+from tradestudy.answers.depth_loop import NOISE, loop_points
+from tradestudy.answers.depth_maps import MeasuredDepth, depth_map_values, measure_depth, set_up_readers, write_depth
+from tradestudy.answers.pictures import (
+    LARGEST,
+    Rendering,
+    TakenPicture,
+    padded,
+    refuse_too_large,
+    render_scene,
+    write_pictures,
+)
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_map import DepthSearch
+from tradestudy.errors import OutOfRangeError, Problem, StudyError
+from tradestudy.execution import Steps
+from tradestudy.imaging.models import mean_electrons
+from tradestudy.imaging.render.tiles import Recording
+from tradestudy.models.rendered_scene import declared_image, extent_and_cameras, recording_of
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.results.storage import list_written
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.scene import Rig
+from tradestudy.units import ELECTRONS, pretty
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TakenScene:
+    """The pictures of a study's scene, with the depth measured in them.
+
+    Parameters
+    ----------
+    rendering
+        All pictures.
+    depths
+        Depth measured by each camera; empty if not requested.
+    written
+        Paths of the picture files.
+    """
+
+    rendering: Rendering
+    depths: Sequence[MeasuredDepth]
+    written: Sequence[Path]
+
+
+def files_of_pictures(definition: StudyDefinition) -> list[str]:
+    """Patterns of the files that `take_scene` writes."""
+    names = definition.case.all_cameras
+    return [f"{escape(name)}/*.{ending}" for name in names for ending in ("png", "tiff", "npy", "json")]
+
+
+def take_scene(definition: StudyDefinition, directory: Path | None, steps: Steps, *, depth: bool) -> TakenScene:
+    """Render every picture of the study's scene, measure depth in them if requested, and write both.
+
+    Parameters
+    ----------
+    definition
+        A study with ``scene.image``, its calibrations inferred.
+    directory
+        Output folder, with a subfolder for each camera: its pictures, their depth, ``camera.json`` and its depth map;
+        None writes nothing.
+    steps
+        How tiles and maps are computed.
+    depth
+        Whether to measure depth.
+
+    Raises
+    ------
+    StudyError
+        The study declares no scene to render, or its scene cannot be rendered.
+    UnaffordableError
+        The pictures do not fit into the free memory; raised before anything is rendered.
+    OutOfRangeError
+        A camera cannot measure depth in its pictures; raised before anything is rendered.
+    """
+    steps.progress(pictures.STEP, 0.0)
+    readers = set_up_readers(definition) if depth else []
+    rendering = render_scene(definition, steps)
+    written = write_pictures(rendering, directory) if directory is not None else []
+    depths = measure_depth(rendering, readers, steps)
+    if directory is not None:
+        for one in depths:
+            write_depth(one, directory / one.camera, rendering.image.depth_format)
+        files = [path for pattern in files_of_pictures(definition) for path in sorted(directory.glob(pattern))]
+        list_written(directory, [path.relative_to(directory).as_posix() for path in files])
+    return TakenScene(rendering=rendering, depths=depths, written=written)
+
+
+_DETAIL: Final = 96  # pixels
+
+
+def pictures_group(taken: TakenScene) -> xr.Dataset:
+    """/pictures over pictures with their rows and columns, and over the cameras that measured depth in them."""
+    pictures = taken.rendering.pictures
+    reduced = [_reduced(one) for one in pictures]
+    rows, columns = (max(one[0].shape[k] for one in reduced) for k in (0, 1))
+    values: dict[str, Any] = {
+        "brightness": [padded(one[0], (rows, columns)) for one in reduced],
+        "true_depth": [padded(one[1], (rows, columns)) for one in reduced],
+        "detail": [padded(_detail(one), (_DETAIL, _DETAIL)) for one in pictures],
+        "camera_of": [one.camera for one in pictures],
+        "block": [float(_block(one)) for one in pictures],
+        "columns": [float(one.values.shape[1]) for one in pictures],
+        "rows": [float(one.values.shape[0]) for one in pictures],
+        "pixel_pitch": [one.pixel_pitch for one in pictures],
+        "saturated": [float(one.saturated) for one in pictures],
+        "sampling_error": [one.sampling_error for one in pictures],
+        "by_waves": [float(one.tile.waves is not None) for one in pictures],
+        "model_error": [one.model_error for one in pictures],
+    }
+    labels = {"picture": [f"{one.camera} {one.name}" for one in pictures]}
+    if taken.depths:
+        values |= depth_map_values(taken.depths, {one.name: one.camera for one in taken.rendering.cameras})
+        labels["mapped_camera"] = [one.camera for one in taken.depths]
+    return dataset("pictures", values, labels)
+
+
+def _block(one: TakenPicture) -> int:
+    largest: int = max(one.values.shape)
+    return math.ceil(largest / LARGEST)
+
+
+def _reduced(one: TakenPicture) -> tuple[FloatArray, FloatArray]:
+    """Brightness and depth of blocks; incomplete blocks at the right and bottom edges are left out."""
+    side = _block(one)
+    rows, columns = (size // side for size in one.values.shape)
+    inside = one.values[: rows * side, : columns * side].astype(np.float64)
+    blocks = inside.reshape(rows, side, columns, side).mean(axis=(1, 3))
+    middle = slice(side // 2, None, side)
+    return blocks / _brightest(one), one.depth[middle, middle][:rows, :columns].astype(np.float64)
+
+
+def _detail(one: TakenPicture) -> FloatArray:
+    top, left = (max(0, (size - _DETAIL) // 2) for size in one.values.shape)
+    return one.values[top : top + _DETAIL, left : left + _DETAIL].astype(np.float64) / _brightest(one)
+
+
+def _brightest(one: TakenPicture) -> float:
+    return max(float(np.max(one.values)), np.finfo(np.float64).tiny)
+
+
+_SEARCHED = 1.1  # times the distance of a plane, and divided by it: any range would do
+
+
+def refuse_pictures(definition: StudyDefinition) -> None:
+    """Refuse pictures that a run of the study would not render, or in which it could not measure depth.
+
+    Raises
+    ------
+    StudyError
+        The scene cannot be rendered, a camera cannot measure depth in its pictures, the matcher is not installed, or
+        the pictures in which depth is to be measured would be saturated.
+    UnaffordableError
+        The pictures do not fit into the free memory.
+    """
+    scene, loop = definition.file.scene, definition.file.depth_loop
+    problems: list[Problem] = []
+    if scene is not None and scene.image is not None:
+        # A rig is drawn from its calibration, which may have to be inferred first.
+        inferred = all(camera.calibration.inferred for camera in definition.case.cameras.values())
+        rig: Rig | None = None if inferred else "as-designed"
+        refuse_too_large(definition, rig=rig)
+        if scene.image.depth_maps:
+            problems += _problems_of_depth_maps(definition, rig)
+    if loop is not None:
+        problems += _problems_of_loop(definition)
+    if problems:
+        raise StudyError(problems)
+
+
+def _problems_of_depth_maps(definition: StudyDefinition, rig: Rig | None) -> Iterator[Problem]:
+    where: tuple[str, ...] = ("scene", "image", "depth_maps")
+    try:
+        set_up_readers(definition, rig=rig)
+    except OutOfRangeError as error:
+        yield definition.document.locate(where).problem(where, str(error))
+    image, picture = declared_image(definition)
+    extent, cameras = extent_and_cameras(definition, rig=rig)
+    for taken in cameras:
+        recording = recording_of(image, picture, taken.camera.sensor)
+        if what := _saturated(taken.name, taken.camera, recording, sum(extent) / 2.0):
+            where = ("scene", "picture", "light")
+            yield definition.document.locate(where).problem(where, what)
+
+
+def _problems_of_loop(definition: StudyDefinition) -> Iterator[Problem]:
+    where, loop = ("depth_loop",), definition.file.depth_loop
+    assert loop is not None
+    found: set[str] = set()
+    try:
+        for point in loop_points(definition, loop).values():
+            near, far = point.distance / _SEARCHED, point.distance * _SEARCHED
+            search = DepthSearch(near=near, far=far, window_px=point.window_px)
+            if point.name not in found:
+                point.reader(camera=point.camera, search=search)
+            settings = point.settings
+            recording = Recording(
+                light=settings.light, noise=settings.sensor_noise, model=NOISE, pixel_fill=settings.pixel_fill
+            )
+            if point.name not in found and (what := _saturated(point.name, point.camera, recording, point.distance)):
+                yield definition.document.locate(where).problem(where, what)
+            found.add(point.name)
+    except OutOfRangeError as error:
+        yield definition.document.locate(where).problem(where, str(error))
+
+
+def _saturated(name: str, camera: object, recording: Recording, distance: float) -> str:
+    """Why depth cannot be measured in pictures of which more than half of the pixels saturate; empty if it can."""
+    if not isinstance(camera, DepthCamera):
+        return ""
+    f_number = camera.picture_geometry(np.array([distance])).light_f_number
+    mean = float(np.ravel(mean_electrons(recording.light, f_number, camera.sensor.pixel_pitch))[0])
+    if not mean >= recording.saturation_electrons:
+        return ""
+    return (
+        f"the pictures of {name} would be saturated: {pretty(mean, ELECTRONS)} on the axis, of which a pixel holds "
+        f"{pretty(recording.saturation_electrons, ELECTRONS)}; reduce the light, or measure no depth in them"
+    )

@@ -1,0 +1,263 @@
+"""The Pareto front: alternatives that no other alternative dominates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from tradestudy.answers.decision import is_usable
+from tradestudy.answers.depth import over_designs
+from tradestudy.answers.requirements import ANY, Judge
+from tradestudy.answers.trade_criteria import criterion_of
+from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.depth.table import judged_uncertainty, judged_uncertainty_error
+from tradestudy.depth.usable import usable_intervals
+from tradestudy.errors import Problem, StudyError
+from tradestudy.execution.steps import Progress
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.schema.requirements import TradeOffPart, WeighedPart, weighed_dimension
+from tradestudy.study.varying import sweep_axes
+from tradestudy.uncertainty.trade_off import Acceptability, ValueScale, acceptability
+from tradestudy.units import LENGTH, parse, pretty
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+def non_dominated(values: FloatArray, maximise: Sequence[bool]) -> BoolArray:
+    """Which rows no other row dominates, over any number of criteria.
+
+    A row dominates another if it is at least as good in every criterion and better in one, so equal rows do not
+    dominate each other. A row with a NaN dominates none and is not on the front.
+
+    Parameters
+    ----------
+    values
+        Shape (alternatives, criteria); infinite values are compared as such.
+    maximise
+        For each criterion, whether more is better.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (alternatives,).
+    """
+    costs = np.where(np.asarray(maximise, dtype=bool), -values, values)
+    known = ~np.isnan(costs).any(axis=1)
+    found = np.zeros(len(costs), dtype=bool)
+    if not known.any():
+        return found
+    # In lexicographic order only earlier rows can dominate a row, and duplicates are removed.
+    rows, inverse = np.unique(costs[known] + 0.0, axis=0, return_inverse=True)
+    on_front = np.zeros(len(rows), dtype=bool)
+    for number, row in enumerate(rows):
+        on_front[number] = not (rows[:number][on_front[:number]] <= row).all(axis=1).any()
+    found[known] = on_front[inverse.ravel()]
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class CriterionValues:
+    """Criteria of cameras, in SI, with their standard errors; shape (cameras, criteria).
+
+    NaN if a camera has no value: it is not usable at the distance, or not usable at all.
+    """
+
+    values: FloatArray
+    errors: FloatArray
+
+
+class Measurer:
+    """Computes criteria; shares the results of cameras that occur in several designs."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[WeighedPart, DepthCamera, UsableCriteria], tuple[float, float]] = {}
+
+    def measure(self, definition: StudyDefinition) -> CriterionValues:
+        """The criteria of the trade-off of a study, over its cameras."""
+        file, case = definition.file, definition.case
+        assert file.trade_off is not None  # the caller has checked
+        found = np.array(
+            [
+                [self._one(case, camera, name, one) for name, one in file.trade_off.criteria.items()]
+                for camera in file.ranked
+            ]
+        )
+        return CriterionValues(values=found[..., 0], errors=found[..., 1])
+
+    def _one(self, case: Case, camera: str, name: str, one: WeighedPart) -> tuple[float, float]:
+        if one.quantity is None:
+            return criterion_of(case, camera, name).number, 0.0
+        key = (one, case.cameras[camera], case.criteria)
+        if key not in self._known:
+            self._known[key] = _computed(case, camera, one)
+        return self._known[key]
+
+
+def _computed(case: Case, name: str, one: WeighedPart) -> tuple[float, float]:
+    camera = case.cameras[name]
+    if one.at is not None:
+        at = np.array([one.at])
+        if not is_usable(case, name, at)[0]:
+            return math.nan, 0.0
+        return float(judged_uncertainty(camera, at)[0]), float(np.nan_to_num(judged_uncertainty_error(camera, at))[0])
+    found = usable_intervals(camera, case.criteria, case.distance)
+    if not found:
+        return math.nan, 0.0
+    is_near = one.quantity == "usable_near"
+    return (found[0].near, found[0].near_error) if is_near else (found[-1].far, found[-1].far_error)
+
+
+def value_scales(definition: StudyDefinition) -> tuple[ValueScale, ...]:
+    """The value function of every criterion of a trade-off, in SI."""
+    part, attributes = definition.file.trade_off, definition.case.attributes
+    assert part is not None
+    scales = []
+    for name, one in part.criteria.items():
+        dimension = weighed_dimension(name, one.quantity, attributes.values())
+        scales.append(ValueScale(worst=parse(one.worst, dimension), best=parse(one.best, dimension)))
+    return tuple(scales)
+
+
+def refuse_words(definition: StudyDefinition) -> None:
+    """Refuse, before anything is computed, to weigh a derived criterion that has no number for some camera.
+
+    Raises
+    ------
+    StudyError
+        At every such criterion.
+    """
+    part, case = definition.file.trade_off, definition.case
+    if part is None:
+        return
+    problems: list[Problem] = []
+    for name, one in part.criteria.items():
+        if one.quantity is None:
+            problems += _words(definition, case, name, definition.file.ranked)
+    if problems:
+        raise StudyError(problems)
+
+
+def _words(definition: StudyDefinition, case: Case, name: str, ranked: Sequence[str]) -> list[Problem]:
+    path = ("trade_off", "criteria", name)
+    found = {camera: criterion_of(case, camera, name) for camera in ranked}
+    return [
+        definition.document.locate(path).problem(
+            path,
+            f"{camera!r} has no number for this criterion ({one.text}); leave the criterion out, or list candidates "
+            "without this camera",
+        )
+        for camera, one in found.items()
+        if math.isnan(one.number)
+    ]
+
+
+STEP = "trade-off"
+
+
+def trade_off_group(
+    definition: StudyDefinition, designs: Sequence[StudyDefinition], judge: Judge, progress: Progress
+) -> xr.Dataset:
+    """/criteria over (candidate, criterion), candidates and ranks, and over (swept parameters, candidate)."""
+    file, axes = definition.file, sweep_axes(definition)
+    part, names = file.trade_off, file.ranked
+    assert part is not None  # the caller has checked
+    measurer, scales, weights = Measurer(), value_scales(definition), part.weights
+    own = measurer.measure(definition)
+    found = acceptability(own.values, own.errors, scales, weights, seed=file.propagation.seed)
+    table, feasible = [], []
+    for number, design in enumerate(designs):
+        progress(STEP, number / len(designs))
+        table.append(own.values if design is definition else measurer.measure(design).values)
+        feasible.append(_feasible(design, names, judge))
+    front = _front(np.array(table), np.array(feasible), scales)
+    progress(STEP, 1.0)
+    shape = tuple(len(axis.labels) for axis in axes)
+    values: dict[str, Any] = {
+        **_weighed(definition, part, own, scales),
+        **_ranks(found),
+        "feasible": np.array(feasible, dtype=np.float64).reshape(*shape, len(names)),
+        "on_pareto_front": front.astype(np.float64).reshape(*shape, len(names)),
+    }
+    if axes:
+        values["design_value"] = np.array(table).reshape(*shape, len(names), len(part.criteria))
+    coordinates: dict[str, Any] = {
+        "candidate": list(names),
+        "weighed": list(part.criteria),
+        "rank": np.arange(1, len(names) + 1),
+    }
+    return over_designs("criteria", values, coordinates, axes, {"weight_draws": found.draws})
+
+
+def _weighed(
+    definition: StudyDefinition, part: TradeOffPart, own: CriterionValues, scales: Sequence[ValueScale]
+) -> dict[str, Any]:
+    attributes = definition.case.attributes
+    dimensions = [weighed_dimension(name, one.quantity, attributes.values()) for name, one in part.criteria.items()]
+    ranges = [one.range for one in part.criteria.values()]
+    order = part.order or ()
+    return {
+        "weighed_value": own.values,
+        "weighed_value_error": own.errors,
+        "weighed_units": [one.unit or "1" for one in dimensions],
+        "weighed_says": [_says(name, one) for name, one in part.criteria.items()],
+        "worst": [scale.worst for scale in scales],
+        "best": [scale.best for scale in scales],
+        "worth": np.stack([scale.value(column) for scale, column in zip(scales, own.values.T, strict=True)], axis=1),
+        "clipped": np.stack(
+            [scale.clips(column) for scale, column in zip(scales, own.values.T, strict=True)], axis=1
+        ).astype(np.float64),
+        "weight_low": [low for low, _ in ranges],
+        "weight_high": [high for _, high in ranges],
+        "weight_order": [order.index(name) + 1 if name in order else 0 for name in part.criteria],
+    }
+
+
+def _says(name: str, one: WeighedPart) -> str:
+    match one.quantity:
+        case None:
+            return name
+        case "depth_uncertainty":
+            return f"depth uncertainty at {pretty(one.at or 0.0, LENGTH)}"
+        case quantity:
+            return f"{'near' if quantity == 'usable_near' else 'far'} end of the usable range"
+
+
+def _ranks(found: Acceptability) -> dict[str, Any]:
+    first, missing = found.rank[:, 0], np.asarray(np.isnan(found.central).any(axis=1))
+    reasons = ["never ranks first" if share == 0.0 else "ranks first in too few draws" for share in first.tolist()]
+    return {
+        "weight_mean": found.mean,
+        "rank_acceptability": found.rank,
+        "rank_acceptability_error": found.rank_error,
+        "central_weight": found.central,
+        "central_weight_error": found.central_error,
+        "central_weight_reason": [
+            reason if none else "" for reason, none in zip(reasons, missing.tolist(), strict=True)
+        ],
+    }
+
+
+def _feasible(design: StudyDefinition, names: Sequence[str], judge: Judge) -> list[bool]:
+    """Whether each candidate itself meets all "must" requirements, including those that any camera may meet."""
+    feasible = dict.fromkeys(names, True)
+    for one in design.file.requirements.values():
+        if one.priority != "must":
+            continue
+        deciding, every = judge.answer(one, design.case)
+        for name in names:
+            answer = every.get(name) if one.camera == ANY else deciding
+            feasible[name] &= answer is not None and answer.met is True
+    return list(feasible.values())
+
+
+def _front(values: FloatArray, feasible: npt.NDArray[np.bool_], scales: Sequence[ValueScale]) -> npt.NDArray[np.bool_]:
+    """The Pareto front of all candidates in all feasible designs, shape (designs, candidates)."""
+    rows = np.where(feasible[..., np.newaxis], values, np.nan).reshape(-1, values.shape[-1])
+    return non_dominated(rows, [scale.best > scale.worst for scale in scales]).reshape(feasible.shape)

@@ -1,0 +1,124 @@
+"""/value_of_information: the worth of knowing each assumption, and how certain the best camera and the answers are."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.answers.decision import is_usable
+from tradestudy.answers.requirements import is_kept
+from tradestudy.depth.evaluation import distribution, imaged
+from tradestudy.execution.steps import Progress
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset, distances_without_decision
+from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.document import Entry
+from tradestudy.study.schema.questions import AssumptionPart, ValueOfInformationPart
+from tradestudy.study.varying import AnyReading, Varying, assumed
+from tradestudy.uncertainty.decision import worth_of_all, worth_of_one
+from tradestudy.uncertainty.streams import scrambled_sobol
+
+STEP: Final = "value of information"
+NAME: Final = "value_of_information"
+
+
+def value_of_information_group(
+    definition: StudyDefinition, part: ValueOfInformationPart, progress: Progress
+) -> xr.Dataset:
+    """/value_of_information over assumptions, candidates and distances."""
+    definition = definition.under(NAME)
+    file, case = definition.file, definition.case
+    names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(case.cameras)
+    places = np.array(part.at or (file.decision.at if file.decision else distances_without_decision(case.distance)))
+    rng = np.random.default_rng(_seed(file.propagation.seed))
+    scaled = scrambled_sobol(len(part.assumptions), rng)(part.draws)
+    assumptions = [assumed(definition, one) for one in part.assumptions.values()]
+    values = np.array(
+        [[one.at_share(share) for share in row] for one, row in zip(assumptions, scaled.tolist(), strict=True)]
+    )
+    outcomes = []
+    for number in range(part.draws):
+        progress(STEP, number / part.draws)
+        changed = definition.with_values(_changes(assumptions, values[:, number]))
+        outcomes.append(_outcome(changed.case, names, places, part, changed))
+    progress(STEP, 1.0)
+    utility = np.array([one.utility for one in outcomes])
+    found = [worth_of_one(utility, row, rng) for row in values]
+    whole = worth_of_all(utility)
+    requirements = list(file.requirements)
+    return dataset(
+        NAME,
+        {
+            "worth": [min(one.value, whole.value) for one in found],  # one assumption is never worth more than all
+            "worth_error": [one.error for one in found],
+            "worth_bias": [one.bias for one in found],
+            "says": [one.says or (one.paths[0] if one.paths else name) for name, one in part.assumptions.items()],
+            "varied": [", ".join(one.paths or one.readings or ()) for one in part.assumptions.values()],
+            "between": [_between(definition, one) for one in part.assumptions.values()],
+            "expected_utility": utility.mean(axis=0),
+            "expected_utility_error": utility.std(axis=0, ddof=1) / math.sqrt(part.draws),
+            "best_overall": np.mean(np.argmax(utility, axis=1)[:, np.newaxis] == np.arange(len(names)), axis=0),
+            "best_probability": np.mean([one.best for one in outcomes], axis=0),
+            "requirement_probability": np.mean([one.met for one in outcomes], axis=0),
+        },
+        {"assumption": list(part.assumptions), "candidate": names, "place": places, "requirement": requirements},
+        attributes={
+            "worth_of_all": whole.value,
+            "worth_of_all_error": whole.error,
+            "unusable": part.unusable,
+            "draws": part.draws,
+        },
+    )
+
+
+def _seed(seed: int) -> int:
+    """A seed that gives this group its own random stream."""
+    return int.from_bytes(hashlib.sha256(f"{seed} {NAME}".encode()).digest()[:16])
+
+
+def _changes(assumptions: Sequence[Varying | AnyReading], values: FloatArray) -> dict[str, Entry]:
+    changed: dict[str, Entry] = {}
+    for one, value in zip(assumptions, values.tolist(), strict=True):
+        changed |= one.changes(value)
+    return changed
+
+
+def _between(definition: StudyDefinition, part: AssumptionPart) -> str:
+    """The range of an assumption, in words."""
+    if part.readings is None:
+        return f"{part.low} to {part.high}"
+    return "; ".join(["as declared", *(definition.file.readings[name].says for name in part.readings)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Outcome:
+    """One draw: utility of every candidate, the best candidate at every distance, and which requirements are met."""
+
+    utility: FloatArray
+    best: FloatArray
+    met: list[bool]
+
+
+def _outcome(
+    case: Case, names: Sequence[str], places: FloatArray, part: ValueOfInformationPart, definition: StudyDefinition
+) -> _Outcome:
+    loss = np.array([_loss(case, name, places, part.unusable) for name in names])
+    best = np.zeros(loss.shape)
+    known = loss.min(axis=0) < part.unusable
+    best[np.argmin(loss, axis=0)[known], np.flatnonzero(known)] = 1.0
+    met = [is_kept(one, case) for one in definition.file.requirements.values()]
+    return _Outcome(utility=-loss.mean(axis=1), best=best, met=met)
+
+
+def _loss(case: Case, name: str, places: FloatArray, unusable: float) -> FloatArray:
+    """Relative depth uncertainty over distance, capped at the loss that the study assigns to an unusable camera."""
+    camera = case.cameras[name]
+    relative = distribution(camera, imaged(camera, places), "both").judged / places
+    counted = is_usable(case, name, places, distribution) & np.isfinite(relative)
+    return np.where(counted, np.minimum(relative, unusable), unusable)

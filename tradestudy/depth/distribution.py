@@ -1,0 +1,250 @@
+"""The distribution of one measured depth at each distance, from which every number about depth is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.calibration import ONE_SIGMA
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthDistribution:
+    """Quantiles of depth over distances, from independent scrambles; a single one if nothing is drawn.
+
+    Parameters
+    ----------
+    probabilities
+        Probabilities of the quantiles, increasing and symmetric about the median.
+    quantiles
+        Depths [m], shape (scrambles, probabilities, distances); +inf beyond infinity, NaN where nothing is measured.
+    failures
+        Computes, on demand, the share of true matches that end at or beyond infinity or give no depth, shape
+        (scrambles, distances).
+    radii
+        Computes `error_radii` on demand.
+    counting_step
+        The smallest non-zero share that the draws can resolve.
+    false_matches
+        The share m of false matches, which no quantile includes.
+    """
+
+    probabilities: tuple[float, ...]
+    quantiles: FloatArray
+    failures: Callable[[], FloatArray]
+    radii: Callable[[], FloatArray]
+    counting_step: float = 0.0
+    false_matches: float = 0.0
+
+    @cached_property
+    def failed(self) -> FloatArray:
+        """Share of measurements that fail, ``1 − (1 − f)(1 − m)`` with the failures f, shape (scrambles, distances)."""
+        found = self.failures()
+        return found + self.false_matches * (1.0 - found)
+
+    @cached_property
+    def error_radii(self) -> FloatArray:
+        """Radius about the true distance [m] that contains 68.27 % of all measurements, in each scramble.
+
+        Failures and false matches count as infinitely wrong; shape (scrambles, distances).
+        """
+        return self.radii()
+
+    @cached_property
+    def quantile(self) -> FloatArray:
+        """Mean over scrambles, shape (probabilities, distances)."""
+        return _mean(self.quantiles)
+
+    @property
+    def half_width(self) -> FloatArray:
+        """The depth uncertainty: half the central 68.27 % interval [m]; +inf where it has no far end."""
+        return _mean(self.half_widths(ONE_SIGMA))
+
+    @property
+    def half_width_error(self) -> FloatArray:
+        """Standard error of `half_width` over scrambles [m]; 0 where nothing is drawn, NaN where it is unbounded."""
+        return standard_error(self.half_widths(ONE_SIGMA))
+
+    @property
+    def error_radius(self) -> FloatArray:
+        """Mean of `error_radii` over scrambles [m]."""
+        return _mean(self.error_radii)
+
+    @property
+    def error_radius_error(self) -> FloatArray:
+        """Standard error of `error_radius` over scrambles [m]; 0 where nothing is drawn, NaN where it is infinite."""
+        return standard_error(self.error_radii)
+
+    @cached_property
+    def judged_widths(self) -> FloatArray:
+        """The larger of half width and radius [m], in each scramble: requirements and ranks are judged by it.
+
+        The means over scrambles decide which it is, so that the larger of two noisy values is not taken in each.
+        """
+        return judged_by_larger(self.half_width, self.error_radius, self.half_widths(ONE_SIGMA), self.error_radii)
+
+    @property
+    def judged(self) -> FloatArray:
+        """Mean of `judged_widths` over scrambles [m]."""
+        return _mean(self.judged_widths)
+
+    @property
+    def judged_error(self) -> FloatArray:
+        """Standard error of `judged` over scrambles [m]; 0 where nothing is drawn, NaN where it is unbounded."""
+        return standard_error(self.judged_widths)
+
+    @property
+    def failed_fraction(self) -> FloatArray:
+        """Mean over scrambles."""
+        return _mean(self.failed)
+
+    @property
+    def failed_fraction_error(self) -> FloatArray:
+        """Standard error over scrambles, at least the resolution of counting draws; 0 if nothing is drawn."""
+        return np.maximum(standard_error(self.failed), self.counting_step)
+
+    def half_widths(self, coverage: float) -> FloatArray:
+        """Half the central interval [m] with a given coverage, in each scramble; +inf where it has no far end."""
+        low = int(np.argmin(np.abs(np.array(self.probabilities) - (1.0 - coverage) / 2.0)))
+        near, far = self.quantiles[:, low], self.quantiles[:, len(self.probabilities) - 1 - low]
+        unbounded = np.isinf(far)
+        return np.asarray(np.where(unbounded, np.inf, (far - np.where(unbounded, 0.0, near)) / 2.0))
+
+    def converged(self, tolerance: float, widest: FloatArray | None = None) -> BoolArray:
+        """Where `sampling_error` is within the relative tolerance."""
+        return np.asarray(self.sampling_error(widest) <= tolerance)
+
+    def sampling_error(self, widest: FloatArray | None = None) -> FloatArray:
+        """The largest Student t interval of the reported half widths and of `judged`, relative to each.
+
+        0 where nothing is drawn. If an interval has no far end, the failed fraction is judged instead. A bounded
+        interval that is ``widest`` [m] or wider is not judged.
+        """
+        from scipy.special import stdtrit
+
+        worst = np.zeros(self.quantiles.shape[2])
+        if len(self.quantiles) < 2:
+            return worst
+        t = float(stdtrit(len(self.quantiles) - 1, 0.975))
+        with np.errstate(divide="ignore", invalid="ignore"):  # no failures, no width, or an infinite one
+            of_failed = t * self.failed_fraction_error / self.failed_fraction
+            reported = [self.half_widths(1.0 - 2.0 * p) for p in self.probabilities[: len(self.probabilities) // 2]]
+            for widths in (*reported, self.judged_widths):
+                width = _mean(widths)
+                of_width = t * standard_error(widths) / width
+                if widest is not None:
+                    of_width = np.where(width >= widest, 0.0, of_width)
+                worst = np.fmax(worst, np.where(np.isinf(width), of_failed, of_width))
+        return worst
+
+
+def judged_by_larger(
+    half_width: FloatArray, radius: FloatArray, of_half_width: FloatArray, of_radius: FloatArray
+) -> FloatArray:
+    """What belongs to the larger of half width and radius: ``of_radius`` where the radius is larger."""
+    return np.where(radius > half_width, of_radius, of_half_width)
+
+
+def share_of_true_matches(false_matches: float) -> float:
+    """Share of the true matches within the radius that contains 68.27 % of all measurements; above 1 if too few are."""
+    return ONE_SIGMA / (1.0 - false_matches)
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Mean over scrambles; +inf if any of them is infinite."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.mean(values, axis=0))
+
+
+def standard_error(values: FloatArray) -> FloatArray:
+    """Standard error of the mean over scrambles; 0 for a single one, NaN if any is infinite."""
+    count = len(values)
+    if count < 2:
+        return np.where(np.isfinite(values[0]), 0.0, np.nan)
+    finite = np.where(np.isinf(values).any(axis=0), np.nan, values)
+    return np.asarray(np.std(finite, axis=0, ddof=1) / np.sqrt(count))
+
+
+_FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
+_SECTIONS: Final = 16
+_ROUNDS: Final = 5  # to 1e-5 of a standard deviation, with linear interpolation within
+_ROUNDING: Final = 1e-12  # of a distance, by which depth misses it without any error
+
+
+def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray, share: float) -> FloatArray:
+    """Quantile of |depth − truth| of measurements that one standard normal score determines.
+
+    The measurements within the radius r are those between a far depth at the score u and a near depth at the score v,
+    with Φ(v) − Φ(u) equal to the share and both depths equally far from the truth.
+
+    Parameters
+    ----------
+    read
+        Depth [m] at scores (scores, distances), the smaller the larger the score; +∞ or NaN is a failure.
+    distance
+        True distances [m].
+    share
+        Share of all measurements within the radius; from 1 on, the radius is infinite.
+
+    Returns
+    -------
+    array (distances,)
+        Radius [m]; +∞ where failures leave too few measurements.
+    """
+    from scipy.special import ndtr, ndtri
+
+    if share >= 1.0:
+        return np.full(distance.shape, np.inf)
+
+    def beyond(far: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far the depth at the far score exceeds the truth, and how far that at the near score falls short."""
+        near = np.minimum(-ndtri(np.maximum(1.0 - share - ndtr(far), 0.0)), _FARTHEST_SCORE)
+        depths = read(np.concatenate([far, near]))
+        depths = np.where(np.isnan(depths), np.inf, depths)
+        with np.errstate(invalid="ignore"):
+            above, below = depths[: len(far)] - distance, np.abs(distance - depths[len(far) :])
+        return above, below
+
+    low, high = last_scores(
+        np.full(distance.shape, -_FARTHEST_SCORE),
+        np.full(distance.shape, ndtri(1.0 - share)),
+        lambda far: np.greater(*beyond(far)),
+        rounds=_ROUNDS,
+    )
+    above, below = beyond(np.stack([low, high]))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        excess = above - below
+        to_high = np.clip(excess[0] / (excess[0] - excess[1]), 0.0, 1.0)
+        between = above[0] + to_high * (above[1] - above[0])
+    crossed = np.isfinite(between) & (excess[0] > 0.0) & (excess[1] < 0.0)
+    return without_rounding(np.where(crossed, between, np.maximum(above, below)[1]), distance)
+
+
+def without_rounding(error: FloatArray, distance: FloatArray) -> FloatArray:
+    """Errors of depth [m], 0 where they are no larger than rounding makes them."""
+    return np.asarray(np.where(error <= _ROUNDING * distance, 0.0, error))
+
+
+def last_scores(
+    low: FloatArray,
+    high: FloatArray,
+    holds: Callable[[FloatArray], BoolArray],
+    *,
+    rounds: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Narrow brackets (distances,) of the last scores at which a condition holds, by subdivision into 16 per round.
+
+    The condition, of scores (scores, distances), holds at ``low`` and not at ``high``; if it does not hold at ``low``
+    or holds at ``high``, the bracket narrows towards that end.
+    """
+    shares, columns = np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis], np.arange(low.size)
+    for _ in range(rounds):
+        scores = low + shares * (high - low)
+        last = np.sum(np.logical_and.accumulate(holds(scores[1:-1]), axis=0), axis=0)
+        low, high = scores[last, columns], scores[last + 1, columns]
+    return low, high

@@ -1,0 +1,388 @@
+"""Propagation without draws: noise alone, exactly; and the covariance of all errors through the exact Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.calibration import ONE_SIGMA
+from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
+from tradestudy.cameras.depth_measurement import PIXEL_NOISE, FieldPosition
+from tradestudy.depth.distribution import DepthDistribution, error_radius, last_scores, share_of_true_matches
+from tradestudy.depth.draws import MeasuresDepth, fixed_errors, read_draws, uncertain_groups
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.distributions import Normal
+from tradestudy.uncertainty.evaluation import depth_from_inverse
+from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
+from tradestudy.uncertainty.sources import Source, Sources
+
+# Central differences over this many standard deviations: far above rounding, with a truncation error of a millionth of
+# the third-order term.
+_STEP: Final = 1e-3
+_LEAST_NOISE_PX: Final = 1e-3  # smallest step of the noise; a smaller one would be lost in rounding
+_NEVER: Final = 1e-18
+_FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
+_ROUNDS: Final = 7  # to 1e-7 of a standard deviation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearisedDepth:
+    """Inverse depth, linearised in every uncertain parameter.
+
+    Parameters
+    ----------
+    parameters
+        Names of the parameters.
+    covariance
+        Covariance of the parameters, square, in their units; noise is in units of its own standard deviation.
+    sensitivity
+        Derivative of inverse depth with respect to each parameter [1/m per unit], shape (parameters, distances).
+    """
+
+    parameters: tuple[str, ...]
+    covariance: FloatArray
+    sensitivity: FloatArray
+
+    @property
+    def standard_deviation(self) -> FloatArray:
+        """Standard deviation of inverse depth, √(JᵀVJ) [1/m]."""
+        variance = np.einsum("pd,pq,qd->d", self.sensitivity, self.covariance, self.sensitivity)
+        # With a correlation of ±1 rounding can make the variance slightly negative.
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+    def without(self, name: str) -> LinearisedDepth:
+        """Leave one parameter out."""
+        kept = [k for k, own in enumerate(self.parameters) if own != name]
+        return LinearisedDepth(
+            parameters=tuple(self.parameters[k] for k in kept),
+            covariance=self.covariance[np.ix_(kept, kept)],
+            sensitivity=self.sensitivity[kept],
+        )
+
+
+@lru_cache(maxsize=128)
+def _covariance(camera: MeasuresDepth, error_source: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Names, means and covariance of the uncertain parameters."""
+    sources = Sources(groups=uncertain_groups(camera, error_source))
+    covariance = sources.covariance()
+    if covariance is None:
+        missing = ", ".join(group.name for group in sources.groups if group.covariance is None)
+        raise OutOfRangeError(
+            "linear propagation needs standard deviations",
+            value=f"{missing} has none",
+            limit="distributions with a variance",
+            remedy="propagate exactly, with effects.calibration: exact",
+        )
+    mean = np.concatenate([group.nominal for group in sources.groups]) if sources.groups else np.zeros(0)
+    return sources.parameters, mean, covariance
+
+
+@lru_cache(maxsize=128)
+def has_covariance(camera: MeasuresDepth) -> bool:
+    """Whether every uncertain parameter of a camera has a variance, as a linear model needs."""
+    return all(group.covariance is not None for group in camera.calibration.groups)
+
+
+def linearised_depth(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, error_source: str = "both"
+) -> LinearisedDepth:
+    """Linearise the depth measurement of a camera at distances [m] about the means of its errors.
+
+    Raises
+    ------
+    OutOfRangeError
+        An uncertain parameter has no variance.
+    """
+    return _linearised(camera, np.asarray(distance, dtype=np.float64).tobytes(), field, error_source)
+
+
+@lru_cache(maxsize=4)
+def _linearised(camera: MeasuresDepth, distances: bytes, field: FieldPosition, error_source: str) -> LinearisedDepth:
+    """The linear model, cached because limits, ratios and tables of a camera request it repeatedly."""
+    distance = np.frombuffer(distances)
+    names, mean, covariance = _covariance(camera, error_source)
+    deviation = np.sqrt(np.diag(covariance))
+    moving = np.flatnonzero(deviation > 0.0)
+    step = np.broadcast_to(_STEP * deviation[:, None], (deviation.size, distance.size)).copy()
+    noise = camera.noise(distance, field)
+    if PIXEL_NOISE in names:  # in units of its own standard deviation
+        step[names.index(PIXEL_NOISE)] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
+    values = fixed_errors(camera, error_source)
+    for k in np.flatnonzero((deviation > 0.0) | (mean != 0.0)):
+        acts = (moving == k)[:, None] * (step[k] if names[k] == PIXEL_NOISE else step[k, :1])
+        values[names[k]] = mean[k] + np.concatenate([acts, -acts])
+    sensitivity = np.zeros((len(names), distance.size))
+    if moving.size:
+        read = read_draws(camera, values, distance, field, noise)
+        sensitivity[moving] = (read[: moving.size] - read[moving.size :]) / (2.0 * step[moving])
+    sensitivity.setflags(write=False)  # shared by the cache
+    return LinearisedDepth(parameters=names, covariance=covariance, sensitivity=sensitivity)
+
+
+def linear_distribution(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, error_source: str, false_matches: float = 0.0
+) -> DepthDistribution:
+    """The distribution of depth, with all errors treated as additional noise.
+
+    Inverse depth is linear in all errors. The ratio of its standard deviation to that from noise alone scales the
+    noise with which the ends of intervals are computed, so noise alone is treated exactly.
+    """
+    line = linearised_depth(camera, distance, field)
+    noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
+    included = line if error_source == "both" else line.without(PIXEL_NOISE)
+    return scaled_noise(camera, distance, field, included.standard_deviation / noise, false_matches)
+
+
+def noise_distribution(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, false_matches: float = 0.0
+) -> DepthDistribution:
+    """The exact distribution of depth under noise alone: quantiles of disparity map to quantiles of depth."""
+    return scaled_noise(camera, distance, field, np.ones(distance.shape), false_matches)
+
+
+def scaled_noise(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, scale: FloatArray, false_matches: float = 0.0
+) -> DepthDistribution:
+    """The distribution of depth under noise multiplied by a scale (distances,)."""
+    from scipy.special import ndtr, ndtri
+
+    probabilities = camera.propagation.probabilities
+    scores = -ndtri(np.array(probabilities))[:, None] * scale
+    depths = depth_from_inverse(_under_noise(camera, distance, field, scores))
+    seen = ~np.isnan(depths).any(axis=0)
+
+    def failures() -> FloatArray:
+        score = _score_of_infinity(camera, distance, field, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
+        shares = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
+        failed = np.where(shares > _NEVER, shares, 0.0)
+        return np.where(seen, failed, np.nan)[None]
+
+    def radii() -> FloatArray:
+        def read(scores: FloatArray) -> FloatArray:
+            return depth_from_inverse(_under_noise(camera, distance, field, scores * scale))
+
+        found = error_radius(read, distance, share_of_true_matches(false_matches))
+        return np.where(seen, found, np.nan)[None]
+
+    return DepthDistribution(
+        probabilities=probabilities,
+        quantiles=np.where(seen, depths, np.nan)[None],
+        failures=failures,
+        radii=radii,
+        false_matches=false_matches,
+    )
+
+
+def _under_noise(camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, scores: FloatArray) -> FloatArray:
+    """Inverse depth [1/m] measured with the noise at given scores, shape (scores, distances)."""
+    errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
+    return read_draws(camera, errors, distance, field, camera.noise(distance, field))
+
+
+def _score_of_infinity(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, reach: FloatArray
+) -> FloatArray:
+    """The score of the noise at which depth reads infinity, by subdivision; ∓reach (distances,) if it lies beyond."""
+    beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
+    found = np.where(beyond[1], reach, -reach)
+    open_ = np.flatnonzero(beyond[0] & ~beyond[1])
+    if open_.size:
+        low, high = last_scores(
+            -reach[open_],
+            reach[open_],
+            lambda scores: _under_noise(camera, distance[open_], field, scores) <= 0.0,
+            rounds=_ROUNDS,
+        )
+        found[open_] = 0.5 * (low + high)
+    return np.asarray(found)
+
+
+_SECOND_STEP: Final = 1e-2  # standard deviations, for the gradient
+_FARTHEST: Final = 9.0  # standard deviations; the probability beyond is below 1e-18
+_SECTIONS: Final = 16
+_SECOND_ROUNDS: Final = 2  # to 0.07 standard deviations, with linear interpolation within these
+_UNCERTAIN: Final = 0.5  # of the changes of half widths due to mean and variance across the steepest direction
+_MEDIAN: Final = 1e-9  # largest score of a median, up to rounding
+
+Reader = Callable[[FloatArray], FloatArray]
+"""Inverse depth [1/m] at scores (dimensions, points, distances or 1), shape (points, distances)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SecondOrder:
+    """The distribution to second order, over distances.
+
+    Parameters
+    ----------
+    expected
+        Quantiles of depth; a single scramble. Failures are those along the steepest direction of all errors.
+    uncertain
+        Share of a half width by which the exact distribution could be wider or narrower.
+    """
+
+    expected: DepthDistribution
+    uncertain: FloatArray
+
+
+def second_order(
+    camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str, *, any_shape: bool = False
+) -> SecondOrder | None:
+    """Evaluate depth exactly along the direction in which errors change it most, and to second order across it.
+
+    In standard deviations of independent normal errors, inverse depth is ``h(z) = h₀ + g·z + ½ zᵀKz``. Its quantiles
+    are those along g (first-order reliability), each shifted by the curvature across g (second-order reliability).
+
+    Parameters
+    ----------
+    camera
+        The camera with its exact model and its errors.
+    distance
+        True distances [m] where the camera forms an image.
+    field
+        Field position.
+    error_source
+        The errors considered: ``noise``, ``calibration`` or ``both``.
+    any_shape
+        Whether to treat non-normal errors through their normal scores; the result then only distinguishes a large error
+        of the linear model from a small one.
+
+    Returns
+    -------
+    SecondOrder | None
+        None if an error is not normal: then only draws give the error.
+    """
+    groups = uncertain_groups(camera, error_source)
+    if not all(_is_normal(group) or (any_shape and not isinstance(group, JointDraws)) for group in groups):
+        return None
+    sources = Sources(groups=groups)
+    count = sources.dimensions
+
+    def read(scores: FloatArray) -> FloatArray:
+        spread = np.broadcast_to(scores, (count, scores.shape[1], distance.size))
+        drawn = sources.draw(spread.reshape(count, -1))
+        values = {name: one.reshape(spread.shape[1:]) if one.size > 1 else one for name, one in drawn.items()}
+        return read_draws(
+            camera, {**fixed_errors(camera, error_source), **values}, distance, field, camera.noise(distance, field)
+        )
+
+    axes = np.eye(count)[:, :, np.newaxis]
+    above, below = _read_together(read, _SECOND_STEP * axes, -_SECOND_STEP * axes)
+    gradient = (above - below) / (2.0 * _SECOND_STEP)
+    length = np.linalg.norm(gradient, axis=0)
+    steepest = np.divide(gradient, length, out=np.zeros_like(gradient), where=length > 0.0)
+    along, moved, spread = _quantiles(camera, read, steepest, length)
+
+    false_matches = false_match_share(camera, error_source)
+
+    def of(inverse: FloatArray) -> DepthDistribution:
+        unseen = np.isnan(inverse).any(axis=0)
+        depths = np.where(unseen, np.nan, depth_from_inverse(inverse))
+        between = partial(_between, camera, inverse)
+
+        def radii() -> FloatArray:
+            found = error_radius(between, distance, share_of_true_matches(false_matches))
+            return np.where(unseen, np.nan, found)[np.newaxis]
+
+        return DepthDistribution(
+            probabilities=camera.propagation.probabilities,
+            quantiles=depths[np.newaxis],
+            failures=lambda: np.where(np.isnan(along).any(axis=0), np.nan, _failed(read, steepest))[np.newaxis],
+            radii=radii,
+            false_matches=false_matches,
+        )
+
+    expected = of(along + moved + spread)
+    width = expected.half_widths(ONE_SIGMA)[0]
+    without = [of(one).half_widths(ONE_SIGMA)[0] for one in (along + moved, along + spread)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        changes = [np.where(np.isinf(width) & np.isinf(one), 0.0, np.abs(np.log(width / one))) for one in without]
+    uncertain = _UNCERTAIN * np.sum(changes, axis=0)
+    return SecondOrder(expected=expected, uncertain=np.nan_to_num(uncertain, nan=np.inf, posinf=np.inf))
+
+
+def all_normal(camera: DepthCamera) -> bool:
+    """Whether every error of a camera is normal, so that second order describes its depth."""
+    return all(map(_is_normal, uncertain_groups(camera, "both")))
+
+
+def _is_normal(group: object) -> bool:
+    if isinstance(group, GaussianCopula):
+        return all(isinstance(one, Normal) for one in group.marginals)
+    return isinstance(group, JointNormal) or (isinstance(group, Source) and isinstance(group.distribution, Normal))
+
+
+def _read_together(read: Reader, *scores: FloatArray) -> list[FloatArray]:
+    """Evaluate several sets of scores in one call, which takes hardly longer than one set alone."""
+    ends = np.cumsum([one.shape[1] for one in scores])
+    return np.split(read(np.concatenate(scores, axis=1)), ends[:-1])
+
+
+def _quantiles(
+    camera: DepthCamera, read: Reader, steepest: FloatArray, length: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Quantiles of inverse depth [1/m] along the steepest direction; their shifts due to mean and variance across it.
+
+    Where the other errors add the mean m(u) and the variance s²(u) at the score u along it, the quantile at u moves by
+    ``m + (u s² − ds²/du)/(2 |g|)``. Curvature K across gives ``m = ½ tr K`` and ``s² = ½ ‖K‖² + Σ d²``, with the slopes
+    d across, which grow with u.
+    """
+    from scipy.special import ndtri
+
+    probabilities = camera.propagation.probabilities
+    scores = -ndtri(np.array(probabilities))[:, np.newaxis]
+    # Orthonormal vectors perpendicular to each direction, shape (dimensions, others, distances).
+    across = np.moveaxis(np.linalg.svd(steepest.T[:, np.newaxis])[2][:, 1:], 0, 2).swapaxes(0, 1)
+    dimensions, others, distances = across.shape
+    ahead = scores * steepest[:, np.newaxis]
+    right, left = (
+        (ahead[:, :, np.newaxis] + one[:, np.newaxis]).reshape(dimensions, -1, distances) for one in (across, -across)
+    )
+    first, second = np.triu_indices(others, k=1)
+    along, right, left, pairs = _read_together(read, ahead, right, left, across[:, first] + across[:, second])
+    right, left = (one.reshape(len(probabilities), others, distances) for one in (right, left))
+    curvature = right + left - 2.0 * along[:, np.newaxis]
+    median = len(probabilities) // 2
+    mixed = pairs - right[median, first] - right[median, second] + along[median]
+    slopes = np.sum(((right - left) / 2.0) ** 2, axis=1)
+    variance = slopes + 0.5 * np.sum(curvature[median] ** 2, axis=0) + np.sum(mixed**2, axis=0)
+    growth = np.divide(2.0 * slopes, scores, out=np.zeros_like(slopes), where=np.abs(scores) > _MEDIAN)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return along, 0.5 * np.sum(curvature, axis=1), (scores * variance - growth) / (2.0 * length)
+
+
+def _between(camera: DepthCamera, inverse: FloatArray, scores: FloatArray) -> FloatArray:
+    """Depth [m] at scores, by the polynomial through the quantiles of inverse depth, constant beyond them."""
+    from scipy.special import ndtri
+
+    nodes = -ndtri(np.array(camera.propagation.probabilities))
+    within = np.clip(scores, nodes[-1], nodes[0])
+    powers = np.linalg.solve(np.vander(nodes), inverse)
+    found = np.zeros(within.shape)
+    for power in powers:
+        found = found * within + power
+    return depth_from_inverse(found)
+
+
+def _failed(read: Reader, steepest: FloatArray) -> FloatArray:
+    """Probability that inverse depth ends at or below zero along the steepest direction, over distances."""
+    from scipy.special import ndtr
+
+    place = np.arange(steepest.shape[1])
+    low, high = np.full((2, place.size), [[-_FARTHEST], [_FARTHEST]])
+    for _ in range(_SECOND_ROUNDS):
+        searched = low + np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis] * (high - low)
+        found = read(searched * steepest[:, np.newaxis])
+        # Inverse depth rises along the steepest direction, so failures lie below a certain score.
+        last = np.sum(~(found > 0.0), axis=0) - 1
+        row = np.clip(last, 0, _SECTIONS - 1)
+        low, high = searched[row, place], searched[row + 1, place]
+    below, above = found[row, place], found[row + 1, place]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.nan_to_num(np.clip(-below / (above - below), 0.0, 1.0))
+    score = low + share * (high - low)
+    return np.asarray(np.where(last < 0, 0.0, np.where(last >= _SECTIONS, 1.0, ndtr(score))))

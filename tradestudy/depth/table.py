@@ -1,0 +1,260 @@
+"""A camera's depth at any distance, read from one table over the study's range.
+
+A study asks a camera for its depth at thousands of distances: where its usable range ends, where another camera becomes
+better, how uncertain it is at worst over a requirement. Between the places where a lens type, an estimator or a limit
+switches, the distribution of depth is a smooth function of distance, so one table answers them all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import FieldPosition
+from tradestudy.depth.distribution import DepthDistribution, standard_error
+from tradestudy.depth.evaluation import Reading, distribution, finite, imaged, model_error
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+_PER_FACTOR: Final = 64.0  # nodes in a factor e of distance
+_PER_FACTOR_DRAWN: Final = 24.0  # of an exact model, whose draws cost milliseconds a node
+_SAFE: Final = 1e-7  # largest estimated error of an interpolated width, relative to it
+_SAFE_DRAWN: Final = 0.25  # the same for a drawn width, relative to the standard deviation between scrambles
+_HALF_STENCIL: Final = 3  # nodes on each side of a distance
+_DENSER: Final = 64  # dense points between two nodes, among which narrow features are sought
+_NARROW: Final = 0.02  # of the depth error, by which a feature departs from the line between two nodes
+_NEGLIGIBLE: Final = 1e-9  # error of a failed fraction
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Table:
+    """The distribution at nodes that are evenly spaced in the logarithm of distance."""
+
+    distance: FloatArray
+    nodes: DepthDistribution
+
+    @cached_property
+    def deviations(self) -> FloatArray:
+        """Quantiles of inverse depth relative to the true one, less 1; shape (scrambles, probabilities, nodes)."""
+        return np.asarray(self.distance / self.nodes.quantiles - 1.0)
+
+    @cached_property
+    def radii(self) -> FloatArray:
+        """Error radii relative to the distance, shape (scrambles, nodes)."""
+        return np.asarray(self.nodes.error_radii / self.distance)
+
+    @cached_property
+    def failures(self) -> FloatArray:
+        """Failed shares, shape (scrambles, nodes)."""
+        return self.nodes.failures()
+
+    def stencil(self, distance: FloatArray) -> _Stencil:
+        """The nodes around distances [m] and their weights."""
+        step = math.log(self.distance[-1] / self.distance[0]) / (self.distance.size - 1)
+        place = np.log(distance / self.distance[0]) / step
+        first = np.clip(np.floor(place).astype(int) + 1 - _HALF_STENCIL, 0, self.distance.size - 2 * _HALF_STENCIL)
+        wide = _lagrange(place - first, np.arange(2.0 * _HALF_STENCIL))
+        narrow = _lagrange(place - first, np.arange(1.0, 2.0 * _HALF_STENCIL - 1.0))
+        return _Stencil(nodes=first[:, None] + np.arange(2 * _HALF_STENCIL), wide=wide, narrow=narrow)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Stencil:
+    """Nodes around each distance, shape (distances, nodes); weights of polynomials through all and the inner ones."""
+
+    nodes: FloatArray
+    wide: FloatArray
+    narrow: FloatArray
+
+    def read(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values (…, nodes) interpolated at the distances, and how far the lower order is off; NaN where unknown."""
+        around = values[..., self.nodes]
+        with np.errstate(invalid="ignore"):  # infinite values at a node: not known between nodes
+            read = np.sum(around * self.wide, axis=-1)
+            return read, np.abs(read - np.sum(around[..., 1:-1] * self.narrow, axis=-1))
+
+
+def _lagrange(place: FloatArray, nodes: FloatArray) -> FloatArray:
+    """Weights of the polynomial through values at nodes, for places between them; shape (places, nodes)."""
+    apart = place[:, None] - nodes
+    others = ~np.eye(nodes.size, dtype=bool)
+    factors = np.where(others, apart[:, None, :], 1.0).prod(axis=-1)
+    return np.asarray(factors / np.where(others, nodes[:, None] - nodes, 1.0).prod(axis=-1))
+
+
+@lru_cache(maxsize=512)
+def _table(camera: DepthCamera, field: FieldPosition, error_source: str) -> _Table | None:
+    """The table of a camera over the range of its study; None if it has none, or too short a one."""
+    judged = camera.propagation.judged
+    if not judged or not judged[0] < judged[-1]:
+        return None
+    density = _PER_FACTOR_DRAWN if camera.propagation.model == "exact" and error_source != "noise" else _PER_FACTOR
+    count = max(2 * _HALF_STENCIL, 1 + math.ceil(density * math.log(judged[-1] / judged[0])))
+    distance = np.geomspace(judged[0], judged[-1], count)
+    return _Table(distance=distance, nodes=distribution(camera, imaged(camera, distance), error_source, field))
+
+
+def distribution_between(
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
+) -> DepthDistribution:
+    """The distribution of depth at distances [m], interpolated in the table of the camera where that is safe.
+
+    Between nodes, a polynomial of degree 5 in the logarithm of distance gives quantiles of inverse depth, error radii
+    and failed shares. Where one of degree 3 differs from it by more than 1e-7 of the width, or a quarter of the
+    standard deviation between scrambles, as where a lens type switches or an interval becomes unbounded, and beyond the
+    range of the study, the distribution is computed at the distance itself.
+    """
+    table = _table(camera, field, error_source)
+    distance = imaged(camera, distance)
+    if table is None:
+        return distribution(camera, distance, error_source, field)
+    inside = (table.distance[0] <= distance) & (distance <= table.distance[-1])
+    read = _Reading(
+        camera=camera, distance=distance, error_source=error_source, field=field, table=table, inside=inside
+    )
+    return DepthDistribution(
+        probabilities=camera.propagation.probabilities,
+        quantiles=read.quantiles,
+        failures=lambda: read.failures,
+        radii=lambda: read.radii,
+        counting_step=table.nodes.counting_step,
+        false_matches=table.nodes.false_matches,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Reading:
+    """What a table gives at distances, and what is computed there instead."""
+
+    camera: DepthCamera
+    distance: FloatArray
+    error_source: str
+    field: FieldPosition
+    table: _Table
+    inside: BoolArray
+
+    @cached_property
+    def _stencil(self) -> _Stencil:
+        return self.table.stencil(self.distance[self.inside])
+
+    @cached_property
+    def quantiles(self) -> FloatArray:
+        """Quantiles of depth [m], shape (scrambles, probabilities, distances)."""
+        read, off = self._stencil.read(self.table.deviations)
+        beyond = np.all(self.table.deviations[..., self._stencil.nodes] == -1.0, axis=-1)  # infinity at all nodes
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = 1.0 / np.where(beyond, 0.0, 1.0 + read)  # depth relative to the distance
+            bounded = np.where(np.isinf(relative), 0.0, relative)
+            width = np.ptp(bounded, axis=1) / 2.0
+            safe = np.all(beyond | (off * relative**2 <= self._allowed(width)[:, None]) & (relative > 0.0), axis=(0, 1))
+        depth = self.distance[self.inside] * np.where(safe, relative, 1.0)
+        return self._filled(depth, safe, lambda one: one.quantiles)
+
+    @cached_property
+    def radii(self) -> FloatArray:
+        """Error radii [m], shape (scrambles, distances)."""
+        read, off = self._stencil.read(self.table.radii)
+        safe = np.all(off <= self._allowed(read), axis=0)
+        return self._filled(self.distance[self.inside] * read, safe, lambda one: one.error_radii)
+
+    @cached_property
+    def failures(self) -> FloatArray:
+        """Failed shares, shape (scrambles, distances)."""
+        read, off = self._stencil.read(self.table.failures)
+        allowed = np.maximum(self._allowed(read), _NEGLIGIBLE + _SAFE_DRAWN * self.table.nodes.counting_step)
+        safe = np.all(off <= allowed, axis=0)
+        return self._filled(np.clip(read, 0.0, 1.0), safe, lambda one: one.failures())
+
+    def _allowed(self, widths: FloatArray) -> FloatArray:
+        """The largest error of interpolated values, shape (scrambles, distances)."""
+        drawn = _SAFE_DRAWN * np.nan_to_num(standard_error(widths)) * math.sqrt(len(widths))
+        return np.maximum(_SAFE * np.abs(widths), drawn)
+
+    @cached_property
+    def _unseen(self) -> BoolArray:
+        """Where nothing is measured at any node around."""
+        unseen = np.isnan(self.table.deviations[..., self._stencil.nodes])
+        return np.asarray(unseen.all(axis=(0, 1, 3)))
+
+    @cached_property
+    def _computed(self) -> dict[bytes, DepthDistribution]:
+        return {}
+
+    def _filled(self, read: FloatArray, safe: BoolArray, of: Callable[[DepthDistribution], FloatArray]) -> FloatArray:
+        """What was read where it is safe, and what is computed elsewhere."""
+        found = np.full((*read.shape[:-1], self.distance.size), np.nan)
+        kept = self.inside.copy()
+        kept[self.inside] = safe
+        found[..., kept] = read[..., safe]
+        missing = ~kept & ~np.isnan(self.distance)
+        missing[self.inside] &= ~self._unseen
+        if missing.any():
+            found[..., missing] = of(self._at(missing))
+        return found
+
+    def _at(self, places: BoolArray) -> DepthDistribution:
+        """The distribution computed at some of the distances."""
+        key = places.tobytes()
+        if key not in self._computed:
+            self._computed[key] = distribution(self.camera, self.distance[places], self.error_source, self.field)
+        return self._computed[key]
+
+
+@lru_cache(maxsize=512)
+def narrow_features(camera: DepthCamera) -> tuple[float, ...]:
+    """Distances [m] within the range of the study where the depth error changes faster than a table shows.
+
+    Such are the places where the image lies on the microlenses, or a lens type or an estimator switches. The change of
+    depth per disparity, which is a closed form, shows them on a dense grid.
+    """
+    judged = camera.propagation.judged
+    if not judged or not judged[0] < judged[-1]:
+        return ()
+    count = 1 + _DENSER * math.ceil(_PER_FACTOR * math.log(judged[-1] / judged[0]))
+    dense = np.geomspace(judged[0], judged[-1], count)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = np.log(camera.depth_discrimination(imaged(camera, dense))[0])
+        line = np.interp(np.arange(count), np.arange(0, count, _DENSER), change[::_DENSER])
+        apart = np.nan_to_num(np.abs(change - line)).reshape(-1)[:-1].reshape(-1, _DENSER)
+    found = np.flatnonzero(apart.max(axis=1) > _NARROW) * _DENSER
+    peaks = found + apart[found // _DENSER].argmax(axis=1)
+    around = np.concatenate([found, peaks, found + _DENSER])
+    return tuple(np.unique(dense[around]).tolist())
+
+
+def depth_uncertainty(
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
+) -> FloatArray:
+    """Half the central 68.27 % interval of depth [m]: the spread of measurements, whatever their bias."""
+    return distribution_between(camera, distance, error_source, field).half_width
+
+
+def judged_uncertainty(
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
+) -> FloatArray:
+    """The uncertainty [m] that judges a camera: the larger of half width and radius about the true distance.
+
+    The radius contains 68.27 % of all measurements, failures and false matches counted as infinitely wrong; it exceeds
+    the half width where measurements are biased or fail.
+    """
+    return distribution_between(camera, distance, error_source, field).judged
+
+
+def judged_uncertainty_error(
+    camera: DepthCamera,
+    distance: FloatArray,
+    error_source: str = "both",
+    field: FieldPosition = 0.0,
+    *,
+    depth: Reading = distribution_between,
+) -> FloatArray:
+    """Estimated error of `judged_uncertainty` [m]: the standard error of draws, or the error of a cheaper model."""
+    found = depth(camera, imaged(camera, distance), error_source, field)
+    if camera.propagation.model == "exact":
+        return found.judged_error
+    return np.asarray(model_error(camera, imaged(camera, distance), error_source, field).judged * finite(found.judged))

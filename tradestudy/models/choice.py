@@ -1,0 +1,168 @@
+"""Choose the models of every problem of a study, or refuse the study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from tradestudy.accuracy import IN_WORDS, QUANTITIES, Quantity
+from tradestudy.effects import OFF, Changes, Choice, Models, SimulationProblem, choose
+from tradestudy.errors import Problem, StudyError, UnaffordableError
+from tradestudy.study.definition import StudyDefinition
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """One problem of a study and its models.
+
+    Parameters
+    ----------
+    name, title
+        Name in the results and title in reports.
+    asked
+        Tolerances that decide, by quantity.
+    reasons
+        Why an effect has a single model, by effect.
+    choice
+        The chosen models, and every decision.
+    by_forcing
+        Changes due to the models that the study forces, relative to the most complete ones; empty if it forces none.
+    """
+
+    name: str
+    title: str
+    asked: Mapping[Quantity, float]
+    reasons: Models
+    choice: Choice
+    by_forcing: Changes
+
+    @property
+    def models(self) -> Models:
+        """The applied models, by effect."""
+        return self.choice.models
+
+
+def problems(definition: StudyDefinition, forced: Models) -> Iterator[SimulationProblem]:
+    """Every problem of a study that needs models, in the order in which a run solves them."""
+    # Imported only where needed, because `check` calls this too, and few studies simulate light.
+    file, case = definition.file, definition.case
+    if case.cameras:
+        from tradestudy.models.depth_problem import depth_problems
+
+        yield from depth_problems(definition, forced)
+    if (sharp := file.depth_of_field) is not None:
+        from tradestudy.models.sharpness import DepthOfFieldProblem
+
+        focuses = [camera.focus for camera in case.all_cameras.values()]
+        yield DepthOfFieldProblem(
+            focuses, [part.criterion(case.wavelength) for part in sharp.criteria.values()], forced
+        )
+    if file.scene is not None and file.scene.image is not None:
+        from tradestudy.models.scene_pictures import picture_problems
+
+        yield from picture_problems(definition, forced)
+    if file.light_spot is not None:
+        from tradestudy.models.light_spot import LightSpotProblem
+
+        yield LightSpotProblem(file.light_spot, forced)
+    if file.point_spread is not None:
+        from tradestudy.models.sharpness import PointSpreadProblem
+
+        yield PointSpreadProblem(file.point_spread, forced)
+
+
+def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
+    """Choose the cheapest models that keep every requested quantity within its tolerance, problem by problem.
+
+    The choice depends on the study alone, not on the machine or its load.
+
+    Raises
+    ------
+    UnaffordableError
+        If even the most complete models exceed a tolerance; one error for all problems.
+    StudyError
+        If the study forces a model that applies to nothing in it, or sets a tolerance on a quantity that it does not
+        compute.
+    """
+    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
+    found, refused = [], []
+    all_problems = tuple(problems(definition, forced))
+    if mistakes := [
+        *_ignored_tolerances(definition, all_problems),
+        *_ignored_models(definition, all_problems, forced),
+    ]:
+        raise StudyError(mistakes)
+    free = {one.name: one for one in problems(definition, {})} if forced else {}
+    for problem in all_problems:
+        try:
+            found.append(chosen(problem, tolerances, forced, free.get(problem.name)))
+        except UnaffordableError as error:
+            refused.append(error)
+    if len(refused) > 1:
+        raise UnaffordableError("\n".join(map(str, refused)))
+    if refused:
+        raise refused[0]
+    return tuple(found)
+
+
+def chosen(
+    problem: SimulationProblem,
+    tolerances: Mapping[Quantity, float],
+    forced: Models,
+    free: SimulationProblem | None = None,
+) -> Chosen:
+    """Choose the models of one problem; ``free`` is the same problem without forced models.
+
+    Raises
+    ------
+    UnaffordableError
+        If even the most complete models exceed a tolerance.
+    """
+    choice = choose(problem, tolerances, forced)
+    return Chosen(
+        name=problem.name,
+        title=problem.title,
+        asked={q: tolerances[q] for q in problem.asked},
+        reasons={slot.name: slot.reason for slot in problem.slots if slot.reason},
+        choice=choice,
+        by_forcing=_by_forcing(free, problem),
+    )
+
+
+def _by_forcing(free: SimulationProblem | None, problem: SimulationProblem) -> Changes:
+    """Changes due to the forced models where they differ from the most complete ones."""
+    if free is None or free.complete == problem.complete:
+        return {}
+    while free.try_out(problem.complete):
+        pass
+    return free.changes(problem.complete)
+
+
+def _ignored_tolerances(definition: StudyDefinition, found: tuple[SimulationProblem, ...]) -> Iterator[Problem]:
+    """Tolerances on quantities that the study does not compute."""
+    part = definition.file.accuracy
+    for quantity in QUANTITIES:
+        if getattr(part, quantity) is None or any(quantity in one.asked for one in found):
+            continue
+        path = ("accuracy", quantity)
+        what = f"no part of this study computes this quantity ({IN_WORDS[quantity]}); remove its tolerance"
+        yield definition.document.locate(path).problem(path, what)
+
+
+def _ignored_models(
+    definition: StudyDefinition, found: tuple[SimulationProblem, ...], forced: Models
+) -> Iterator[Problem]:
+    """Forced models that apply to nothing in the study."""
+    for effect, name in forced.items():
+        slots = [slot for one in found for slot in one.slots if slot.name == effect]
+        offered = dict.fromkeys(model for slot in slots for model in slot.models)
+        # Every camera that measures depth propagates calibration errors, even if it has none.
+        if name in offered or (effect == "calibration" and slots):
+            continue
+        what = f"'{name}' applies to nothing in this study"
+        if set(offered) - {OFF}:
+            what += f"; its models of this effect are {', '.join(offered)}"
+        else:
+            reasons = "; ".join(dict.fromkeys(slot.reason for slot in slots if slot.reason))
+            what += f": {reasons}" if reasons else ": no part of it has this effect"
+        yield definition.document.locate(("effects", effect)).problem(("effects", effect), what)

@@ -1,0 +1,379 @@
+"""The choice of models of picture and calibration for cameras that measure depth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.accuracy import Quantity
+from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
+from tradestudy.cameras.depth_measurement import towards_corners
+from tradestudy.depth.linear import has_covariance
+from tradestudy.effects import (
+    LENSES,
+    OFF,
+    Change,
+    Changes,
+    Evidence,
+    Models,
+    SimulationProblem,
+    Slot,
+    SlotName,
+    models_of,
+)
+from tradestudy.imaging.picture import PictureDisparityError
+from tradestudy.models.depth_variant import DepthVariant
+from tradestudy.models.variants import every_variant
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.building import complete_in_closed_form
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.root import StudyFile
+from tradestudy.wording import NO_MICROLENSES
+
+# Models are compared at no more than this many of the study's distances, since changes vary slowly with distance.
+_MOST_DISTANCES: Final = 101
+# Margins on changes computed at some distances, between which they may be larger, and on changes that a trial finds at
+# a few places; set by `python -m tests.campaigns.depth_regret` on scenes other than those it reports.
+MARGIN: Final = 1.1
+TRIAL_MARGIN: Final = 1.25
+_SURE: Final = 0.5  # share of the estimated error of linear propagation that it makes at least
+_ALL: Final = 1.0 - 1e-9  # of a disparity error, which cannot become zero
+# Effects whose simpler models save time, in the order in which they are tried.
+_SAVING: Final[tuple[SlotName, ...]] = (*LENSES, "calibration", "spectrum", "crosstalk")
+_COSTLY: Final[Mapping[SlotName, int]] = {"calibration": 2, **dict.fromkeys(LENSES, 1)}  # draws; Kirchhoff's integral
+_OTHERS: Final[tuple[SlotName, ...]] = ("defocus_blur", "pixel_integration", "vignetting", "sensor_noise")
+
+
+class DepthProblem(SimulationProblem):
+    """One camera that measures depth, in every form in which the study uses it.
+
+    Parameters
+    ----------
+    name, title
+        Key of the camera in the study, and its title.
+    variants
+        Forms of the camera; the form that a set of models changes most counts.
+    asked
+        Quantities with a tolerance.
+    forced
+        Models that the study prescribes.
+    drawn_above
+        Largest relative error of linear propagation that is accepted in a form that occurs only in readings or inverse
+        questions; a form with a larger error is propagated by draws.
+    rejected_above
+        Relative error of linear propagation with which it cannot be chosen: the tolerance of the depth uncertainty.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        title: str,
+        variants: Sequence[DepthVariant],
+        asked: tuple[Quantity, ...],
+        forced: Models,
+        drawn_above: float = math.inf,
+        rejected_above: float = math.inf,
+    ) -> None:
+        self.name, self.title, self.asked = name, title, asked
+        self._variants, self._drawn_above, self._rejected_above = tuple(variants), drawn_above, rejected_above
+        self._drawn: frozenset[DepthVariant] = frozenset()
+        self._pictured = tuple(one for one in variants if one.law is not None and one.places.size)
+        slots = _slots(variants[0].camera, [one.camera for one in self._pictured], forced)
+        bare = not any(one.camera.calibration.groups or not one.camera.calibration.inferred for one in variants)
+        self.slots = tuple(
+            _NO_ERRORS if bare and one.name == "calibration" and not one.reason else one for one in slots
+        )
+        self._linear: Change | None = None
+        self._exact_paths: tuple[float, float] | None = None
+
+    def changes(self, models: Models) -> Changes:
+        """The largest changes over all forms of the camera, as far as they are known."""
+        if models == self.complete:
+            return {quantity: Change(relative=0.0) for quantity in self.asked}
+        found = [self._changes_of(variant, models) for variant in self._variants]
+        worst: dict[Quantity, Change] = {
+            quantity: max((one[quantity] for one in found), key=lambda c: c.relative) for quantity in found[0]
+        }
+        return worst | (self._noise(models) if "depth_noise" in self.asked else {})
+
+    def other_models(self, models: Models) -> Mapping[str, Models]:
+        """Models of the readings and inverse questions that need draws, although the study as declared does not."""
+        if models["calibration"] == "exact":
+            return {}
+        drawn = [one for one in self._variants if one in self._drawn]  # in the order of the study
+        return {name: {**models, "calibration": "exact"} for one in drawn for name in one.only_in}
+
+    def unasked(self, models: Models) -> Changes:
+        """The change of the uncertainty from noise alone, where it has no tolerance."""
+        return {} if "depth_noise" in self.asked else self._noise(models)
+
+    def try_out(self, models: Models) -> bool:
+        """Try out linear propagation where it could suffice, then Kirchhoff's transfer where Fresnel's could."""
+        if models["calibration"] != "exact" and self._linear is None and self._is_line:
+            self._try_line()
+            return True
+        if self._exact_paths is None and self._pictured and self._leaves_out_paths(models):
+            worst = max(self._pictured, key=lambda one: float(np.nanmax(np.sum(one.by_exact_paths, axis=0))))
+            of_error, of_depth = worst.tried_by_exact_paths()
+            self._exact_paths = TRIAL_MARGIN * of_error, TRIAL_MARGIN * of_depth
+            return True
+        return False
+
+    @cached_property
+    def _is_line(self) -> bool:
+        """Whether errors can be propagated linearly: all calibrations are known before the run and have covariances."""
+        cameras = [variant.camera for variant in self._variants]
+        return all(one.calibration.inferred and has_covariance(one) for one in cameras)
+
+    def _leaves_out_paths(self, models: Models) -> bool:
+        return any(models[name] != "kirchhoff" for name in self._free_lenses)
+
+    @property
+    def _free_lenses(self) -> list[SlotName]:
+        """Lenses whose model of diffraction the study leaves open."""
+        return [name for name in LENSES if self._is_free(name)]
+
+    def _is_free(self, name: SlotName) -> bool:
+        """Whether the study leaves the model of an effect open."""
+        return any(slot.name == name and len(slot.models) > 1 for slot in self.slots)
+
+    def _changes_of(self, variant: DepthVariant, models: Models) -> Changes:
+        """Changes of the total uncertainty and of the ends of usable ranges, for one form of the camera."""
+        if variant in self._drawn:
+            models = {**models, "calibration": "exact"}
+        line = self._line(models)
+        if not variant.places.size or math.isinf(line.relative):
+            return {"depth_uncertainty": line, "usable_range": line}
+        left_out = self._paths_left_out(variant, models)
+        known = moved = variant.moved(models)
+        if left_out is not None or line.relative > 0.0:
+            moved = variant.moved(models, 0.0 if left_out is None else left_out, line.relative)
+        evidence = self._evidence(left_out, drawn=line.relative > 0.0)
+        whole = _largest(variant, moved.uncertainty, known.uncertainty, evidence, line)
+        if variant.fields:
+            aside = variant.moved_of_field(models) + line.relative
+            whole = whole if aside <= whole.relative else replace(whole, relative=aside, least=aside, at=math.nan)
+        return {
+            "depth_uncertainty": whole,
+            "usable_range": Change(
+                relative=float(_with_margin(moved.ends, known.ends)), least=known.ends, evidence=evidence
+            ),
+        }
+
+    def _noise(self, models: Models) -> dict[Quantity, Change]:
+        """The largest change, over all forms, of the uncertainty from noise alone, without calibration errors."""
+        found = []
+        for variant in self._variants:
+            left_out = self._paths_left_out(variant, models)
+            known = variant.moved_noise(models)
+            moved = known if left_out is None else variant.moved_noise(models, left_out)
+            found.append(_largest(variant, moved, known, self._evidence(left_out, drawn=False), Change(relative=0.0)))
+        return {"depth_noise": max(found, key=lambda one: one.relative)}
+
+    def _evidence(self, left_out: FloatArray | None, *, drawn: bool) -> Evidence:
+        if drawn or (left_out is not None and self._exact_paths is not None):
+            return "trial"
+        return "computed" if left_out is None else "rule"
+
+    def _line(self, models: Models) -> Change:
+        """The error of linear propagation; it adds to every change that is computed with it."""
+        if models["calibration"] == "exact":
+            return Change(relative=0.0)
+        if not self._is_line:
+            return _UNKNOWN
+        if not any(one.camera.calibration.groups for one in self._variants):
+            return Change(relative=0.0)
+        return _TO_BE_TRIED if self._linear is None else self._linear
+
+    def _try_line(self) -> None:
+        """Find the largest error of linear propagation, and the forms that need draws although the study does not."""
+        found: dict[DepthVariant, tuple[float, float]] = {}
+        for one in self._variants:
+            if one.camera.calibration.groups:
+                found[one] = one.linear_error()
+                if found[one][0] > self._rejected_above and not one.only_in and self._is_free("calibration"):
+                    break  # the study as declared needs draws, whatever its other forms need
+        beyond = frozenset(one for one, (error, _) in found.items() if error > self._drawn_above)
+        if all(one.only_in for one in beyond) and self._is_free("calibration"):
+            self._drawn = beyond
+        error, at = max((missed for one, missed in found.items() if one not in self._drawn), default=(0.0, math.nan))
+        self._linear = Change(relative=error, least=_SURE * error, evidence="trial", at=at)
+
+    def _paths_left_out(self, variant: DepthVariant, models: Models) -> FloatArray | None:
+        """Relative change of the disparity error, everywhere, if the lenses that do not use Kirchhoff's law did."""
+        if variant.law is None:
+            return None
+        of_lens = dict(zip(LENSES, variant.by_exact_paths, strict=True))
+        parts = [of_lens[name] for name in self._free_lenses if models[name] != "kirchhoff"]
+        if not parts:
+            return None
+        left_out = np.minimum(np.nan_to_num(np.sum(parts, axis=0), nan=0.0, posinf=1.0), _ALL)
+        if self._exact_paths is not None:
+            of_error, of_depth = self._exact_paths
+            left_out = np.minimum(left_out, np.minimum(of_error, of_depth / variant.noise_share))
+        return np.asarray(left_out)
+
+
+def _largest(variant: DepthVariant, moved: FloatArray, known: FloatArray, evidence: Evidence, line: Change) -> Change:
+    """The largest change over the places, with its margin and with the error of linear propagation."""
+    if not moved.size:
+        return Change(relative=line.relative, evidence=evidence)
+    changed = _with_margin(moved, known)
+    place, least = int(np.argmax(changed)), float(np.max(np.abs(known)))
+    largest = float(changed[place])
+    return Change(
+        relative=(1.0 + line.relative) * largest + line.relative,
+        least=least,
+        evidence=evidence,
+        at=float(variant.places[place]) if largest > 0.0 else line.at,
+    )
+
+
+def _with_margin(moved: ArrayLike, known: ArrayLike) -> FloatArray:
+    """The size of a change with a margin on its computed part: what a rule or a trial adds has a margin of its own."""
+    with np.errstate(invalid="ignore"):
+        added = np.abs(moved) - np.abs(known)
+    return np.asarray(MARGIN * np.abs(known) + np.where(np.isnan(added), 0.0, np.maximum(added, 0.0)))
+
+
+_NO_ERRORS: Final = Slot(name="calibration", models=(OFF,), reason="no calibration errors are declared")
+_UNKNOWN: Final = Change(relative=math.inf, least=math.inf, evidence="rule")
+_TO_BE_TRIED: Final = Change(relative=math.inf, evidence="rule")
+
+
+def depth_problems(definition: StudyDefinition, forced: Models) -> tuple[DepthProblem, ...]:
+    """One problem of choice for each camera that measures depth."""
+    variants = tuple(every_variant(definition))
+    tolerances = definition.file.accuracy.asked().tolerances
+    asked: tuple[Quantity, ...] = ("depth_uncertainty", "usable_range")
+    if "depth_noise" in tolerances:
+        asked = (*asked, "depth_noise")
+    strictest = min(tolerances[one] for one in asked[:2])
+    return tuple(
+        DepthProblem(
+            name,
+            definition.file.cameras[name].title,
+            _distinct(variants, name, forced),
+            asked,
+            forced,
+            strictest,
+            tolerances["depth_uncertainty"],
+        )
+        for name in definition.case.cameras
+    )
+
+
+def _distinct(variants: Sequence[tuple[str, StudyDefinition]], name: str, forced: Models) -> list[DepthVariant]:
+    """The distinct forms of a camera; `only_in` names the readings and questions of forms that no design has."""
+    found: list[DepthVariant] = []
+    for reading, definition in variants:
+        one = _variant(definition, name, forced)
+        if one is None:
+            continue
+        known = next((k for k, other in enumerate(found) if _same(one, other)), None)
+        if known is None:
+            found.append(replace(one, only_in=(reading,) if reading else ()))
+        elif found[known].only_in:
+            found[known] = replace(found[known], only_in=(*found[known].only_in, reading) if reading else ())
+    return found
+
+
+def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVariant | None:
+    camera = definition.case.cameras.get(name)
+    if camera is None:  # a reading may replace it by a camera that measures no depth
+        return None
+    distance, file = definition.case.distance, definition.file
+    step = max(1, -(-distance.size // _MOST_DISTANCES))
+    return DepthVariant(
+        camera=camera,
+        criteria=definition.case.criteria,
+        distance=np.unique(np.append(distance[::step], distance[-1:])),
+        asked=np.unique(list(_distances_asked(file))),
+        error_sources=_error_sources_asked(file),
+        fields=tuple(place for share in file.propagation.field_places for place in towards_corners(share)),
+        forced=applicable(camera, forced),
+    )
+
+
+def _distances_asked(file: StudyFile) -> Iterator[float]:
+    """All distances [m] at which the study asks something."""
+    yield from () if file.decision is None else file.decision.at
+    yield from () if file.sensitivity is None else file.sensitivity.at
+    yield from (one.at for one in file.solve.values() if one.at is not None)
+    for requirement in file.requirements.values():
+        yield from requirement.over if requirement.needs_usable_range else ()
+    for claim in file.claims.values():
+        yield from getattr(claim, "over", None) or ()
+
+
+def _error_sources_asked(file: StudyFile) -> tuple[str, ...]:
+    """The errors that answers include: both kinds, and calibration alone where a question names it."""
+    named = {getattr(one, "errors", "") for one in (*file.solve.values(), *file.claims.values())}
+    return ("both", "calibration") if "calibration" in named else ("both",)
+
+
+def _same(one: DepthVariant, other: DepthVariant) -> bool:
+    return (
+        one.camera == other.camera
+        and one.fields == other.fields
+        and one.error_sources == other.error_sources
+        and one.criteria == other.criteria
+        and np.array_equal(one.distance, other.distance)
+        and np.array_equal(one.asked, other.asked)
+    )
+
+
+def applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
+    """The forced models that apply to a camera's depth: of microlenses and of a spectrum only if it has them."""
+    found = {slot: name for slot, name in forced.items() if name in models_of(slot, "depth")}
+    law = camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return {slot: name for slot, name in found.items() if slot == "calibration"}
+    if not camera.pictured_by_microlenses:
+        for slot in ("microlens_diffraction", "crosstalk"):
+            found.pop(slot, None)
+    if not law.settings.spectrum:
+        found.pop("spectrum", None)
+    return found
+
+
+def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models) -> tuple[Slot, ...]:
+    """A slot for every effect on depth; with one model where the study or all forms of the camera allow no other."""
+    own: dict[SlotName, str] = {}
+    for one in (camera, *pictured):
+        own |= applicable(one, forced)
+    why = _why_no_picture(camera, pictured=bool(pictured))
+    found = []
+    for name in (*_SAVING, *_OTHERS):
+        models, reason = models_of(name, "depth"), ""
+        if name != "calibration" and (reason := _absent(camera, pictured, name) or why):
+            models = (OFF,)
+        slot = Slot(name=name, models=models, saves_time=name in _SAVING, costly=_COSTLY.get(name, 0), reason=reason)
+        found.append(slot if slot.reason else slot.under(own))
+    return tuple(found)
+
+
+def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
+    """Why the picture does not affect depth; empty where it does."""
+    if pictured:
+        return ""
+    if isinstance(camera.disparity_error_px, float | int):
+        return f"the disparity error is fixed at {declared_disparity_error(camera):.3g} px"
+    return "the camera forms no picture at any distance of the study"
+
+
+def _absent(camera: DepthCamera, pictured: Sequence[DepthCamera], slot: SlotName) -> str:
+    """Why a picture lacks an effect; empty where some form of the camera has it."""
+    if slot in ("microlens_diffraction", "crosstalk") and not camera.pictured_by_microlenses:
+        return "the compared pictures are not taken through single microlenses" if camera.elements else NO_MICROLENSES
+    laws = [(one, one.disparity_error_px) for one in pictured]
+    complete = [complete_in_closed_form(one, law) for one, law in laws if isinstance(law, PictureDisparityError)]
+    if slot == "spectrum" and complete and all(one.spectrum == OFF for one in complete):
+        return "the study declares one wavelength"
+    return ""

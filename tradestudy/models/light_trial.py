@@ -1,0 +1,360 @@
+"""Trials of the picture of a light spot: how much the images of a few source points differ between two sets of models.
+
+The image of one source point behind a few microlenses takes some hundredths of a second. Convolved with the image of
+the part of the disc that lights the microlens, it represents the picture around it, so that differences that the disc
+blurs away do not count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import scipy.fft
+import scipy.special
+
+from tradestudy.errors import TradestudyError
+from tradestudy.models.spot_images import RAYS, SpotModels, legs, light_path, light_source, picture_of
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.arriving_light import blur_radius, point_wave
+from tradestudy.optics.chain.exact_rays import forward_tracer
+from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
+from tradestudy.optics.chain.point_image import compute_point
+from tradestudy.optics.chain.spot_points import AskedSpot, Spot
+from tradestudy.optics.propagation import PointSource
+from tradestudy.study.schema.wave_optics import LightSpotPart
+
+TOLERANCE: Final = 2e-3  # of the images of points
+# Neighbouring points of a disc share most of their numerical error; at these settings, the rest is below `TOLERANCE` of
+# the picture.
+_COARSE, _SPARSE = 5e-2, 0.5
+_RAYS: Final = 2**15  # per point; disc and pixels average out their errors
+_AROUND: Final = 3  # points that represent a disc with its centre
+_PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
+_MOST_LINES: Final = 4
+_OUT: Final = 0.6  # where the probes lie between the middle of a lit part and its edge
+# Pixels of a microlens and its neighbours: on one light path, three quarters of its light miss its own pixels, and
+# Fresnel's law changes that light most.
+_SENT_TO: Final = 9
+_LEAST_LIT: Final = 0.05  # microlenses lit by a smaller part of the disc than this share of the largest are left out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """Source points that light a microlens, and the part of the light path that forms their images.
+
+    Attributes
+    ----------
+    alone
+        The microlens, with its pixels and those of its neighbours, which its light may meet, divided into parts.
+    pair
+        The microlens and its nearest neighbour, with the pixels that belong to them, divided into parts.
+    points
+        Three source points around the middle of the part of the disc that lights the microlens; otherwise the source.
+    coherent_radius
+        Radius of a coherent disc about the point [m]; 0 for other sources.
+    """
+
+    alone: LightPath
+    pair: LightPath
+    points: tuple[PointSource, ...]
+    coherent_radius: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _LitPart:
+    """Part of a disc that lights a microlens: its middle, and half its widths along and across an axis [m].
+
+    For a microlens that sees nothing of the disc, it is the whole disc, and `lit` is false.
+    """
+
+    middle: FloatArray
+    axis: FloatArray
+    along: float
+    across: float
+    lit: bool
+
+    @property
+    def size(self) -> float:
+        """Its area over π, approximately [m²]; 0 if it lights nothing."""
+        return self.along * self.across if self.lit else 0.0
+
+    def at(self, along: float, across: float) -> tuple[float, float]:
+        """The place at shares of half its widths."""
+        x, y = self.axis
+        found = self.middle + along * self.along * self.axis + across * self.across * np.array([-y, x])
+        return float(found[0]), float(found[1])
+
+
+def probes(part: LightSpotPart) -> tuple[Probe, ...]:
+    """For every focal length, the lit microlens that sees the median share of the disc, with source points.
+
+    For a point, and for a coherent disc, these are the nearest microlens of each focal length and the farthest lit one.
+    """
+    path, source = light_path(part), light_source(part)
+    owner = nearest_microlens(path)
+    middle = source.centre if isinstance(source, DiscSource) else source
+    coherent = isinstance(source, DiscSource) and source.coherent
+    radius = source.diameter / 2.0 if isinstance(source, DiscSource) else 0.0
+    present = [int(one) for one in np.unique(owner)]
+    if coherent or radius == 0.0:
+        places = {index: [(middle.x, middle.y)] for index in _around(path, middle, present)}
+    else:
+        corners = [(_OUT * math.cos(turn), _OUT * math.sin(turn)) for turn in 2.0 * math.pi / 3.0 * np.arange(3)]
+        lit = {index: _lit_part(path, middle, radius, index) for index in present}
+        places = {index: [lit[index].at(*corner) for corner in corners] for index in _typical(path.microlenses, lit)}
+    found = []
+    for index, points in places.items():
+        apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
+        nearest = [int(one) for one in np.argsort(apart, kind="stable")[:_SENT_TO]]
+        around = microlenses_alone(path, nearest, owner)
+        alone = _in_parts(replace(around, microlenses=path.microlenses.only(index)))
+        pair = _in_parts(microlenses_alone(path, nearest[:2], owner))
+        found.append(
+            Probe(
+                alone=alone,
+                pair=pair,
+                points=tuple(PointSource(x=x, y=y, distance=middle.distance) for x, y in points),
+                coherent_radius=radius if coherent else 0.0,
+            )
+        )
+    return tuple(found)
+
+
+def _in_parts(path: LightPath) -> LightPath:
+    grid = path.pixels
+    shape = (grid.shape[0] * _PARTS, grid.shape[1] * _PARTS)
+    return replace(path, pixels=PixelGrid(pitch=grid.pitch / _PARTS, shape=shape, centre=grid.centre))
+
+
+def _around(path: LightPath, middle: PointSource, present: Sequence[int]) -> list[int]:
+    """The microlens of each focal length that is nearest to the light of a point, and the farthest lit one."""
+    distance = np.linalg.norm(path.microlenses.centres - path.chief_point(middle), axis=1)
+    by_distance = sorted(present, key=lambda index: float(distance[index]))
+    kinds = path.microlenses.focal_lengths
+    nearest = [next(one for one in by_distance if kinds[one] == kind) for kind in np.unique(kinds[present])]
+    lit = [one for one in by_distance if distance[one] <= blur_radius(path, middle)]
+    return list(dict.fromkeys([*nearest, *lit[-1:]]))
+
+
+def _typical(microlenses: Microlenses, lit: Mapping[int, _LitPart]) -> list[int]:
+    """The lit microlens of each focal length that sees the median share of a disc."""
+    kinds = microlenses.focal_lengths
+    found = []
+    for kind in np.unique(kinds[list(lit)]):
+        size = {one: seen.size for one, seen in lit.items() if kinds[one] == kind}
+        order = sorted(size, key=lambda index: -size[index])
+        order = [one for one in order if size[one] >= _LEAST_LIT * size[order[0]]]
+        found.append(order[len(order) // 2])
+    return found
+
+
+def _lit_part(path: LightPath, middle: PointSource, radius: float, index: int) -> _LitPart:
+    """The part of a disc whose light meets a microlens: two circles overlap; the whole disc if they do not.
+
+    The light of a source point covers a disc on the array. Seen from a microlens, the points that light it fill a
+    circle about the point whose chief ray meets its centre.
+    """
+    magnified = middle.distance / path.array_distance
+    own = np.array([middle.x, middle.y])
+    towards = -magnified * path.microlenses.centres[index] - own
+    reach = magnified * max(blur_radius(path, middle), path.microlenses.aperture_width / 2.0)
+    apart = float(np.linalg.norm(towards))
+    axis = towards / apart if apart > 0.0 else np.array([1.0, 0.0])
+    first, last = max(-radius, apart - reach), min(radius, apart + reach)
+    if first >= last:
+        return _LitPart(middle=own, axis=axis, along=radius, across=radius, lit=False)
+    place = (first + last) / 2.0
+    across = math.sqrt(max(0.0, min(radius**2 - place**2, reach**2 - (place - apart) ** 2)))  # 0 where circles touch
+    return _LitPart(middle=own + place * axis, axis=axis, along=(last - first) / 2.0, across=across, lit=True)
+
+
+def _on_circle(middle: PointSource, radius: float, count: int) -> list[PointSource]:
+    """Points at equal angles on a circle around `middle`."""
+    return [
+        PointSource(x=middle.x + radius * math.cos(a), y=middle.y + radius * math.sin(a), distance=middle.distance)
+        for a in (2.0 * math.pi * np.arange(count) / count).tolist()
+    ]
+
+
+class LightTrial:
+    """Images of a few points of a spot, each computed once."""
+
+    def __init__(self, part: LightSpotPart) -> None:
+        self._part = part
+        self._spots: dict[tuple[str, bool], Spot] = {}
+        self._images: dict[tuple[tuple[int, int], bool, SpotModels, float], FloatArray] = {}
+
+    @cached_property
+    def _probes(self) -> tuple[Probe, ...]:
+        return probes(self._part)
+
+    def count(self, models: SpotModels, complete: SpotModels) -> int:
+        """Number of comparisons: the points of the probes, or one where a disc counts as a point."""
+        return 1 if self._shrinks(models, complete) else sum(len(probe.points) for probe in self._probes)
+
+    def _shrinks(self, models: SpotModels, complete: SpotModels) -> bool:
+        """Whether models treat an incoherent disc as a point."""
+        return models.point and not complete.point and not self._part.spot.coherent
+
+    def squares(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
+        """Squared L2 norms of the change of one point's pixels by models, and of the pixels by the most complete ones.
+
+        The change is infinite where the models refuse to compute the image.
+        """
+        if self._shrinks(models, complete):
+            return self._as_point(models, complete)
+        place = divmod(number, len(self._probes[0].points))
+        try:
+            radius = self._spread(place[0], complete)
+            ours, whole = (
+                _on_pixels(
+                    _spread_out(self._light(place, one, pair=models.separate), radius, point=one.point),
+                    integrated=one.integrated,
+                )
+                for one in (models, complete)
+            )
+        except TradestudyError:
+            return math.inf, 1.0
+        return float(np.sum((ours - whole) ** 2)), float(np.sum(whole**2))
+
+    def _as_point(self, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
+        """As `squares`, for a disc that models treat as a point: its centre against points that represent the disc."""
+        spot, source = self._part.spot, light_source(self._part)
+        assert isinstance(source, DiscSource)  # a point does not shrink
+        around = _on_circle(source.centre, spot.diameter / 2.0 * math.sqrt(2.0 / 3.0), _AROUND)
+        try:
+            if complete.method in RAYS:
+                models = replace(complete, tolerance=TOLERANCE)
+                centre, whole = (
+                    picture_of(self._part, one, models, seed=self._part.seed).pixels for one in (source.centre, source)
+                )
+            else:
+                # Exact for light that varies quadratically, or with the fourth power of the distance from the centre.
+                centre = own = self._followed(complete, source.centre)
+                whole = own / 4.0 + 0.75 * np.mean([self._followed(complete, one) for one in around], axis=0)
+                if replace(models, point=False) != complete:
+                    centre = self._followed(models, source.centre)
+        except TradestudyError:
+            return math.inf, 1.0
+        return float(np.sum((centre - whole) ** 2)), float(np.sum(whole**2))
+
+    def _followed(self, models: SpotModels, point: PointSource) -> FloatArray:
+        """Pixels of one point of the disc, computed as in its picture."""
+        key = models.method, models.integrated
+        if key not in self._spots:
+            self._spots[key] = _prepared(self._part, models)
+        return self._spots[key].light((point.x, point.y)).on_pixels(self._spots[key])
+
+    def _spread(self, index: int, models: SpotModels) -> float:
+        """Radius of the image of the disc's part that lights a microlens [parts of pixels].
+
+        It is that of a circle of equal area, of which the images of the three points form a triangle.
+        """
+        count = len(self._probes[index].points)
+        if count == 1:
+            return 0.0
+        images = [self._light((index, one), models, pair=False) for one in range(count)]
+        if min(float(image.sum()) for image in images) <= 0.0:
+            return 0.0
+        first, second, third = (_centre_of_light(image) for image in images)
+        (a, b), (c, d) = second - first, third - first
+        inscribed = 3.0 * math.sqrt(3.0) / 4.0 * _OUT**2  # the triangle of the points, for a circle of radius 1
+        return math.sqrt(abs(a * d - b * c) / 2.0 / inscribed)
+
+    def _light(self, place: tuple[int, int], models: SpotModels, *, pair: bool) -> FloatArray:
+        """Light of one point of one probe on parts of pixels."""
+        mean = models.monochromatic or models.method in RAYS
+        lines = [(self._part.mean_wavelength, 1.0)] if mean else _lines(self._part)
+        return np.asarray(sum(share * self._image(place, models, line, pair=pair) for line, share in lines))
+
+    def _image(self, place: tuple[int, int], models: SpotModels, wavelength: float, *, pair: bool) -> FloatArray:
+        probe = self._probes[place[0]]
+        plain = replace(
+            models,
+            tolerance=TOLERANCE,
+            integrated=True,
+            monochromatic=False,
+            point=models.point or probe.coherent_radius == 0.0,
+        )
+        key = place, pair, plain, wavelength
+        if key not in self._images:
+            path = probe.pair if pair else probe.alone
+            self._images[key] = _point_image(path, probe.points[place[1]], probe.coherent_radius, plain, wavelength)
+        return self._images[key]
+
+
+def _prepared(part: LightSpotPart, models: SpotModels) -> Spot:
+    """The inputs that all points of the disc share."""
+    path, source = light_path(part), light_source(part)
+    assert isinstance(source, DiscSource)  # only a disc has points
+    path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
+    accuracy = ChainAccuracy(tolerance=_COARSE, source_sampling=_SPARSE)
+    wavelength, laws = part.mean_wavelength, legs(models.method)
+    return AskedSpot(path=path, source=source, wavelength=wavelength, legs=laws, accuracy=accuracy).prepared()
+
+
+def _lines(part: LightSpotPart) -> list[tuple[float, float]]:
+    """Wavelengths and their shares, thinned out to at most four."""
+    lines = part.lines[:: -(-len(part.lines) // _MOST_LINES)]
+    total = math.fsum(share for _, share in lines)
+    return [(line, share / total) for line, share in lines]
+
+
+def _point_image(
+    path: LightPath, point: PointSource, coherent_radius: float, models: SpotModels, wavelength: float
+) -> FloatArray:
+    """Share of a point's light on every part of a pixel."""
+    if models.separate:
+        owner = nearest_microlens(path)
+        total = np.zeros(owner.shape)
+        for index in np.unique(owner):
+            alone = replace(path, microlenses=path.microlenses.only(int(index)))
+            image = _point_image(alone, point, coherent_radius, replace(models, separate=False), wavelength)
+            total += np.where(owner == index, image, 0.0)
+        return total
+    if models.method in RAYS:
+        return forward_tracer(path, point)(0, 0, _RAYS) / _RAYS
+    laws = legs(models.method)
+    radius = 0.0 if models.point else coherent_radius
+    wave = point_wave(path, point, wavelength=wavelength, legs=laws, coherent_radius=radius)
+    return compute_point(wave, laws.to_detector, ChainAccuracy(tolerance=models.tolerance)).pixels / wave.power()
+
+
+def _spread_out(fine: FloatArray, radius: float, *, point: bool) -> FloatArray:
+    """Pad the image of a point and convolve it with a disc of a radius [parts]; a point keeps its image."""
+    fine = np.pad(fine, _PARTS * math.ceil(radius / _PARTS))
+    if point or radius == 0.0:
+        return fine
+    turn = 2.0 * math.pi * radius * _frequencies(fine)
+    return np.asarray(scipy.fft.irfft2(scipy.fft.rfft2(fine) * _jinc(turn), s=fine.shape))
+
+
+def _frequencies(fine: FloatArray) -> FloatArray:
+    f_x, f_y = scipy.fft.rfftfreq(fine.shape[1]), scipy.fft.fftfreq(fine.shape[0])
+    return np.hypot(f_x, f_y[:, None])
+
+
+def _jinc(turn: FloatArray) -> FloatArray:
+    """2 J₁(t)/t."""
+    turn = np.maximum(turn, 1e-9)
+    return np.asarray(2.0 * scipy.special.j1(turn) / turn)
+
+
+def _centre_of_light(image: FloatArray) -> FloatArray:
+    """Centroid of an image [parts of pixels], (row, column)."""
+    rows, columns = np.indices(image.shape)
+    return np.asarray([np.sum(image * rows), np.sum(image * columns)]) / float(image.sum())
+
+
+def _on_pixels(fine: FloatArray, *, integrated: bool) -> FloatArray:
+    """Pixel values: the sum over the parts of a pixel, or its central part scaled to the whole pixel."""
+    if not integrated:
+        return np.asarray(_PARTS**2 * fine[_PARTS // 2 :: _PARTS, _PARTS // 2 :: _PARTS])
+    rows, columns = fine.shape
+    return np.asarray(fine.reshape(rows // _PARTS, _PARTS, columns // _PARTS, _PARTS).sum(axis=(1, 3)))

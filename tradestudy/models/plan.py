@@ -1,0 +1,104 @@
+"""Plan a study: what a run simulates, what it leaves out and why, and which steps are slow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from tradestudy.accuracy import Accuracy
+from tradestudy.effects import Models
+from tradestudy.errors import UnaffordableError
+from tradestudy.models.choice import Chosen, choose_models
+from tradestudy.models.plan_text import Work, magnitude, plan_lines, work_of
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.units import DURATION, FRACTION, pretty
+
+TIME_REMEDY: Final = "raise accuracy.time_limit, loosen the tolerance, or ask for less"
+_CERTAINLY_TOO_LONG: Final = 10.0  # times the limit; the table of seconds is not more precise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """The decisions of a study.
+
+    Parameters
+    ----------
+    definition
+        The study, with the chosen models applied.
+    accuracy
+        Its tolerances and time limit.
+    problems
+        Every problem of the study with its models.
+    work
+        All work of the run, in the order of its steps.
+    """
+
+    definition: StudyDefinition
+    accuracy: Accuracy
+    problems: tuple[Chosen, ...]
+    work: tuple[Work, ...]
+
+    def models(self, problem: str) -> Models:
+        """The models applied to a problem, by effect."""
+        return next(one.models for one in self.problems if one.name == problem)
+
+    def text(self, *, verbose: bool = False) -> str:
+        """The plan as text: one line per problem and one for the run; with every decision if verbose."""
+        return "\n".join(plan_lines(self.problems, dict(_settled(self.definition)), self.work, verbose=verbose))
+
+    def __repr__(self) -> str:
+        return self.text()
+
+
+def _settled(definition: StudyDefinition) -> Iterator[tuple[str, str]]:
+    """Questions that compare given models, which leaves no choice: their names, and how they are answered."""
+    file = definition.file
+    if (fresnel := file.fresnel_validity) is not None:
+        error = pretty(fresnel.tolerance, FRACTION, digits=2)
+        yield (
+            "fresnel-validity",
+            f"Fresnel and Kirchhoff diffraction, because the study compares them; both to {error} of the intensity, "
+            "nothing left out",
+        )
+    if file.hard_cases is not None:
+        yield (
+            "hard-cases",
+            "textbook formulas and the program's, each against a reference, because the study compares them",
+        )
+
+
+def plan_of(definition: StudyDefinition) -> Plan:
+    """Choose the models of every problem of a study and name the slow steps of its run.
+
+    Raises
+    ------
+    UnaffordableError
+        If even the most complete models exceed a tolerance, or the run would take far longer than its time
+        limit.
+    StudyError
+        If the study forces a model that none of its problems has, or weighs a criterion that is not a number.
+    """
+    accuracy = definition.file.accuracy.asked()
+    problems = choose_models(definition)
+    other_models: dict[str, dict[str, Models]] = {}
+    for one in problems:
+        for reading, models in one.choice.other_models.items():
+            other_models.setdefault(reading, {})[one.name] = models
+    applied = definition.with_models({one.name: one.models for one in problems}, other_models)
+    plan = Plan(definition=applied, accuracy=accuracy, problems=problems, work=work_of(applied))
+    if (spot := definition.file.light_spot) is not None:
+        from tradestudy.models.light_spot import NAME, spot_models
+        from tradestudy.models.spot_images import refuse_large_picture
+
+        refuse_large_picture(spot, spot_models(plan.models(NAME)))
+    seconds = math.fsum(one.seconds for one in plan.work)
+    if seconds > _CERTAINLY_TOO_LONG * accuracy.time_limit:
+        raise UnaffordableError(
+            "the run would take far longer than its time limit",
+            value=magnitude(seconds),
+            limit=pretty(accuracy.time_limit, DURATION),
+            remedy=TIME_REMEDY,
+        )
+    return plan

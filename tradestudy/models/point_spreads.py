@@ -1,0 +1,320 @@
+"""The point spread behind one declared lens: a sampled point-spread function and its measures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final, Literal
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.fresnel_validity import (
+    bounded_minimum_f_number,
+    collimated_minimum_distance,
+    goodman_minimum_f_number,
+    paper_eq27,
+)
+from tradestudy.optics.lens_point_spread import point_spread
+from tradestudy.optics.propagation import LensPhase, PointSource
+from tradestudy.optics.psf_difference import PsfDifference, airy_radius, fresnel_psf_difference
+from tradestudy.optics.sampled_point_spread import Measured
+from tradestudy.optics.spread_metrics import encircled_energy_radius, full_width_at_half_maximum, rms_width
+from tradestudy.optics.spread_shares import modulation_transfer, share_on_neighbouring_pixels, share_outside_disc
+from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart, PsfMetric, listed
+
+SpreadMethod = Literal["fresnel", "kirchhoff"]
+MEASURES: Final = (
+    "full_width",
+    "half_energy_radius",
+    "energy_radius_80",
+    "rms_width",
+    "strehl_ratio",
+    "transfer_half_nyquist",
+    "outside_geometric",
+    "neighbour_share",
+)
+_SAMPLES_PER_PERIOD = 8.0  # of the shortest period λ N_w of an intensity
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensAndPoint:
+    """A lens, its image plane in focus on ``object_distance``, and a point at that or another distance.
+
+    Parameters
+    ----------
+    focal_length, object_distance
+        f and the distance in focus a [m].
+    f_number, wavelength, lens_phase
+        F-number of the lens, wavelength of the light [m], and the lens phase.
+    field_angle
+        Direction of the point [rad].
+    defocus_waves
+        W: the point is at 1/a' = 1/a + 2 W λ/R², so its wave differs by W wavelengths at the rim of the pupil.
+    """
+
+    focal_length: float
+    object_distance: float
+    f_number: float
+    wavelength: float
+    lens_phase: LensPhase
+    field_angle: float
+    defocus_waves: float
+
+    @property
+    def image_distance(self) -> float:
+        """Distance of the image plane [m]."""
+        return self.object_distance * self.focal_length / (self.object_distance - self.focal_length)
+
+    @property
+    def radius(self) -> float:
+        """Radius of the pupil [m]."""
+        return self.focal_length / self.f_number / 2
+
+    @property
+    def airy_radius(self) -> float:
+        """Radius of the Airy disc in the image plane [m]."""
+        return airy_radius(
+            wavelength=self.wavelength, image_distance=self.image_distance, pupil_diameter=2 * self.radius
+        )
+
+    @property
+    def source(self) -> PointSource:
+        """The point.
+
+        Raises
+        ------
+        OutOfRangeError
+            The defocus would put it beyond infinity.
+        """
+        vergence = 1 / self.object_distance + 2 * self.defocus_waves * self.wavelength / self.radius**2
+        if not vergence > 0:
+            raise OutOfRangeError(
+                "defocus that puts the object beyond infinity",
+                value=f"{self.defocus_waves:g} waves at f/{self.f_number:g}",
+                limit=f"> {-(self.radius**2) / (2 * self.object_distance * self.wavelength):.3g} waves",
+            )
+        return PointSource(x=math.tan(self.field_angle) / vergence, distance=1 / vergence)
+
+    @property
+    def geometric_radius(self) -> float:
+        """Radius of the disc that paraxial rays fill [m]: R b |1/a' − 1/a|."""
+        return 2 * abs(self.defocus_waves) * self.wavelength * self.image_distance / self.radius
+
+
+def every_case(part: PointSpreadPart) -> list[LensAndPoint]:
+    """All cases of a study, lens by lens, with one parameter varied at a time."""
+    return [
+        case_of(part, element, {name: value})
+        for element in part.elements.values()
+        for name, values in varied_values(part).items()
+        for value in values
+    ]
+
+
+def varied_values(part: PointSpreadPart) -> Mapping[str, tuple[float, ...]]:
+    """The varied parameters and their values."""
+    return {
+        "f_number": listed(part.f_numbers),
+        "wavelength": part.wavelengths,
+        "field_angle": part.field_angles,
+        "defocus": part.defocus,
+    }
+
+
+def base_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str, float]:
+    """The value of each parameter while another is varied."""
+    return {
+        "f_number": element.f_number,
+        "wavelength": part.reference_wavelength,
+        "field_angle": 0.0,
+        "defocus": 0.0,
+    }
+
+
+def case_of(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, float]) -> LensAndPoint:
+    """A lens at its base values, with some of them changed."""
+    values = {**base_values(part, element), **changed}
+    return LensAndPoint(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        f_number=values["f_number"],
+        wavelength=values["wavelength"],
+        lens_phase=part.lens_phase,
+        field_angle=values["field_angle"],
+        defocus_waves=values["defocus"],
+    )
+
+
+def spread_measures(
+    case: LensAndPoint, *, method: SpreadMethod, window: float, rms_radius: float, pixel_pitch: float, tolerance: float
+) -> Mapping[str, tuple[float, float]]:
+    """Every measure with its numerical error; NaN if it needs more than the window contains.
+
+    Parameters
+    ----------
+    case
+        Lens and point.
+    method
+        Law of propagation.
+    window, rms_radius
+        Half side of the sampled window, and radius for the rms width, in Airy radii.
+    pixel_pitch
+        Pitch of the pixels [m] for the Nyquist frequency and the neighbouring pixels.
+    tolerance
+        Tolerance on the intensity.
+    """
+    psf = point_spread(
+        focal_length=case.focal_length,
+        f_number=case.f_number,
+        wavelength=case.wavelength,
+        source=case.source,
+        method=method,
+        tolerance=tolerance,
+        focus_distance=case.object_distance,
+        lens_phase=case.lens_phase,
+        window=window,
+    )
+    centre = psf.centre
+    half_nyquist = np.array(1 / (4 * pixel_pitch))
+    everything = Measured(value=np.array(1.0), error=np.array(0.0))
+    measures: Mapping[str, Callable[[], Measured]] = {
+        "full_width": lambda: full_width_at_half_maximum(psf, angle=math.pi / 2),
+        "half_energy_radius": lambda: encircled_energy_radius(psf, centre=centre, share=0.5),
+        "energy_radius_80": lambda: encircled_energy_radius(psf, centre=centre, share=0.8),
+        "rms_width": lambda: rms_width(psf, centre=centre, radius=rms_radius * psf.airy_radius),
+        "strehl_ratio": psf.strehl_ratio,
+        "transfer_half_nyquist": lambda: modulation_transfer(
+            psf, frequency_x=half_nyquist, frequency_y=np.zeros_like(half_nyquist)
+        ),
+        "outside_geometric": lambda: (
+            share_outside_disc(psf, centre=centre, radius=case.geometric_radius)
+            if case.geometric_radius > 0
+            else everything
+        ),
+        "neighbour_share": lambda: share_on_neighbouring_pixels(psf, pitch=pixel_pitch, centre=centre),
+    }
+    return {name: _or_nan(measures[name]) for name in MEASURES}
+
+
+def _or_nan(measure: Callable[[], Measured]) -> tuple[float, float]:
+    """A measure, or NaN if the sampled window cannot give it."""
+    try:
+        found = measure()
+    except OutOfRangeError:
+        return math.nan, math.nan
+    return float(found.value), float(found.error)
+
+
+METRICS: tuple[PsfMetric, ...] = ("peak", "l1", "largest")
+_ROOT_TOLERANCE = 1e-4
+
+
+@lru_cache(maxsize=4096)
+def psf_differences(
+    element: ElementPart,
+    *,
+    f_number: float,
+    field_angle: float,
+    wavelength: float,
+    lens_phases: tuple[LensPhase, ...],
+    windows: tuple[float, ...],
+    tolerance: float,
+) -> Mapping[LensPhase, PsfDifference]:
+    """`fresnel_psf_difference` of a declared lens, cached."""
+    return fresnel_psf_difference(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        f_number=f_number,
+        field_angle=field_angle,
+        wavelength=wavelength,
+        lens_phases=lens_phases,
+        windows=windows,
+        tolerance=tolerance,
+    )
+
+
+def limit_f_number(error_at: Callable[[float], float], f_numbers: Sequence[float], limit: float) -> float:
+    """Smallest f-number above which an error stays below a limit.
+
+    Parameters
+    ----------
+    error_at
+        Error at an f-number.
+    f_numbers
+        Increasing; searched from the largest down, so that errors below the answer do not matter.
+    limit
+        The limit.
+
+    Returns
+    -------
+    float
+        0 if the error is below the limit at all of them, infinity if it exceeds the limit at the largest.
+    """
+    if error_at(f_numbers[-1]) > limit:
+        return math.inf
+    for below, above in zip(f_numbers[-2::-1], f_numbers[:0:-1], strict=True):
+        if error_at(below) > limit:
+            return _crossing(error_at, below, above, limit)
+    return 0.0
+
+
+def _crossing(error_at: Callable[[float], float], low: float, high: float, limit: float) -> float:
+    """Root by regula falsi (Illinois) on logarithms, where the error is nearly a straight line."""
+    target = math.log(limit)
+    x, y = [math.log(low), math.log(high)], [math.log(error_at(end)) - target for end in (low, high)]
+    kept = -1
+    while x[1] - x[0] > _ROOT_TOLERANCE:
+        at = x[0] - y[0] * (x[1] - x[0]) / (y[1] - y[0])
+        value = math.log(error_at(math.exp(at))) - target
+        if abs(value) < _ROOT_TOLERANCE:
+            return math.exp(at)
+        side = 0 if value > 0 else 1
+        x[side], y[side] = at, value
+        if kept == side:
+            y[1 - side] /= 2
+        kept = side
+    return math.exp((x[0] + x[1]) / 2)
+
+
+def paper_zeros(element: ElementPart, wavelengths: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    """Both zeros of the criterion as the paper prints it, shape (wavelength, 2), and its condition number."""
+    found = paper_eq27(
+        focal_length=element.focal_length, object_distance=element.object_distance, wavelength=np.asarray(wavelengths)
+    )
+    zeros = np.stack([found.first_zero_f_number, found.second_zero_f_number], axis=-1)
+    return zeros, found.condition_number
+
+
+def path_error_f_number(element: ElementPart, wavelength: FloatArray | float, waves: FloatArray | float) -> FloatArray:
+    """Smallest f-number at which the path length that Fresnel neglects is at most a given number of waves."""
+    return bounded_minimum_f_number(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        image_distance=element.image_distance,
+        wavelength=wavelength,
+        path_error_waves=waves,
+    )
+
+
+def goodman_f_number(element: ElementPart, wavelength: FloatArray | float) -> FloatArray:
+    """Smallest f-number by Goodman's condition, leg by leg."""
+    return goodman_minimum_f_number(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        image_distance=element.image_distance,
+        wavelength=wavelength,
+    )
+
+
+def southwell_f_number(element: ElementPart, wavelength: FloatArray, error: float) -> FloatArray:
+    """Smallest f-number at which Fresnel holds to an error in the image plane of a bare hole lit by a plane wave.
+
+    The required distance grows as the 4/3 power of the radius, so one radius gives all others.
+    """
+    radius = element.focal_length / 2  # f/1
+    needed = collimated_minimum_distance(aperture_radius=radius, wavelength=wavelength, intensity_error=error)
+    return np.asarray((needed / element.image_distance) ** 0.75)

@@ -1,1 +1,0 @@
-"""Computes a study, one results group after another."""
