@@ -292,7 +292,7 @@ def test_further_cameras_that_meet_a_requirement_on_any_camera_are_named(tree: x
     changed["requirements"] = xr.DataTree(data)
     close, mid = sorted(requirement_conclusions(changed), key=lambda one: one.name)
     first, *rest = mid.others
-    assert (first.title, first.met, first.margin) == (next(iter(titles.values())), True, 0.05)
+    assert (first.camera, first.met, first.margin) == (next(iter(titles.values())), True, 0.05)
     assert [one.met for one in rest] == [False] * (len(titles) - 2)
     assert close.others == ()
     assert "1.2 % at 1 m" in requirement_details(mid).partition("; not by ")[2]

@@ -370,7 +370,7 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
     found["on_lower_bound"] = one.at_lower_bound
     if one.others:
         found["others"] = [
-            {"camera": other.title, "met": other.met, "margin": _number(other.margin), "reason": other.reason}
+            {"camera": other.camera, "met": other.met, "margin": _number(other.margin), "reason": other.reason}
             for other in one.others
         ]
     if (best := one.bound_alone) is not None:

@@ -56,58 +56,24 @@ class MetRange:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BoundAlone:
-    """The verdict on a requirement if matching reached its lower bound.
-
-    Parameters
-    ----------
-    met
-        None where it cannot be decided.
-    camera, reason
-        As in `RequirementConclusion`.
-    """
-
-    met: bool | None
-    camera: str
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class OtherCamera:
-    """The answer of a camera that a requirement concerns and that does not decide it.
-
-    Parameters
-    ----------
-    title
-        Title of the camera.
-    met, margin, reason
-        As in `RequirementConclusion`.
-    """
-
-    title: str
-    met: bool | None
-    margin: float
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True)
 class OtherVerdict:
-    """A reading that changes the verdict on a requirement.
+    """The verdict on a requirement for a camera that does not decide it, under a reading, or at the bound of matching.
 
     Parameters
     ----------
-    says
-        The reading in words.
     met
         None where it cannot be decided.
-    camera, reason
-        As in `RequirementConclusion`.
+    camera, reason, margin
+        As in `RequirementConclusion`; NaN where the margin is not known.
+    says
+        The reading in words; empty for the study as declared.
     """
 
-    says: str
     met: bool | None
     camera: str
     reason: str
+    margin: float = math.nan
+    says: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,10 +138,10 @@ class RequirementConclusion:
     met_ranges: tuple[MetRange, ...] | None = None
     designs: tuple[int, int] | None = None
     probability: float = math.nan
-    bound_alone: BoundAlone | None = None
+    bound_alone: OtherVerdict | None = None
     readings: int = 0
     other_verdicts: tuple[OtherVerdict, ...] = ()
-    others: tuple[OtherCamera, ...] = ()
+    others: tuple[OtherVerdict, ...] = ()
     at_lower_bound: bool = False
 
     @property
@@ -262,14 +228,14 @@ def requirement_details(one: RequirementConclusion, *, brief: bool = False) -> s
     return words if one.designs is None else f"{words}; met in {one.designs[0]} of {one.designs[1]} designs"
 
 
-def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[OtherCamera, ...]:
+def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[OtherVerdict, ...]:
     """The cameras that a requirement on any or all cameras concerns, without the one that decides it."""
     data = group(tree, "requirements")
     if "camera_met" not in data:
         return ()
     columns = [data[f"camera_{what}"].values[number] for what in ("met", "margin_percent", "reason")]
     each = (
-        OtherCamera(title=titles[str(key)], met=_met(int(met)), margin=float(margin) / 100.0, reason=str(reason))
+        OtherVerdict(met=_met(int(met)), camera=titles[str(key)], reason=str(reason), margin=float(margin) / 100.0)
         for key, met, margin, reason in zip(data["camera"].values, *columns, strict=True)
         if key != data["camera_deciding"].values[number]
     )
@@ -279,11 +245,11 @@ def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[
 
 def _others_words(one: RequirementConclusion, *, brief: bool) -> Iterator[str]:
     """What the other cameras do: those that meet the requirement with their margin, the rest with their values."""
-    met = [f"{other.title} ({margin_words(other.margin)})" for other in one.others if other.met]
-    missed = [f"{other.title} ({other.reason.removeprefix(_WORST)})" for other in one.others if other.met is False]
+    met = [f"{other.camera} ({margin_words(other.margin)})" for other in one.others if other.met]
+    missed = [f"{other.camera} ({other.reason.removeprefix(_WORST)})" for other in one.others if other.met is False]
     if brief and len(missed) == len(one.others):
         missed = []  # the closest one tells
-    silent = [f"{other.title} ({other.reason})" for other in one.others if other.met is None]
+    silent = [f"{other.camera} ({other.reason})" for other in one.others if other.met is None]
     if met:
         yield f"{'also' if one.met else 'but'} by {listed(met)}"
     if missed:
@@ -292,11 +258,11 @@ def _others_words(one: RequirementConclusion, *, brief: bool) -> Iterator[str]:
         yield f"undecided for {listed(silent)}"
 
 
-def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> BoundAlone | None:
+def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> OtherVerdict | None:
     camera = str(row.get("bound_alone_camera", ""))
     if not camera:
         return None
-    return BoundAlone(
+    return OtherVerdict(
         met=_met(int(row["bound_alone_met"])), camera=titles[camera], reason=str(row["bound_alone_reason"])
     )
 
@@ -333,7 +299,7 @@ def _met(verdict: int) -> bool | None:
     return None if verdict < 0 else bool(verdict)
 
 
-def _bound_alone_words(one: RequirementConclusion, best: BoundAlone) -> str:
+def _bound_alone_words(one: RequirementConclusion, best: OtherVerdict) -> str:
     """Whether the requirement would be met at the lower bound of matching, and with which worst value."""
     by = "" if best.camera == one.camera else f"{best.camera}: "
     if best.met is None:
@@ -372,7 +338,7 @@ def _range_words(one: RequirementConclusion) -> str:
     ranges = one.met_ranges
     if not ranges:
         return "met by no design that was tried"
-    candidates = [one.camera, *(other.title for other in one.others)] if one.of == ANY else []
+    candidates = [one.camera, *(other.camera for other in one.others)] if one.of == ANY else []
     several = len(candidates) > 1
     parts = [along.words + (f" by {along.camera}" if several else "") for along in ranges]
     words = f"met with the {ranges[0].parameter} " + " and ".join(parts)
