@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -45,6 +45,12 @@ class Answers:
 
     changed: tuple[Difference, ...]
     unchanged: int
+
+    @classmethod
+    def of(cls, found: Sequence[Difference | None]) -> Answers:
+        """The differences, one for each answer; None where it did not change."""
+        changed = tuple(one for one in found if one is not None)
+        return cls(changed=changed, unchanged=len(found) - len(changed))
 
 
 def compare_requirements(runs: Sequence[Run]) -> Answers:
@@ -129,11 +135,10 @@ def compare_ranks(runs: Sequence[Run]) -> Answers:
     first = [next(iter(candidates_by_rank(run.tree)), None) for run in runs]
     there = [one for one in first if one is not None]
     if len(there) < len(runs):
-        return Answers(changed=(), unchanged=0)
-    if len({one.title for one in there}) == 1:
-        return Answers(changed=(), unchanged=1)
+        return Answers.of([])
     values = tuple(f"{one.title} (for {pretty(one.ranks[0], FRACTION, digits=2)} of the weights)" for one in there)
-    return Answers(changed=(Difference(what="Ranked first by all criteria", values=values),), unchanged=0)
+    is_same = len({one.title for one in there}) == 1
+    return Answers.of([None if is_same else Difference(what="Ranked first by all criteria", values=values)])
 
 
 def compare_claims(runs: Sequence[Run]) -> Answers:
@@ -143,18 +148,20 @@ def compare_claims(runs: Sequence[Run]) -> Answers:
         for run in runs
     ]
     shared = [name for name in verdicts[0] if all(name in one for one in verdicts)]
-    changed = [
-        Difference(what=f'Claim "{verdicts[0][name][0]}"', values=tuple(one[name][1] for one in verdicts))
-        for name in shared
-        if len({one[name][1] for one in verdicts}) > 1
-    ]
-    return Answers(changed=tuple(changed), unchanged=len(shared) - len(changed))
+    return Answers.of(
+        [
+            Difference(what=f'Claim "{verdicts[0][name][0]}"', values=tuple(one[name][1] for one in verdicts))
+            if len({one[name][1] for one in verdicts}) > 1
+            else None
+            for name in shared
+        ]
+    )
 
 
 def compare_questions(runs: Sequence[Run]) -> Answers:
     """Compare answers to inverse questions that every run asks; only shifts beyond their errors count as changes."""
     if not all(has(run.tree, "decision", "solved_says", "solved_answer", "solved_value") for run in runs):
-        return Answers(changed=(), unchanged=0)
+        return Answers.of([])
     rows = [{str(row["solved_says"]): row for row in records(run.tree, "decision", "question")} for run in runs]
     shared = [says for says in rows[0] if all(says in one for one in rows)]
     changed = []
@@ -247,18 +254,15 @@ def _ranges(winners: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> I
     """The common distances, split wherever any run switches its best camera; equal neighbours are joined."""
     edges = {at for found in winners for start, stop, _ in found for at in (start, stop) if ends[0] < at < ends[1]}
     cuts = sorted({*ends, *edges})
-    ranges = [
-        BestBetween(near=a, far=b, names=tuple(_best_at(found, float(np.sqrt(a * b))) for found in winners))
-        for a, b in itertools.pairwise(cuts)
-    ]
+    ranges = []
+    for near, far in itertools.pairwise(cuts):
+        middle = float(np.sqrt(near * far))
+        # The range that contains the middle, or the nearest one where a sliver is not reported.
+        nearest = [min(found, key=lambda one: max(one[0] - middle, middle - one[1])) for found in winners]
+        ranges.append(BestBetween(near=near, far=far, names=tuple(names for _, _, names in nearest)))
     for names, members in itertools.groupby(ranges, key=lambda one: one.names if one.differs else None):
         stretch = list(members)
         yield BestBetween(near=stretch[0].near, far=stretch[-1].far, names=stretch[0].names if names is None else names)
-
-
-def _best_at(found: Sequence[Winner], place: float) -> str:
-    """The best camera of the range that contains the place, or of the nearest one where a sliver is not reported."""
-    return min(found, key=lambda one: max(one[0] - place, place - one[1]))[2]
 
 
 def _is_explained(differing: BestBetween, edges: Sequence[Edge]) -> bool:
@@ -338,27 +342,31 @@ class UsableStretch:
 def compare_usable(runs: Sequence[Run]) -> Answers:
     """Compare usable ranges in the declared design; for sweeps without one, count the designs where they moved."""
     keys, titles = common_cameras(runs, "depth"), titles_of(runs)
-    if not keys:
-        return Answers(changed=(), unchanged=0)
-    if not all(nominal_is_declared(run.tree) for run in runs):
-        found = [_over_designs(runs, key, titles[key]) for key in keys]
-    else:
-        ends = common_range(runs, "depth")
-        found = []
-        for key in keys:
-            shares = [left_out_share(run.tree, key, "usable_range") for run in runs]
-            usable = [_usable(nominal(run.tree), key, share) for run, share in zip(runs, shares, strict=True)]
-            found.append(_compared(f"Usable range of {titles[key]}", [_within(one, ends) for one in usable]))
-    changed = tuple(one for one in found if one is not None)
-    return Answers(changed=changed, unchanged=len(keys) - len(changed))
+    if not keys or not all(nominal_is_declared(run.tree) for run in runs):
+        return Answers.of([_over_designs(runs, key, titles[key]) for key in keys])
+    low, high = common_range(runs, "depth")
+    found = []
+    for key in keys:
+        shares = [left_out_share(run.tree, key, "usable_range") for run in runs]
+        usable = [_usable(nominal(run.tree), key, share) for run, share in zip(runs, shares, strict=True)]
+        shared = [
+            [
+                replace(one, ends=(max(one.ends[0], low), min(one.ends[1], high)))
+                for one in stretches
+                if one.ends[0] < high and one.ends[1] > low
+            ]
+            for stretches in usable
+        ]
+        found.append(_compared(f"Usable range of {titles[key]}", shared))
+    return Answers.of(found)
 
 
 def compare_sharp(runs: Sequence[Run]) -> Answers:
     """Compare the ranges where cameras are sharp by the first blur criterion."""
     keys, titles = common_cameras(runs, "depth_of_field"), titles_of(runs)
-    found = [_compared(f"Sharp range of {titles[key]}", [_sharp(run.tree, key) for run in runs]) for key in keys]
-    changed = tuple(one for one in found if one is not None)
-    return Answers(changed=changed, unchanged=len(keys) - len(changed))
+    return Answers.of(
+        [_compared(f"Sharp range of {titles[key]}", [_sharp(run.tree, key) for run in runs]) for key in keys]
+    )
 
 
 def _sharp(tree: xr.DataTree, key: str) -> list[UsableStretch]:
@@ -386,16 +394,6 @@ def _usable(depth: xr.Dataset, key: str, share: float) -> list[UsableStretch]:
 def _error(end: float, error: float, share: float) -> float:
     """Error of an end [m]; an unknown error counts as zero."""
     return SURE * float(np.nan_to_num(error, posinf=np.inf)) + (share + ROUNDING) * (end if np.isfinite(end) else 0.0)
-
-
-def _within(stretches: Sequence[UsableStretch], ends: tuple[float, float]) -> list[UsableStretch]:
-    """The parts of stretches between two ends [m], such as those of the distances that all runs share."""
-    low, high = ends
-    return [
-        UsableStretch(ends=(max(one.ends[0], low), min(one.ends[1], high)), errors=one.errors, limits=one.limits)
-        for one in stretches
-        if one.ends[0] < high and one.ends[1] > low
-    ]
 
 
 def _moved_ends(first: Sequence[UsableStretch], other: Sequence[UsableStretch]) -> list[int]:
