@@ -18,7 +18,6 @@ from tradestudy.calibration.projection import move, move_jacobian
 from tradestudy.calibration.sampling import (
     MINIMUM_ENSEMBLES,
     CheckedPosterior,
-    LogProbability,
     sample_posterior,
 )
 from tradestudy.calibration.sources import CALIBRATION
@@ -212,8 +211,14 @@ def sample_target(
         Check ``converged`` before using it.
     """
     names = problem.priors.names
-    walkers = walkers_of(problem)
-    log_probability = log_probability_about(problem, fit.laplace.mean, fit.poses)
+    walkers = 2 * len(names) + 2
+    # The log posterior to sample: one linear step from the fit optimises each pose.
+    basis, misfit = _pose_basis(problem, fit.laplace.mean, fit.poses)[0], _pose_misfit(problem, fit.poses)
+    points = move(fit.poses, problem.target.points)
+
+    def log_probability(tried: FloatArray) -> FloatArray:
+        return _frozen_log_posterior(problem, points, basis, misfit, tried)
+
     starts = _starts_inside(problem.priors, fit.laplace, rng, MINIMUM_ENSEMBLES * walkers)
     sample = sample_posterior(
         log_probability,
@@ -226,19 +231,6 @@ def sample_target(
     draws = sample.thinned(CHECKED_POINTS)
     exact = np.array([exact_log_posterior(problem, fit.poses, draw) for draw in draws])
     return CheckedPosterior(sample=sample, check=compare_log_posteriors(exact, log_probability(draws)))
-
-
-def walkers_of(problem: TargetProblem) -> int:
-    """Number of walkers in each ensemble."""
-    return 2 * len(problem.priors.names) + 2
-
-
-def log_probability_about(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> LogProbability:
-    """The log posterior to sample; one linear step from these parameters (P,) and poses (V, 6) optimises each pose."""
-    basis, _ = _pose_basis(problem, parameters, poses)
-    misfit = _pose_misfit(problem, poses)
-    points = move(poses, problem.target.points)
-    return lambda tried: _frozen_log_posterior(problem, points, basis, misfit, tried)
 
 
 def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: FloatArray) -> float:

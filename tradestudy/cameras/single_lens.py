@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.calibrated_pair import CalibratedPair
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, Pose, Stop
 from tradestudy.cameras.parts import Lens, Sensor
@@ -25,19 +24,7 @@ def edge_angle(lens: LensModel, across: float, down: float) -> float:
     return float(lens.valid_field) if math.isnan(x) else math.atan2(math.hypot(x, y), z)
 
 
-def full_angle(lens: LensModel, across: float, down: float) -> float:
-    """Angle [rad] between opposite edges of the picture, (across, down) from its centre in normalised coordinates."""
-    return edge_angle(lens, -across, -down) + edge_angle(lens, across, down)
-
-
-def properties_of_lens_models(lens: LensModel, pair: CalibratedPair | None) -> Properties:
-    """Properties of the common lens model, or of both lens models of a calibrated pair."""
-    if pair is None:
-        return properties_of(lens, "lens model")
-    return (*properties_of(pair.lenses[0], "left lens model"), *properties_of(pair.lenses[1], "right lens model"))
-
-
-def properties_of(lens: LensModel, what: str) -> Properties:
+def properties_of_lens(lens: LensModel, what: str) -> Properties:
     """Name, nonzero coefficients and valid field of a lens model; nothing for a pinhole."""
     if lens == IDEAL:
         return ()

@@ -261,35 +261,3 @@ class Propagated:
     def failed_fraction(self) -> FloatArray:
         """Share of the draws that have no rank, by cause, shape (causes, outputs)."""
         return self.failed / self.draws
-
-
-def summarise(
-    running: RunningStatistics,
-    *,
-    failed: NDArray[np.int64],
-    status: NDArray[np.str_],
-    sources_have_variance: bool,
-    draws: int,
-) -> Propagated:
-    """Collect replicates into a result, with mean and standard deviation only where second moments exist."""
-    exist = (
-        (running["tail_shape"].mean < TAIL_SHAPE_LIMIT)
-        & (running["pole_margin"].mean >= POLE_MARGIN)
-        & (running["infinite_fraction"].mean == 0.0)
-        & sources_have_variance
-    )
-    mean, deviation = running["mean"], running["standard_deviation"]
-    return Propagated(
-        quantiles=running["quantiles"].mean,
-        quantiles_error=running["quantiles"].standard_error,
-        half_width=running["half_width"].mean,
-        half_width_error=running["half_width"].standard_error,
-        mean=np.where(exist, mean.mean, np.nan),
-        mean_error=np.where(exist, mean.standard_error, np.nan),
-        standard_deviation=np.where(exist, deviation.mean, np.nan),
-        standard_deviation_error=np.where(exist, deviation.standard_error, np.nan),
-        failed=failed,
-        status=status,
-        draws=draws,
-        replicates=running["quantiles"].count,
-    )

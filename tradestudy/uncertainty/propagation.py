@@ -19,12 +19,13 @@ from tradestudy.uncertainty.evaluation import (
     ranked,
 )
 from tradestudy.uncertainty.outputs import (
+    POLE_MARGIN,
+    TAIL_SHAPE_LIMIT,
     Propagated,
     ReplicateStatistics,
     RunningMean,
     RunningStatistics,
     replicate_statistics,
-    summarise,
 )
 from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
@@ -338,10 +339,26 @@ def propagate(
         )
 
     progress = _run(begin, sampling, outputs=outputs, depth=inverse_depth)
-    return summarise(
-        progress.running,
+    running = progress.running
+    # Mean and standard deviation are stated only where second moments exist.
+    exist = (
+        (running["tail_shape"].mean < TAIL_SHAPE_LIMIT)
+        & (running["pole_margin"].mean >= POLE_MARGIN)
+        & (running["infinite_fraction"].mean == 0.0)
+        & (sources.covariance() is not None)
+    )
+    mean, deviation = running["mean"], running["standard_deviation"]
+    return Propagated(
+        quantiles=running["quantiles"].mean,
+        quantiles_error=running["quantiles"].standard_error,
+        half_width=running["half_width"].mean,
+        half_width_error=running["half_width"].standard_error,
+        mean=np.where(exist, mean.mean, np.nan),
+        mean_error=np.where(exist, mean.standard_error, np.nan),
+        standard_deviation=np.where(exist, deviation.mean, np.nan),
+        standard_deviation_error=np.where(exist, deviation.standard_error, np.nan),
         failed=progress.failed,
         status=progress.status,
-        sources_have_variance=sources.covariance() is not None,
         draws=progress.draws,
+        replicates=running["quantiles"].count,
     )

@@ -122,8 +122,8 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
     by_left = project_with_jacobians(left, seen_left, lens.model, lens.free)[2]
     by_right = project_with_jacobians(right, seen_right, lens.model, lens.free)[2] @ rotation_matrix(shared[ROTATION])
     shapes = warp_shapes(corners, lever)
-    rows = [np.einsum("vnij,vj,vne->vnie", by, normal, shapes) for by in (by_left, by_right)]
-    return both_pictures(*rows, corners)
+    left_rows, right_rows = (np.einsum("vnij,vj,vne->vnie", by, normal, shapes) for by in (by_left, by_right))
+    return both_pictures(left_rows, right_rows, corners)
 
 
 _MOST_WEIGHTINGS = 10

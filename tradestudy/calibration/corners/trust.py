@@ -119,17 +119,6 @@ def _fitted(fit: RigFit, lens: FreeLens, seen: FloatArray) -> _LeaveOneOut:
     return _leave_one_out(fit, lens, anew.shared, anew.states, anew.lever, seen)
 
 
-def depth_slopes(fit: RigFit, z: FloatArray) -> FloatArray:
-    """Derivatives of inverse depth with respect to the shared parameters, shape (D, P)."""
-    deviation = np.sqrt(np.diag(fit.covariance))
-    return _slopes(fit.corners.lens, fit.explained.shared, deviation, _seen(fit, z))
-
-
-def compressed_fit(fit: RigFit) -> CompressedViews:
-    """The views of a fit, linearised about it."""
-    return compress_views(fit.explained.shared, fit.explained.states, fit.corners, fit.explained.lever)
-
-
 def _seen(fit: RigFit, z: FloatArray) -> FloatArray:
     """Image coordinates of points midway between the cameras in both pictures, shape (D, 4) [px]."""
     lens, shared = fit.corners.lens, fit.explained.shared
@@ -141,6 +130,7 @@ def _read(lens: FreeLens, shared: FloatArray, seen: FloatArray) -> FloatArray:
 
 
 def _slopes(lens: FreeLens, shared: FloatArray, deviation: FloatArray, seen: FloatArray) -> FloatArray:
+    """Derivatives of inverse depth with respect to the shared parameters, shape (D, P)."""
     step = _STEP * deviation
     up, down = (_read(lens, shared + sign * np.diag(step), seen) for sign in (1.0, -1.0))
     return np.asarray(((up - down) / (2.0 * step[:, None])).T)
@@ -252,8 +242,9 @@ def examine(
         Lens models to compare in addition to those always compared.
     """
     z = np.array(distances)
-    compressed = compressed_fit(fit)
-    slopes = depth_slopes(fit, z)
+    explained = fit.explained
+    compressed = compress_views(explained.shared, explained.states, fit.corners, explained.lever)
+    slopes = _slopes(fit.corners.lens, explained.shared, np.sqrt(np.diag(fit.covariance)), _seen(fit, z))
     difference, claim = _halves(fit, compressed, slopes)
     return CalibrationTrust(
         distances=z,

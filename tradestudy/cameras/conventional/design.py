@@ -16,7 +16,7 @@ from tradestudy.cameras.camera import Camera, Contradiction, Properties, lens_co
 from tradestudy.cameras.depth_measurement import Environment, Errors
 from tradestudy.cameras.focus import BlurCriterion, SharpRange, SingleLensFocus, require_focus, sharp_range
 from tradestudy.cameras.parts import Lens, require_positive
-from tradestudy.cameras.single_lens import SingleLensExposure, edge_angle, properties_of
+from tradestudy.cameras.single_lens import SingleLensExposure, edge_angle, properties_of_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure, diffraction_diameter, images_needed, plan_focus_stack
@@ -341,7 +341,7 @@ class ConventionalCamera(Camera):
             ("working f-number", pretty(single.working_f_number, NUMBER, 4)),
             (f"horizontal field of view, {views}", pretty(across, ANGLE, 4)),
             (f"diagonal field of view, {views}", pretty(diagonal, ANGLE, 4)),
-            *(() if self.calibrated is None else properties_of(self.calibrated.lens, "lens model")),
+            *(() if self.calibrated is None else properties_of_lens(self.calibrated.lens, "lens model")),
         ]
         if math.isfinite(self.focus_distance):
             in_focus = image_distance(self.focus_distance, self.lens.focal_length)

@@ -31,7 +31,7 @@ from tradestudy.cameras.imported import (
     conventions_stated,
 )
 from tradestudy.cameras.parts import Lens
-from tradestudy.cameras.single_lens import full_angle
+from tradestudy.cameras.single_lens import edge_angle
 from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.declarations.lens_models import AnyLensModel, fitted_words
@@ -358,7 +358,9 @@ class StereoDeclaration(DepthCameraDeclaration):
             focal_length = geometry.focal_length_px * sensor.pixel_pitch
             lens, baseline = Lens(focal_length=focal_length, f_number=self.lenses.f_number), geometry.baseline
             distortion, angle = calibrated.lenses[0], geometry.convergence_angle
-            if abs(angle) <= _NEARLY_PARALLEL * full_angle(distortion, sensor.width / 2.0 / focal_length, 0.0):
+            half = sensor.width / 2.0 / focal_length
+            view = edge_angle(distortion, -half, 0.0) + edge_angle(distortion, half, 0.0)
+            if abs(angle) <= _NEARLY_PARALLEL * view:
                 angle = 0.0
         return StereoRig(
             lens=lens,

@@ -36,7 +36,7 @@ from tradestudy.cameras.single_lens import (
     edge_angle,
     picture_through_lens,
     place_across,
-    properties_of_lens_models,
+    properties_of_lens,
     scale_across,
 )
 from tradestudy.cameras.stereo.pair import (
@@ -523,7 +523,10 @@ class StereoRig(DepthCamera):
 
     def properties(self) -> Properties:
         """Lens, sensor and baseline; the principal distance and the thin-lens image distance."""
-        focus, lens = self.focus_distance, self.lens
+        focus, lens, pair = self.focus_distance, self.lens, self.calibrated_pair
+        lenses = [(self.distortion, "lens model")]
+        if pair is not None:
+            lenses = [(own, f"{side} lens model") for own, side in zip(pair.lenses, SIDES, strict=True)]
         return (
             ("focal length", pretty(lens.focal_length, LENGTH, 4)),
             ("principal distance", pretty(self.principal_distance, LENGTH, 4)),
@@ -538,7 +541,7 @@ class StereoRig(DepthCamera):
                 pretty(self._diagonal_view, ANGLE, 4),
             ),
             ("baseline", pretty(self.baseline, LENGTH, 4)),
-            *properties_of_lens_models(self.distortion, self.calibrated_pair),
+            *(row for lens, what in lenses for row in properties_of_lens(lens, what)),
         )
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:

@@ -244,9 +244,22 @@ def tiles_of(tile: Tile) -> list[Tile]:
 
 def render_tile(tile: Tile) -> Rendered:
     """Render a tile, and estimate the error of its sampling, which for small tiles takes as long."""
-    one = record_tile(tile)
-    error = _sampling_error(tile)
-    return Rendered(values=one.values, depth=one.depth, saturated=one.saturated, sampling_error=error)
+    recorded = record_tile(tile)
+    middles = ((tile.rows[0] + tile.rows[1]) // 2, (tile.columns[0] + tile.columns[1]) // 2)
+    rows, columns = (
+        (max(begin, middle - _PROBE // 2), min(end, middle + _PROBE // 2))
+        for (begin, end), middle in zip((tile.rows, tile.columns), middles, strict=True)
+    )
+    coarse = replace(tile, rows=rows, columns=columns)
+    light, _ = expected_electrons(coarse)
+    waves = None if tile.waves is None else replace(tile.waves, fineness=2 * tile.waves.fineness)
+    fine, _ = expected_electrons(replace(coarse, samples=FINER * tile.samples, waves=waves))
+    return Rendered(
+        values=recorded.values,
+        depth=recorded.depth,
+        saturated=recorded.saturated,
+        sampling_error=(float(np.sum(np.square(light - fine))), float(np.sum(np.square(fine)))),
+    )
 
 
 def record_tile(tile: Tile) -> Recorded:
@@ -269,20 +282,6 @@ def expected_electrons(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
         found = electrons_at(tile, rows[block].ravel(), columns[block].ravel())
         electrons[block], depth[block] = (one.reshape(rows[block].shape) for one in found)
     return electrons, depth
-
-
-def _sampling_error(tile: Tile) -> tuple[float, float]:
-    """Sums of squares of the difference from a finer picture in the middle of a tile, and of the finer picture."""
-    middles = ((tile.rows[0] + tile.rows[1]) // 2, (tile.columns[0] + tile.columns[1]) // 2)
-    rows, columns = (
-        (max(begin, middle - _PROBE // 2), min(end, middle + _PROBE // 2))
-        for (begin, end), middle in zip((tile.rows, tile.columns), middles, strict=True)
-    )
-    coarse = replace(tile, rows=rows, columns=columns)
-    light, _ = expected_electrons(coarse)
-    waves = None if tile.waves is None else replace(tile.waves, fineness=2 * tile.waves.fineness)
-    fine, _ = expected_electrons(replace(coarse, samples=FINER * tile.samples, waves=waves))
-    return float(np.sum(np.square(light - fine))), float(np.sum(np.square(fine)))
 
 
 def electrons_at(
