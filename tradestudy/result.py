@@ -269,15 +269,14 @@ class Result:
 
         target = Path(directory)
         storage.refuse_foreign(target, storage.RUN_FILES)
-        drawing = None if drawer is None else drawer.begin(self.data, filed=True)
+        drawing = None if drawer is None else drawer.begin(self.data)
         try:
             made = renderer.compose_files(
                 self.data, storage.read_back(self.run_record), pdf=pdf, drawing=drawing, progress=progress
             )
         finally:  # a report that cannot be made costs no results
-            content = storage.encoded(self.data) if drawing is None else drawing.file()
             storage.remove_abandoned(target)
-            storage.write_finished(content, self.run_record, target, pictures)
+            storage.write_finished(storage.encoded(self.data), self.run_record, target, pictures)
             write_parts(self.data, target)
         renderer.place(made, self.data, target, large_tables=large_tables)
         return target

@@ -1,4 +1,4 @@
-"""Draw the figures and encode the file of a results tree, here or in a second interpreter that starts early."""
+"""Draw the figures of a results tree, here or, in part, in a second interpreter that starts early."""
 
 from __future__ import annotations
 
@@ -8,16 +8,13 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from threading import Event, Thread
+from threading import Thread
 from typing import IO, TYPE_CHECKING, Final
 
 from tradestudy.figures.drawing import Drawing, Plotted
-from tradestudy.results import storage
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,80 +42,48 @@ def drawn_here(
 
 @dataclass(frozen=True)
 class Drawer:
-    """A second interpreter, which encodes results as a file and draws their figures with the same bytes as this one."""
+    """A second interpreter, which draws the figures of results with the same bytes as this one."""
 
     tasks: IO[bytes]
     answers: IO[bytes]
 
-    def begin(self, tree: xr.DataTree, *, filed: bool = False) -> SharedDrawing:
-        """Hand the results over: the second interpreter starts to draw their figures, after the file if `filed`."""
-        return SharedDrawing(self, tree, filed=filed)
+    def begin(self, tree: xr.DataTree) -> SharedDrawing:
+        """Hand results over: the second interpreter starts to draw their figures."""
+        return SharedDrawing(self, pickle.dumps(tree, protocol=pickle.HIGHEST_PROTOCOL))
 
 
 class SharedDrawing:
     """Figures that two interpreters draw: the second one from the first figure on, this one, when asked, from the last.
 
-    The thread `asking` gives figures to the second interpreter; it ends when none is left or that interpreter has died.
+    The thread `receiving` ends when the second interpreter has drawn all figures or died.
     """
 
-    def __init__(self, drawer: Drawer, tree: xr.DataTree, *, filed: bool) -> None:
-        self._drawer, self._tree = drawer, tree
-        self._file = Future[bytes]()
-        self._left = deque[str]()  # names of figures that nobody has begun
-        self._listed = Event()
+    def __init__(self, drawer: Drawer, results: bytes) -> None:
         self._drawn: dict[str, Plotted] = {}
-        results = pickle.dumps(tree, protocol=pickle.HIGHEST_PROTOCOL)
-        self.asking = Thread(target=self._ask, args=(results,), kwargs={"filed": filed}, daemon=True)
-        self.asking.start()
+        self.receiving = Thread(target=self._receive, args=(drawer, results), daemon=True)
+        self.receiving.start()
 
-    def file(self) -> bytes:
-        """Take the content of ``results.nc``, encoded here if the second interpreter has died."""
-        try:
-            return self._file.result()
-        except CancelledError:
-            return storage.encoded(self._tree)
+    def _receive(self, drawer: Drawer, results: bytes) -> None:
+        # The second interpreter may have died, or the run may have ended and closed the pipes.
+        with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
+            drawer.tasks.write(results)
+            drawer.tasks.flush()
+            while True:
+                self._drawn |= pickle.load(drawer.answers)
 
     def pictures(
         self, drawings: Mapping[str, Drawing], progress: Callable[[float], None] = lambda _share: None
     ) -> Mapping[str, Plotted]:
-        """Take the drawn figures, by name; those that the second interpreter has not finished are drawn here."""
-        self._listed.wait()
-        for name in _taken(self._left.pop):
-            self._drawn |= drawn_here({name: drawings[name]})
+        """Take the drawn figures, by name; those that the second interpreter has not finished are drawn here.
+
+        This interpreter waits for none: where both cores are busy, the other one may take long. So at most one figure
+        is drawn twice.
+        """
+        for name in reversed(drawings):
+            if name not in self._drawn:
+                self._drawn |= drawn_here({name: drawings[name]})
             progress(len(self._drawn) / len(drawings))  # of both interpreters
-        self.asking.join()
-        found = self._drawn
-        return {name: found[name] if name in found else drawn_here({name: one})[name] for name, one in drawings.items()}
-
-    def _ask(self, results: bytes, *, filed: bool) -> None:
-        tasks, answers = self._drawer.tasks, self._drawer.answers
-        try:
-            # The second interpreter may have died, or the run may have ended and closed the pipes.
-            with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
-                _send(results, tasks)
-                self._left.extend(pickle.load(answers))
-                self._listed.set()
-                if filed:
-                    _send(pickle.dumps(storage.RESULTS), tasks)
-                    self._file.set_result(pickle.load(answers))
-                for name in _taken(self._left.popleft):
-                    _send(pickle.dumps(name), tasks)
-                    self._drawn[name] = pickle.load(answers)
-        finally:
-            self._listed.set()
-            self._file.cancel()
-
-
-def _taken(take: Callable[[], str]) -> Iterator[str]:
-    """Take names, one after the other, until none is left."""
-    with suppress(IndexError):
-        while True:
-            yield take()
-
-
-def _send(pickled: bytes, pipe: IO[bytes]) -> None:
-    pipe.write(pickled)
-    pipe.flush()
+        return {name: self._drawn[name] for name in drawings}
 
 
 @contextmanager
@@ -147,9 +112,11 @@ def drawer() -> Iterator[Drawer]:
 
 
 def serve() -> None:
-    """Run the second interpreter: receive results, list their figures, and make the figures and files asked for."""
+    """Run the second interpreter: receive results, and send their figures one after the other."""
     gc.set_threshold(20_000, 20, 20)  # as the program itself does
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both processes; the run ends this one
+    if sys.platform != "win32":
+        os.nice(10)  # it helps where a core is idle, and should slow nobody else
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # anything that libraries print must not look like an answer
     import xarray as xr
@@ -161,15 +128,9 @@ def serve() -> None:
     first = new_figure(1.0)
     first.subplots()
     first.svg()
-    one = xr.DataArray([0.0], {"place": [0.0]}, name="one")
-    one.sel(place=0.0)
-    storage.encoded(xr.DataTree(one.to_dataset()))
+    xr.DataArray([0.0], {"place": [0.0]}).sel(place=0.0)
     gc.freeze()  # exempt loaded modules from garbage collection: they stay anyway
-    with suppress(EOFError), answers:  # the run has closed the pipes
-        tree = pickle.load(sys.stdin.buffer)
-        drawings = all_drawings(tree)
-        _send(pickle.dumps(list(drawings)), answers)
-        while True:
-            name = pickle.load(sys.stdin.buffer)
-            made = storage.encoded(tree) if name == storage.RESULTS else drawn_here({name: drawings[name]})[name]
-            _send(pickle.dumps(made, protocol=pickle.HIGHEST_PROTOCOL), answers)
+    with suppress(EOFError, BrokenPipeError), answers:  # the run has ended
+        for name, drawing in all_drawings(pickle.load(sys.stdin.buffer)).items():
+            pickle.dump(drawn_here({name: drawing}), answers, protocol=pickle.HIGHEST_PROTOCOL)
+            answers.flush()

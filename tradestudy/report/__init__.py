@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -41,8 +41,8 @@ def compose_files(
     pdf: bool = True,
     drawing: SharedDrawing | None = None,
     progress: Callable[[float], None] = lambda _share: None,
-) -> Mapping[str, bytes]:
-    """Make ``report.html``, ``report.pdf`` and ``figures/*.svg``, by these paths.
+) -> Mapping[str, bytes | Future[bytes]]:
+    """Make ``report.html``, ``report.pdf`` and ``figures/*.svg``, by these paths; the PDF later, in another thread.
 
     The same results and run give the same bytes.
 
@@ -80,16 +80,18 @@ def compose_files(
     # Last, so that the other interpreter has time to draw.
     pictures = drawn_here(drawings, drawn) if drawing is None else drawing.pictures(drawings, drawn)
     images = {name: picture.svg for name, picture in pictures.items()}
-    made = {f"figures/{name}.svg": svg for name, svg in images.items()}
-    with ThreadPoolExecutor(1) as pool:  # other threads run while it typesets
-        typeset = pool.submit(pdf_format.render_pdf, document, images) if pdf else None
-        made["report.html"] = html.render_html(document, pictures, values, designs)
-        if typeset is not None:
-            made["report.pdf"] = typeset.result()
+    made: dict[str, bytes | Future[bytes]] = {f"figures/{name}.svg": svg for name, svg in images.items()}
+    if pdf:
+        pool = ThreadPoolExecutor(1)  # other threads run while it typesets
+        made["report.pdf"] = pool.submit(pdf_format.render_pdf, document, images)
+        pool.shutdown(wait=False)
+    made["report.html"] = html.render_html(document, pictures, values, designs)
     return made
 
 
-def place(made: Mapping[str, bytes], tree: xr.DataTree, directory: Path, *, large_tables: bool = False) -> None:
+def place(
+    made: Mapping[str, bytes | Future[bytes]], tree: xr.DataTree, directory: Path, *, large_tables: bool = False
+) -> None:
     """Write the files of a report and ``tables/*.csv`` into a folder, which is made if it does not exist.
 
     Each takes its place only when it is complete, so that an interrupted call leaves no half-written file. Figures,
@@ -114,11 +116,14 @@ def place(made: Mapping[str, bytes], tree: xr.DataTree, directory: Path, *, larg
         written,
     )
 
-    def write_pieces(name: str, pieces: Iterable[bytes]) -> None:
+    def write_pieces(name: str, pieces: Iterable[bytes] | Future[bytes]) -> None:
+        pieces = [pieces.result()] if isinstance(pieces, Future) else pieces
         with replacing(directory / name) as temporary, temporary.open("wb") as file:
             file.writelines(pieces)
 
-    files: dict[str, Iterable[bytes]] = {name: (content,) for name, content in made.items()}
+    files: dict[str, Iterable[bytes] | Future[bytes]] = {
+        name: (content,) if isinstance(content, bytes) else content for name, content in made.items()
+    }
     files |= {f"tables/{name}": pieces for name, pieces in tables(tree, large=large_tables).items()}
     refuse_foreign(directory, map(escape, files))
     earlier = written(directory)
