@@ -13,6 +13,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from tests.scene_studies import BY_RAYS, PAIR, PLENOPTIC, scene_study
+from tests.study.camera_files.written import camchain
 from tradestudy import api, cli
 from tradestudy.answers import pictures
 from tradestudy.errors import StudyError, UnaffordableError
@@ -194,6 +195,16 @@ def test_a_drawn_rig_moves_the_picture_by_its_yaw(tmp_path: Path) -> None:
     best = shifts[np.argmin([np.std(b[60 + k : 100 + k] - a[middle]) for k in shifts])]
     c = 1 / (1 / 8e-3 - 1 / 0.15)
     assert best == pytest.approx(c * np.tan(yaw) / 10e-6, abs=1.0)
+
+
+def test_a_drawn_rig_with_a_calibrated_geometry_is_refused_at_its_place(tmp_path: Path) -> None:
+    camchain(tmp_path / "chain.yaml")
+    rig = "  rig:\n    from: chain.yaml\n    calibration: {errors: {yaw: {standard_deviation: 0.5 deg}}}\n"
+    study(tmp_path, PLANE, "rig: drawn")
+    path = tmp_path / "small.yaml"
+    path.write_text(path.read_text().replace("cameras:\n", "cameras:\n" + rig, 1))
+    with pytest.raises(StudyError, match=r"small\.yaml:\d+:\d+: scene\.image\.rig: .*pictures of rig, .*imported"):
+        api.render(api.load(path), tmp_path)
 
 
 def test_a_drawn_rig_has_correlated_errors_once_and_scatter_for_every_microlens(tmp_path: Path) -> None:

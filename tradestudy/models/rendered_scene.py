@@ -156,6 +156,12 @@ def _cameras(
         errors: Mapping[str, FloatArray] = {}
         environment = None
         if rig == "drawn" and isinstance(camera, DepthCamera):
+            if camera.calibration.vocabulary is not None or not camera.calibration.inferred:
+                what = (
+                    f"errors cannot be drawn for the pictures of {name}, because it is an imported or fitted rig; "
+                    "write rig: as-designed, or leave it out of scene.image.cameras"
+                )
+                raise StudyError([_problem(definition, ("scene", "image", "rig"), what)])
             errors = drawn_errors(camera, name, definition.file.propagation.seed)
             environment = camera.calibration.environment
         exposures = camera.exposures(middle, errors, environment, picture.stop_separation)

@@ -127,25 +127,13 @@ def drawn_errors(camera: DepthCamera, name: str, seed: int) -> dict[str, FloatAr
     Parameters
     ----------
     camera
-        The camera with its calibration.
+        The camera with its calibration, whose parameters are those of the design.
     name
         Name of the camera, which selects its random numbers.
     seed
         Seed of the study.
-
-    Raises
-    ------
-    OutOfRangeError
-        The calibration has its own model, whose parameters are not those of the camera.
     """
     calibration = camera.calibration
-    if calibration.vocabulary is not None or not calibration.inferred:
-        raise OutOfRangeError(
-            f"scene.image.rig for {name}, whose calibration has its own parameters",
-            value="drawn",
-            limit="as-designed for such a camera",
-            remedy="declare errors under calibration, or render the camera as designed",
-        )
     values: dict[str, FloatArray] = {}
     for group in calibration.groups:
         rng = point_generator(seed=seed, point=f"rig {name}/{group.name}", replicate=0)
