@@ -275,10 +275,17 @@ def _replace_folder(old: Path, new: Path) -> None:
 def _is_named(part: Path) -> bool:
     """Whether ``run.json`` names results that lie here only, without their final name."""
     try:
-        found = _named_results(part.parent, _read_run(part.parent))
+        named = _read_run(part.parent).get(CHECKSUM)
     except ResultsError:  # no record
         return False
-    return found is not None and found[0] == part
+    return _checksum_of_file(part) == named != _checksum_of_file(part.with_name(RESULTS))
+
+
+def _checksum_of_file(path: Path) -> str:
+    """The checksum of a file, which may be too large to hold in memory twice; empty if there is none."""
+    with contextlib.suppress(FileNotFoundError), path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+    return ""
 
 
 def _named_results(directory: Path, record: Mapping[str, Any]) -> tuple[Path, bytes] | None:
