@@ -182,6 +182,7 @@ def usable_ends(
     limits: Mapping[str, Limit],
     *,
     to: float = _ENDS_TO,
+    depth: Reading = distribution_between,
 ) -> tuple[Boundary, ...]:
     """Where a camera becomes usable or ceases to be, on a grid whose limits are known; ``to`` as in `boundaries`.
 
@@ -195,8 +196,8 @@ def usable_ends(
     ends: tuple[Boundary, ...] = ()
     broken = names
     while broken:
-        ends = boundaries(partial(_kept_by, camera, criteria, names=tuple(names)), distance, held, to=to)
-        at_ends = evaluate_limits(camera, criteria, np.array([end.distance for end in ends]))
+        ends = boundaries(partial(_kept_by, camera, criteria, names=tuple(names), depth=depth), distance, held, to=to)
+        at_ends = evaluate_limits(camera, criteria, np.array([end.distance for end in ends]), depth=depth)
         broken = [name for name, limit in at_ends.items() if name not in names and not limit.met.all()]
         names = [*names, *broken]
     return ends
@@ -213,7 +214,9 @@ def usable_stretches(ends: Sequence[Boundary], distance: FloatArray, held: BoolA
     return list(zip(near, far, strict=True))
 
 
-def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str]) -> FloatArray:
+def _kept_by(
+    camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str], depth: Reading
+) -> FloatArray:
     """Smallest margin of some limits; negative where one is violated, NaN where its value is unknown."""
     law = camera.disparity_error_px
     kept = []
@@ -221,7 +224,7 @@ def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray
         kept.append(law.margin(camera, distance))
     others = [name for name in names if name != "matching"]
     if others:
-        limits = evaluate_limits(camera, criteria, distance, others).values()
+        limits = evaluate_limits(camera, criteria, distance, others, depth=depth).values()
         kept += [margin(limit.met, limit.value - limit.bound) for limit in limits]
     return np.asarray(np.min(kept, axis=0))
 

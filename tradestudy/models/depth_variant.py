@@ -131,7 +131,7 @@ class DepthVariant:
     @cached_property
     def limits(self) -> Mapping[str, Limit]:
         """The limits of the usable range, over the distances."""
-        return evaluate_limits(self.reference, self.criteria, self.distance)
+        return evaluate_limits(self.reference, self.criteria, self.distance, depth=distribution)
 
     @cached_property
     def usable(self) -> BoolArray:
@@ -140,7 +140,9 @@ class DepthVariant:
 
     @cached_property
     def _boundaries(self) -> tuple[Boundary, ...]:
-        return usable_ends(self.reference, self.criteria, self.distance, self.limits, to=_ENDS_ARE_KNOWN_TO)
+        return usable_ends(
+            self.reference, self.criteria, self.distance, self.limits, to=_ENDS_ARE_KNOWN_TO, depth=distribution
+        )
 
     @cached_property
     def ends(self) -> FloatArray:
@@ -326,7 +328,7 @@ class DepthVariant:
         """The ends that the depth uncertainty sets, and those that the matcher sets."""
         if not self.ends.size:
             return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
-        limits = evaluate_limits(self.reference, self.criteria, self.ends)
+        limits = evaluate_limits(self.reference, self.criteria, self.ends, depth=distribution)
 
         def near(name: str, share: float) -> BoolArray:
             limit = limits.get(name)
