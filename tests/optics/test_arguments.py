@@ -45,7 +45,11 @@ def test_a_wrong_type_raises_by_name(name: str, call: Callable[..., Any], argume
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: optics.point_spread(**LENS, pupil={8: 0.1}), "pupil must be a Pupil or None, not {8: 0.1}"),  # type: ignore[arg-type]
+        (
+            lambda: optics.point_spread(**LENS, pupil={8: 0.1}),  # type: ignore[arg-type]
+            "pupil must be a Pupil or None, not {8: 0.1}; give Pupil.from_waves({8: 0.1}, wavelength=550e-9) for a "
+            "tenth of a wave of coma",
+        ),
         (
             lambda: optics.MicrolensCamera(**CAMERA | {"odd_pixels": True}),
             "odd_pixels must be 2 values, (a, b), not True",
@@ -58,7 +62,8 @@ def test_a_wrong_type_raises_by_name(name: str, call: Callable[..., Any], argume
                 wavelength=550e-9,
                 legs="kirchhoff",  # type: ignore[arg-type]
             ),
-            "legs must be a Legs, not 'kirchhoff'",
+            "legs must be a Legs, not 'kirchhoff'; give KIRCHHOFF, KIRCHHOFF_FRESNEL, FRESNEL, GEOMETRIC, EXACT_RAYS "
+            "or Legs(…)",
         ),
     ],
 )

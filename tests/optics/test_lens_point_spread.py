@@ -108,13 +108,20 @@ def test_points_that_form_no_grid_are_refused_by_metrics() -> None:
         ({"focus_distance": 20e-3}, "focus beyond the focal length"),
         ({"tolerance": 1.0}, "tolerance"),
         ({"method": "fraunhofer"}, "method"),
-        ({"source": float("inf")}, r"source: inf .*PointSource\.at_infinity"),
-        ({"source": 0.15}, r"source: 0\.15 .*PointSource\(distance=…\)"),
     ],
 )
 def test_impossible_lenses_are_refused(change: dict[str, object], said: str) -> None:
     with pytest.raises(OutOfRangeError, match=said):
         optics.point_spread(**(LENS | change))
+
+
+@pytest.mark.parametrize(
+    ("distance", "said"),
+    [(float("inf"), r"source .* not inf.*PointSource\.at_infinity"), (0.15, r"not 0\.15.*PointSource\(distance=…\)")],
+)
+def test_a_distance_instead_of_a_source_is_a_wrong_type(distance: float, said: str) -> None:
+    with pytest.raises(TypeError, match=said):
+        optics.point_spread(**(LENS | {"source": distance}))
 
 
 def test_the_smallest_window_is_sampled_finely_enough_for_error_estimates() -> None:

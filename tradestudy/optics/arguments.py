@@ -9,7 +9,7 @@ import typing
 from collections.abc import Sequence
 from functools import cache, wraps
 from inspect import signature
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,11 @@ import numpy.typing as npt
 from tradestudy.errors import OutOfRangeError
 
 T = TypeVar("T", bound=Any)
+_HINTS: Final = {
+    "a PointSource": "; give PointSource(distance=…) or PointSource.at_infinity()",
+    "a Pupil": "; give Pupil.from_waves({8: 0.1}, wavelength=550e-9) for a tenth of a wave of coma",
+    "a Legs": "; give KIRCHHOFF, KIRCHHOFF_FRESNEL, FRESNEL, GEOMETRIC, EXACT_RAYS or Legs(…)",
+}
 
 
 def checked(target: T) -> T:
@@ -46,7 +51,8 @@ def checked(target: T) -> T:
             return _fit(hint, value)
         except (TypeError, ValueError, OverflowError) as unfit:
             shown = repr(value) if len(repr(value)) <= 60 else f"a {type(value).__name__}"
-            raise TypeError(f"{name} must be {unfit}, not {shown}") from None
+            hint = next((hint for kind, hint in _HINTS.items() if kind in str(unfit)), "")
+            raise TypeError(f"{name} must be {unfit}, not {shown}{hint}") from None
 
     @wraps(target)
     def call(*args: Any, **kwargs: Any) -> Any:
