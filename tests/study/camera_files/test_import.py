@@ -113,6 +113,16 @@ def test_an_unknown_pair_is_refused_with_the_expected_keys(tmp_path: Path) -> No
     assert "the file has mtxL, distL, mtxR, distR, R, T" in said
 
 
+def test_cameras_numbered_from_zero_are_refused(tmp_path: Path) -> None:
+    file = written.opencv(tmp_path / "rig.yml")
+    text = file.read_text(encoding="utf-8")
+    for one, other in (("M1:", "M0:"), ("M2:", "M1:"), ("D1:", "D0:"), ("D2:", "D1:")):
+        text = text.replace(one, other)
+    file.write_text(text, encoding="utf-8")
+    said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+    assert "M0: the cameras are numbered 0 and 1; number them 1 and 2" in said
+
+
 def test_a_pair_of_which_one_camera_has_no_distortion_is_refused(tmp_path: Path) -> None:
     file = written.opencv(tmp_path / "rig.yml")
     file.write_text(file.read_text(encoding="utf-8").replace("D1:", "lens1:"), encoding="utf-8")

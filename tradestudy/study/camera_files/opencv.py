@@ -56,6 +56,10 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """
     tops = [file.top for file in files]
     pairs = [top for top in tops if top.find(*_names(_MATRIX, 0)) is not None]
+    for top in tops:
+        zero = top.find(*(f"{name}{gap}0" for name in _MATRIX for gap in ("", "_")))
+        if zero is not None and top.find(*_names(_MATRIX, 1)) is None:
+            raise zero.fail("the cameras are numbered 0 and 1; number them 1 and 2, as in K1, D1, K2, D2")
     alone = [top for top in tops if top not in pairs and top.find(*_MATRIX) is not None]
     if not pairs and len(alone) == 1 and len(tops) == 1:
         return _camera(alone[0], "camera", _MATRIX, _DISTORTION, request)
