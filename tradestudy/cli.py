@@ -14,12 +14,19 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import tradestudy
-from tradestudy.errors import RequirementsNotMetError, StudyError, TradestudyError, escaped, place_error
+from tradestudy.errors import (
+    OutOfRangeError,
+    RequirementsNotMetError,
+    StudyError,
+    TradestudyError,
+    escaped,
+    place_error,
+)
 from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.shown_progress import shown_progress
 from tradestudy.wording import json_text
@@ -340,10 +347,6 @@ def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = Fal
         _say(_warned(api.load(study, set_ or ())).check())
 
 
-_FIRST_LOOK: Final = (0.5, 5.0)
-"""Distances [m] of a study of an imported camera until it is known where the camera is usable."""
-
-
 @app.command(context_settings={"allow_extra_args": True})
 def new(
     context: typer.Context,
@@ -374,34 +377,38 @@ def new(
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.cameras.depth_camera import DepthCamera
-        from tradestudy.study.starter import between, questions, starter
+        from tradestudy.study.starter import between, questions, starter, yaml_lines
 
         _refuse_joined(from_ or (), context.args)
         name = name.removesuffix(".yaml")
         kinds = [option for option, given in (("--stereo", stereo), ("--plenoptic", plenoptic)) if given]
         if kinds and from_:
-            raise _InputError("the calibration files determine the kind of camera", value=kinds[0], remedy="omit it")
+            raise OutOfRangeError(
+                "the calibration files determine the kind of camera", value=kinds[0], remedy="omit it"
+            )
         if set_ and not from_:
-            raise _InputError("--set applies to a camera imported with --from", remedy="give --from too")
-        said = _lines(set_ or ())
+            raise OutOfRangeError("--set applies to a camera imported with --from", remedy="give --from too")
+        said = yaml_lines(set_ or ())
         kind = kinds[0].removeprefix("--") if len(kinds) == 1 else ""
         text = starter(name, kind, calibration_files=from_ or (), said=said)
         path = Path(f"{name}.yaml")
         try:
             with path.open("x", encoding="utf-8") as file:
-                file.write(between(text, *_FIRST_LOOK))
+                file.write(between(text))
         except FileExistsError:
-            raise _InputError("a file of this name already exists", value=str(path), remedy="choose another") from None
+            raise OutOfRangeError(
+                "a file of this name already exists", value=str(path), remedy="choose another"
+            ) from None
         if from_:
             try:
                 study = api.load(path)
                 if isinstance(study.definition.designs["rig"], DepthCamera):
-                    text = between(text + questions(), *(api.usable_span(study) or _FIRST_LOOK))
+                    text = between(text + questions(), *(api.usable_span(study) or ()))
                     path.write_text(text, encoding="utf-8")
                 _warned(api.load(path))
             except TradestudyError as error:
                 path.unlink()  # nobody can start from a study that cannot run
-                raise _InputError(_not_written(path, error, set_ or ())) from None
+                raise OutOfRangeError(_not_written(path, error, set_ or ())) from None
         _say(str(path), f"{context.find_root().info_name} run {path}")
 
 
@@ -464,39 +471,13 @@ def _refuse_other(page: Path) -> None:
         with page.open("rb") as file:
             begin = file.read(200).lstrip().lower()
         if begin and not begin.startswith((b"<!doctype html", b"<html")):
-            raise _InputError(
+            raise OutOfRangeError(
                 "--html would replace a file that is no page", value=str(page), remedy="name another file"
             )
         if page.name == "report.html" and page.with_name("run.json").exists():
-            raise _InputError("--html would replace the report of a run", value=str(page), remedy="name another file")
-
-
-def _lines(said: Sequence[str]) -> list[str]:
-    """Texts such as ``a.b=value`` and ``a.c=value`` as YAML with one line for each outer key: ``a: {b: …, c: …}``."""
-    from tradestudy.study.source import comment_after
-
-    keys: dict[str, Any] = {}
-    for text in said:
-        path, sign, value = text.partition("=")
-        if not sign or not path.strip():
-            remedy = "write, for example, length_unit=mm"
-            raise _InputError("this is not of the form key=value", value=text, remedy=remedy)
-        inside: Any = keys
-        *outer, last = path.strip().split(".")
-        for key in outer:
-            inside = inside.setdefault(key, {}) if isinstance(inside, dict) else inside
-        if not isinstance(inside, dict) or last in inside:
-            raise _InputError("--set gives this key, or a part of it, twice", value=path.strip(), remedy="omit one")
-        if comment := comment_after(value):
-            remedy = "quote the whole value if '#' is part of it"
-            raise _InputError("this part of a value is a YAML comment", value=repr(comment), remedy=remedy)
-        inside[last] = value.strip()
-    return [_flow(key, value) for key, value in keys.items()]
-
-
-def _flow(key: str, value: Any) -> str:
-    """A key and its value as YAML of one line."""
-    return f"{key}: " + (value if isinstance(value, str) else f"{{{', '.join(_flow(*one) for one in value.items())}}}")
+            raise OutOfRangeError(
+                "--html would replace the report of a run", value=str(page), remedy="name another file"
+            )
 
 
 def _warned(study: Study, *, quiet: bool = False) -> Study:
@@ -520,7 +501,7 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Ite
         yield None
         return
     if len(given) > 1:
-        raise _InputError("these options exclude each other", value=" and ".join(given), remedy="give one of them")
+        raise OutOfRangeError("these options exclude each other", value=" and ".join(given), remedy="give one of them")
     from tradestudy.execution import DaskCluster, Processes, Threads
 
     if jobs is not None:
@@ -542,10 +523,10 @@ def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:
     joined = [part for one in files if not one.exists() for part in str(one).split()]
     together = [*map(str, files), *further] if further else joined
     if further and not files:
-        raise _InputError("new takes one name", value=" ".join(further), remedy="leave the others out")
+        raise OutOfRangeError("new takes one name", value=" ".join(further), remedy="leave the others out")
     if further or (len(joined) > 1 and all(Path(one).exists() for one in joined)):
         remedy = "write " + " ".join(f"--from {one}" for one in together)
-        raise _InputError("--from takes one file", value=" ".join(together), remedy=remedy)
+        raise OutOfRangeError("--from takes one file", value=" ".join(together), remedy=remedy)
 
 
 def _not_written(path: Path, error: TradestudyError, said: Sequence[str]) -> str:
@@ -564,12 +545,6 @@ def _not_written(path: Path, error: TradestudyError, said: Sequence[str]) -> str
         "another --from."
     )
     return "\n".join([*causes, advice])
-
-
-class _InputError(TradestudyError):
-    """The command line asks for something impossible."""
-
-    exit_status = 2
 
 
 @contextmanager

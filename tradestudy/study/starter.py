@@ -6,9 +6,11 @@ import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.schema.root import LONGEST_NAME, NAME_PATTERN
+from tradestudy.study.source import comment_after
 
 
 def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = (), said: Sequence[str] = ()) -> str:
@@ -61,8 +63,11 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     return text.replace("    FROM", "\n".join(f"    {line}" for line in (come_from, *said)))
 
 
-def between(text: str, near: float, far: float) -> str:
-    """The text of an imported camera's study or of its `questions`, for distances from ``near`` to ``far`` [m]."""
+def between(text: str, near: float = 0.5, far: float = 5.0) -> str:
+    """The text of an imported camera's study or of its `questions`, for distances from ``near`` to ``far`` [m].
+
+    The default holds until it is known where the camera is usable.
+    """
     distances = {"START": near / 2.0, "NEAR": near, "LOW": 1.1 * near, "TWICE": 2.0 * near, "FAR": far}
     for word, distance in distances.items():
         text = text.replace(f"{word} m", f"{float(f'{distance:.2g}'):g} m")
@@ -72,3 +77,29 @@ def between(text: str, near: float, far: float) -> str:
 def questions() -> str:
     """The requirement and the inverse question with which the study of an imported camera that measures depth ends."""
     return files("tradestudy.study").joinpath("imported_questions.yaml").read_text(encoding="utf-8")
+
+
+def yaml_lines(said: Sequence[str]) -> list[str]:
+    """Texts such as ``a.b=value`` and ``a.c=value`` as YAML with one line for each outer key: ``a: {b: …, c: …}``."""
+    keys: dict[str, Any] = {}
+    for text in said:
+        path, sign, value = text.partition("=")
+        if not sign or not path.strip():
+            remedy = "write, for example, length_unit=mm"
+            raise OutOfRangeError("this is not of the form key=value", value=text, remedy=remedy)
+        inside: Any = keys
+        *outer, last = path.strip().split(".")
+        for key in outer:
+            inside = inside.setdefault(key, {}) if isinstance(inside, dict) else inside
+        if not isinstance(inside, dict) or last in inside:
+            raise OutOfRangeError("--set gives this key, or a part of it, twice", value=path.strip(), remedy="omit one")
+        if comment := comment_after(value):
+            remedy = "quote the whole value if '#' is part of it"
+            raise OutOfRangeError("this part of a value is a YAML comment", value=repr(comment), remedy=remedy)
+        inside[last] = value.strip()
+    return [_flow(key, value) for key, value in keys.items()]
+
+
+def _flow(key: str, value: Any) -> str:
+    """A key and its value as YAML of one line."""
+    return f"{key}: " + (value if isinstance(value, str) else f"{{{', '.join(_flow(*one) for one in value.items())}}}")
