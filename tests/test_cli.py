@@ -64,6 +64,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         return SimpleNamespace(unmet_requirements=seen["unmet"], lines=lambda: ("Best: a rig",))
 
     monkeypatch.setattr(api, "run", run)
+    monkeypatch.setattr(api, "tables_left_out", lambda _result: [])
     return seen
 
 
@@ -115,14 +116,26 @@ class TestRun:
         result = invoke("run", RIGHT, "--out", tmp_path / "here", "--fresh", "--no-pdf", "--set", "rig.baseline=90 mm")
         assert result.exit_code == 0
         assert ran["directory"] == tmp_path / "here"
-        assert ran["options"] == {"fresh": True, "pdf": False, "with_cost": False, "executor": None}
+        assert ran["options"] == {
+            "fresh": True,
+            "pdf": False,
+            "large_tables": False,
+            "with_cost": False,
+            "executor": None,
+        }
         assert ran["study"].file.cameras["rig"].baseline == 0.09
         assert result.stdout == f"Best: a rig\nReport: {tmp_path / 'here' / 'report.html'}\n"
 
     def test_by_default_goes_where_the_study_is_named(self, ran: dict[str, Any]) -> None:
         assert invoke("run", RIGHT).exit_code == 0
         assert ran["directory"] == Path("reports") / "wrong"
-        assert ran["options"] == {"fresh": False, "pdf": True, "with_cost": False, "executor": None}
+        assert ran["options"] == {
+            "fresh": False,
+            "pdf": True,
+            "large_tables": False,
+            "with_cost": False,
+            "executor": None,
+        }
 
     def test_one_line_for_each_step_where_nobody_watches(self, ran: dict[str, Any]) -> None:
         assert invoke("run", RIGHT).stderr == "depth …\nreport …\n"
