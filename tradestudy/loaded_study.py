@@ -148,15 +148,16 @@ class Study:
             cannot be measured in them; or if the study prescribes a model for an effect that none of its cameras,
             lenses or light paths has.
         """
-        from tradestudy.answers.calibration import refuse_corners
-
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:
             from tradestudy.models.choice import choose_models
 
             choose_models(self.definition)
         self._refuse_pictures()
-        refuse_corners(self.definition)
+        if any(form.posterior_keys for form in (self.definition, *self.definition.readings.values())):
+            from tradestudy.answers.calibration import refuse_corners  # heavy, and few studies infer calibrations
+
+            refuse_corners(self.definition)
         return self.check_summary()
 
     def with_values(self, values: Mapping[str, Value]) -> Study:
