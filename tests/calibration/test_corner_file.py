@@ -215,6 +215,29 @@ def test_decimal_commas_and_semicolons_are_named(tmp_path):
     path.write_text("\n".join(line.replace(",", ";").replace(".", ",") for line in [head, *lines]))
     with pytest.raises(CornerFileError, match="semicolons separate the columns"):
         read_corners(path)
+    path.write_text(FILE.read_text().replace(",", "\t"))
+    with pytest.raises(CornerFileError, match="tabs separate the columns"):
+        read_corners(path)
+
+
+def test_names_of_columns_may_be_in_upper_case(tmp_path):
+    head, rest = FILE.read_text().split("\n", 1)
+    for comment in ("", "# "):
+        (tmp_path / "corners.csv").write_text(f"{comment}{head.upper()}\n{rest}")
+        found = read_corners(tmp_path / "corners.csv")
+        np.testing.assert_array_equal(found.left, read_corners(FILE).left)
+        assert found.unused == ()
+
+
+@pytest.mark.parametrize("mark", ["-1", "0.0"])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_marks_of_corners_that_were_not_detected_are_named(tmp_path, mark, side):
+    def marked(row):
+        return row | ({f"{side}_x_px": mark, f"{side}_y_px": mark} if row["corner"] == "7" else {})
+
+    says = rf"at \({float(mark):g}, {float(mark):g}\) in the {side} picture.*: 29 rows .*remove these rows"
+    with pytest.raises(CornerFileError, match=says):
+        read_corners(changed(tmp_path, marked))
 
 
 def test_ten_identical_views_are_one(tmp_path):

@@ -25,6 +25,7 @@ MOST_ROWS = 50_000
 MINIMUM_VIEWS = 3  # at two conditions per view, two views determine four intrinsic parameters; one more checks them
 
 _IMAGE_COLUMNS = ("left_x_px", "left_y_px", "right_x_px", "right_y_px")
+_COLUMNS: Final = {"view", "corner", "board_x_mm", "board_y_mm", "board_x_m", "board_y_m", *_IMAGE_COLUMNS}
 _LARGEST_COORDINATE = 1e6  # px or mm; more is a mistake
 _SMALLEST_SPREAD = 1e-6  # m or px
 _BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
@@ -123,7 +124,8 @@ def read_corners(path: str | Path) -> StereoCorners:
     CornerFileError
         The file cannot be read; a column is missing, or occurs twice or in two units; a column of positions z on the
         board, or of weights, is not constant; a row has surplus fields, for example from decimal commas; a cell
-        is not a number, or a coordinate is beyond ±10⁶; a view is not a whole number; a corner occurs twice; a view has
+        is not a number, or a coordinate is beyond ±10⁶; corners are marked as not detected by (−1, −1) or (0, 0); a
+        view is not a whole number; a corner occurs twice; a view has
         too few corners, has all of them on a line or at one point, or repeats another view; there are too few views;
         the board or an image is mirrored, or x and y columns are swapped. ``bundle_adjustment.check_rig`` finds
         exchanged left and right columns, and ``rig_geometry`` contradictions with the declared rig.
@@ -187,7 +189,8 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]
     reader = csv.reader(map(_without_comment, io.StringIO(text, newline="")))
     lines = ((reader.line_num, fields) for fields in reader if fields)
     first, header = next(lines, (1, []))
-    header = [column.strip() for column in header]
+    lower = [column.strip().lower() for column in header]
+    header = [low if low in _COLUMNS else column.strip() for low, column in zip(lower, header, strict=True)]
     unit, required = _required(f"{name}:{first}", header)
     seen = [column for column in header if _SEEN.search(column)]
     rows, texts = [], []
@@ -208,6 +211,17 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]
         raise CornerFileError(
             f"{name} has no corners", value="0 rows", limit=">= 1", remedy="write one row per corner and view"
         )
+    table = np.array(rows)
+    for side, seen_at in (("left", table[:, 4:6]), ("right", table[:, 6:8])):
+        for mark in (-1.0, 0.0):
+            if (count := int(np.sum(np.all(seen_at == mark, axis=1)))) > 1:
+                raise CornerFileError(
+                    f"{name}: several corners lie at ({mark:g}, {mark:g}) in the {side} picture, which seems to mark "
+                    "corners that were not detected",
+                    value=f"{count} rows",
+                    limit="detected corners",
+                    remedy="remove these rows",
+                )
     unused = tuple(column for column in header if column and column not in (*required, *seen))
     for column in unused:
         for pattern, says, remedy in _CONSTANT:
@@ -220,7 +234,7 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]
                     limit="the same value in every row",
                     remedy=remedy,
                 )
-    return np.array(rows), unit, unused
+    return table, unit, unused
 
 
 def _without_comment(line: str) -> str:
@@ -228,7 +242,7 @@ def _without_comment(line: str) -> str:
     if not line.lstrip().startswith("#"):
         return line
     names = line.lstrip("# \t")
-    return names if {"view", "corner"} <= {one.strip() for one in names.split(",")} else "\n"
+    return names if {"view", "corner"} <= {one.strip().lower() for one in names.split(",")} else "\n"
 
 
 def _required(where: str, header: Sequence[str]) -> tuple[str, tuple[str, ...]]:
@@ -237,9 +251,11 @@ def _required(where: str, header: Sequence[str]) -> tuple[str, tuple[str, ...]]:
     unit = units[0] if units else "mm"
     required = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
     missing = [column for column in required if column not in header]
-    if missing and any(";" in column for column in header):
+    for separator, plural in ((";", "semicolons"), ("\t", "tabs")) if missing else ():
+        if not any(separator in column for column in header):
+            continue
         raise CornerFileError(
-            f"{where}: semicolons separate the columns",
+            f"{where}: {plural} separate the columns",
             value=header[0][:40],
             limit="commas, and decimal points in the numbers",
             remedy="save it as CSV with commas",
