@@ -367,6 +367,9 @@ class TestValuesFromOutside:
     def test_what_composes_a_camera_cannot_be_set(self, write: Write) -> None:
         (said,) = reported(read(write(BASE), ["eye.like=two.eyes"]))
         assert re.fullmatch(r"--set:1:1: cameras\.eye\.like: like: .*cannot be set; edit the file.*", said)
+        for override in ("eye.length_unit=mm", "eye={pair: [2, 1]}", "eye.pictures=raw", "eye.lens_model=fisheye"):
+            (said,) = reported(read(write(BASE), [override]))
+            assert "is read with the calibration file and cannot be set; edit the file" in said
 
     def test_values_are_told_where_they_come_from(self, write: Write) -> None:
         text = textwrap.dedent(BASE) + "sweep: {eye.lens.focal_length: [1 cm, 3]}\n"

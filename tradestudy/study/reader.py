@@ -25,6 +25,7 @@ from tradestudy.study.document import (
 )
 from tradestudy.study.schema.validation import validate
 from tradestudy.study.shared_cameras import (
+    OF_IMPORTS,
     SHARING,
     SharedCameras,
     kind_of,
@@ -129,11 +130,9 @@ def _with_value(document: Document, path: str, value: Value | Entry, place: Plac
     except UnreadableError as error:
         return document.with_problems(*(replace(problem, path=dotted(steps)) for problem in error.problems))
     if (sharing := next(_shared(steps, entry), None)) is not None:
-        return document.with_problems(
-            place.problem(
-                sharing, f"{sharing[-1]}: composes the camera and cannot be set; edit the file, or set single values"
-            )
-        )
+        why = "is read with the calibration file" if sharing[-1] in OF_IMPORTS else "composes the camera"
+        what = f"{sharing[-1]}: {why} and cannot be set; edit the file, or set single values"
+        return document.with_problems(place.problem(sharing, what))
     below = document.entry(steps)
     if below is not None:
         problems += problems_of_removals(below, entry, steps)
@@ -161,10 +160,10 @@ def _read_value(value: Value | Entry, place: Place) -> tuple[Entry, list[Problem
 
 
 def _shared(steps: tree.Path, entry: Entry) -> Iterator[tree.Path]:
-    """Paths of ``from`` and ``like`` in a value, which would assemble a camera from others."""
+    """Paths in a value of keys that say from what a camera is assembled."""
     if steps[0] != "cameras":
         return
-    if len(steps) == 3 and steps[2] in SHARING:
+    if len(steps) == 3 and steps[2] in (*SHARING, *OF_IMPORTS):
         yield steps
     elif len(steps) < 3 and isinstance(entry, MappingEntry):
         for key, member in entry.members.items():

@@ -38,7 +38,7 @@ _MOST_BYTES_OF_LITERALS, _HEAD = 32_000_000, 4000
 LONGEST_CHAIN = 50
 SHARING = ("from", "like")
 _MOST_PIXELS = 1_000_000  # along one side of a picture
-_OF_IMPORTS = (
+OF_IMPORTS = (
     "length_unit",
     "pair",
     "pictures",
@@ -202,7 +202,7 @@ class SharedCameras:
             self.note(name, error.problem)
             return self.read_in_any_unit(name, own, files, request)
         self.imported.append(f"{name}: {line}")
-        return self.with_own_values(below, _without_size(own, below, request), name, (*SHARING, *_OF_IMPORTS))
+        return self.with_own_values(below, _without_size(own, below, request), name, (*SHARING, *OF_IMPORTS))
 
     def read_in_any_unit(
         self, name: str, own: MappingEntry, files: Sequence[CameraFile], request: Request
@@ -213,7 +213,7 @@ class SharedCameras:
             with suppress(CameraFileError):  # the baseline is impossible in this unit
                 below, _ = imported(files, replace(request, length_unit=unit))
                 own = _without_size(own, below, request)
-                return self.with_own_values(below, own, name, (*SHARING, *_OF_IMPORTS, *unknown))
+                return self.with_own_values(below, own, name, (*SHARING, *OF_IMPORTS, *unknown))
         return None
 
     def calibration_files(self, entry: Entry) -> list[CameraFile]:
@@ -241,7 +241,7 @@ class SharedCameras:
     def request(self, own: MappingEntry) -> Request:
         """Options of the study for reading the calibration files."""
         given: dict[str, str | tuple[str, ...]] = {}
-        for key in _OF_IMPORTS:
+        for key in OF_IMPORTS:
             if key not in own.members:
                 continue
             entry = own.members[key].entry
@@ -301,7 +301,7 @@ class SharedCameras:
 
     def note_unknown_keys(self, name: str, own: MappingEntry) -> list[str]:
         """Report unknown keys beside calibration files that could not be read: a misspelt option may be the cause."""
-        known = dict.fromkeys((*_OF_IMPORTS, *_keys_of_cameras()))
+        known = dict.fromkeys((*OF_IMPORTS, *_keys_of_cameras()))
         unknown = [key for key in own.members if key not in known]
         for key in unknown:
             what = f"unknown key{nearest_name(key, known)}"
