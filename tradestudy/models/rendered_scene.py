@@ -24,9 +24,9 @@ from tradestudy.imaging.scenes.surfaces import Flat, Sphere
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import file_hash
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.scene import (
     DepthMapPart,
+    PicturePart,
     PlanePart,
     Rig,
     RockPart,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
@@ -14,8 +13,8 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Document, Entry, Place, Value, dotted
 from tradestudy.study.reader import read
 from tradestudy.study.schema.claims import expectation_bounds
-from tradestudy.study.schema.questions import AssumptionPart
-from tradestudy.study.varying import Varying, question_ends, sweep_axes
+from tradestudy.study.schema.questions import AssumptionPart, SolvePart
+from tradestudy.study.varying import Varying, sweep_axes
 
 _FREE_TEXT = ("title", "note", "says", "question")
 _INFERRED_ANEW = (
@@ -44,7 +43,7 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
     except StudyError as error:
         problems += error.problems
-    for search in (_problems_of_changes, _problems_of_questions, _problems_of_corners):
+    for search in (_problems_of_changes, _problems_of_claims, _problems_of_corners):
         try:
             problems += search(definition)
         except StudyError as error:
@@ -107,46 +106,57 @@ def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
 
 def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
     """Mistakes of the first and last value of each sweep axis, and of the ends of inverse questions and assumptions."""
-    for where, values in _changes(definition):
-        place = definition.document.locate(where)
-        if where[0] != "sweep" and (text := [path for path in values if path.rpartition(".")[2] in _FREE_TEXT]):
-            yield place.problem(where, f"{text[0]}: is text; vary a number")
+    locate = definition.document.locate
+    changes: list[Change] = []
+    try:
+        for axis in sweep_axes(definition):
+            changes += [(("sweep", axis.path), {axis.path: entry}) for entry in (axis.values[0], axis.values[-1])]
+    except TradestudyError as error:
+        yield locate("sweep").problem(("sweep",), str(error))
+    for where, question in _varied(definition):
+        changes += [((*where, "vary"), dict.fromkeys(question.paths, end)) for end in (question.low, question.high)]
+        try:
+            varying = Varying.of(definition, question)
+        except TradestudyError as error:
+            yield locate((*where, "low")).problem((*where, "low"), str(error))
+            continue
+        if where[0] == "solve":
+            changes.append(((*where, "vary"), {**varying.changes(varying.at_share(0.5))}))
+    for at, values in changes:
+        place = locate(at)
+        if at[0] != "sweep" and (text := [path for path in values if path.rpartition(".")[2] in _FREE_TEXT]):
+            yield place.problem(at, f"{text[0]}: is text; vary a number")
             continue
         try:
             changed = definition.with_values(values)
         except StudyError as error:
-            yield from (place.problem(where, f"{problem.path}: {problem.what}") for problem in error.problems)
+            yield from (place.problem(at, f"{problem.path}: {problem.what}") for problem in error.problems)
             continue
-        if where[0] in ("solve", "value_of_information"):
-            for name, _ in definition.posterior_keys.items() - changed.posterior_keys.items():
-                if where[0] != "solve" or not _is_planned(changed, name):
-                    yield place.problem(where, _INFERRED_ANEW.format(name))
+        for name, _ in definition.posterior_keys.items() - changed.posterior_keys.items() if at[0] != "sweep" else ():
+            # Inverse questions can plan a calibration by a target; corners are already measured.
+            part = changed.file.cameras[name]
+            is_planned = isinstance(part, DepthCameraDeclaration) and part.calibration.target is not None
+            if not (at[0] == "solve" and is_planned):
+                yield place.problem(at, _INFERRED_ANEW.format(name))
 
 
-def _is_planned(definition: StudyDefinition, name: str) -> bool:
-    """Whether inverse questions can plan a camera's calibration: by a target they can; corners are already measured."""
-    part = definition.file.cameras[name]
-    return isinstance(part, DepthCameraDeclaration) and part.calibration.target is not None
+def _varied(definition: StudyDefinition) -> Iterator[tuple[tuple[str, ...], SolvePart | AssumptionPart]]:
+    """Inverse questions and assumptions that vary a value between two ends, with their paths."""
+    for name, question in definition.file.solve.items():
+        yield ("solve", name), question
+    part = definition.file.value_of_information
+    for name, assumption in part.assumptions.items() if part is not None else ():
+        if assumption.readings is None:
+            yield ("value_of_information", "assumptions", name), assumption
 
 
-def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
-    """Expectations of claims, and ends of inverse questions and assumptions, that have the wrong dimension."""
-    checks: list[tuple[tuple[str, ...], Callable[[], object]]] = [
-        *(
-            (("claims", name, "expect"), partial(expectation_bounds, claim))
-            for name, claim in definition.file.claims.items()
-        ),
-        *((("solve", name, "low"), partial(question_ends, one)) for name, one in definition.file.solve.items()),
-        *(
-            ((*where, "low"), partial(question_ends, one))
-            for where, one in _assumptions(definition)
-            if one.readings is None
-        ),
-    ]
-    for where, check in checks:
+def _problems_of_claims(definition: StudyDefinition) -> Iterator[Problem]:
+    """Expectations that have the wrong dimension."""
+    for name, claim in definition.file.claims.items():
         try:
-            check()
+            expectation_bounds(claim)
         except TradestudyError as error:
+            where = ("claims", name, "expect")
             yield definition.document.locate(where).problem(where, str(error))
 
 
@@ -171,30 +181,3 @@ def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:
                 where = ("readings", reading) if reading else path
                 what = f"{'.'.join(path)}: {error}" if reading else str(error)
                 yield definition.document.locate(where).problem(where, what)
-
-
-def _changes(definition: StudyDefinition) -> Iterator[Change]:
-    try:
-        axes = sweep_axes(definition)
-    except TradestudyError as error:
-        raise StudyError([definition.document.locate(("sweep",)).problem(("sweep",), str(error))]) from error
-    for axis in axes:
-        for entry in (axis.values[0], axis.values[-1]):
-            yield ("sweep", axis.path), {axis.path: entry}
-    for name, question in definition.file.solve.items():
-        for value in (question.low, question.high):
-            yield ("solve", name, "vary"), dict.fromkeys(question.paths, value)
-        try:
-            varying = Varying.of(definition, question)
-        except TradestudyError:  # reported at the ends
-            continue
-        yield ("solve", name, "vary"), {**varying.changes(varying.at_share(0.5))}
-    for where, one in _assumptions(definition):
-        for value in (one.low, one.high) if one.readings is None else ():
-            yield (*where, "vary"), dict.fromkeys(one.paths, value)
-
-
-def _assumptions(definition: StudyDefinition) -> Iterator[tuple[tuple[str, str, str], AssumptionPart]]:
-    if (part := definition.file.value_of_information) is not None:
-        for name, one in part.assumptions.items():
-            yield ("value_of_information", "assumptions", name), one
