@@ -364,6 +364,11 @@ class TestValuesFromOutside:
         assert str(caught.value).startswith("'nothing' is not of the form path=value")
         assert str(caught.value.problems[0]).startswith("--set:2:1: 'nothing'")
 
+    def test_a_value_set_twice_is_refused(self, write: Write) -> None:
+        twice = ["title=A", "eye.lens.power=3 %", "cameras.eye.lens.power=4 %"]
+        (said,) = reported(read(write(BASE), twice))
+        assert said == "--set:3:1: cameras.eye.lens.power: is set twice; omit one of the values"
+
     def test_what_composes_a_camera_cannot_be_set(self, write: Write) -> None:
         (said,) = reported(read(write(BASE), ["eye.like=two.eyes"]))
         assert re.fullmatch(r"--set:1:1: cameras\.eye\.like: like: .*cannot be set; edit the file.*", said)

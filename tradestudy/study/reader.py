@@ -117,6 +117,9 @@ def _overridden(document: Document, override: str, number: int) -> Document:
         return document.with_problems(
             place.problem((), f"'{override}' is not of the form path=value, such as scene.wavelength=550 nm")
         )
+    steps = document.path_of(path.strip())
+    if any(other.path == steps for other in document.overrides):
+        return document.with_problems(place.problem(steps, "is set twice; omit one of the values"))
     written = text.lstrip()
     value_place = Place(OUTSIDE.file, number, len(override) - len(written) + 1)
     return _with_value(document, path.strip(), written, place, value_place)
