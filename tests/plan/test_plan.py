@@ -12,7 +12,7 @@ import tradestudy
 from tradestudy.api import Study
 from tradestudy.depth.table import depth_uncertainty
 from tradestudy.errors import StudyError, UnaffordableError
-from tradestudy.models.plan import Plan
+from tradestudy.models.plan import Plan, _space, size_of_depth
 
 STUDIES = Path(__file__).parents[2] / "studies"
 UNIFORM_YAW = """
@@ -222,3 +222,18 @@ def test_check_passes_what_plan_passes(override: str) -> None:
     loaded = tradestudy.load(STUDIES / "close_range.yaml", [override])
     assert loaded.check() == loaded.check_summary()
     assert loaded.plan().problems
+
+
+def test_a_plan_names_the_memory_of_a_large_sweep() -> None:
+    sweep = "sweep={stereo.baseline: {from: 10 mm, to: 200 mm, points: POINTS, spacing: log}}"
+    few = tradestudy.load(STUDIES / "stereo_design.yaml", [sweep.replace("POINTS", "3")])
+    depth = few.run().data["depth"].to_dataset()
+    assert size_of_depth(few.definition) / 8.0 == pytest.approx(depth.nbytes, rel=0.25)
+    assert "memory" not in str(few.plan())
+    many = tradestudy.load(
+        STUDIES / "stereo_design.yaml", [sweep.replace("POINTS", "999"), "scene.distances.points=1200"]
+    )
+    assert size_of_depth(many.definition) == pytest.approx(10.0 * 250.0 * size_of_depth(few.definition), rel=0.01)
+    named = re.search(r"; about (\S+) GB of memory, (\S+) GB on disk", _space(many.definition))
+    assert named is not None
+    assert float(named[1]) > float(named[2]) > 1.0

@@ -8,14 +8,20 @@ from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.accuracy import Accuracy
+from tradestudy.depth.usable import LIMIT_NAMES
 from tradestudy.effects import Models
 from tradestudy.errors import UnaffordableError
 from tradestudy.models.choice import Chosen, choose_models
 from tradestudy.models.plan_text import Work, magnitude, plan_lines, work_of
+from tradestudy.results import GROUPS
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.units import DURATION, FRACTION, pretty
+from tradestudy.study.varying import sweep_axes
+from tradestudy.units import DATA, DURATION, FRACTION, pretty
 
 TIME_REMEDY: Final = "raise accuracy.time_limit, loosen the tolerance, or ask for less"
+_PARTS: Final = 4  # groups of errors of a camera, each with its share of the variance
+_IN_MEMORY: Final = 3.5  # peak of a run relative to the results, as measured for 2652 designs
+_WORTH_NAMING: Final = 8e9  # bit
 _CERTAINLY_TOO_LONG: Final = 10.0  # times the limit; the table of seconds is not more precise
 
 
@@ -46,7 +52,8 @@ class Plan:
 
     def text(self, *, verbose: bool = False) -> str:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""
-        return "\n".join(plan_lines(self.problems, dict(_settled(self.definition)), self.work, verbose=verbose))
+        settled, space = dict(_settled(self.definition)), _space(self.definition)
+        return "\n".join(plan_lines(self.problems, settled, self.work, space, verbose=verbose))
 
     def __repr__(self) -> str:
         return self.text()
@@ -67,6 +74,27 @@ def _settled(definition: StudyDefinition) -> Iterator[tuple[str, str]]:
             "hard-cases",
             "textbook formulas and the program's, each against a reference, because the study compares them",
         )
+
+
+def _space(definition: StudyDefinition) -> str:
+    """Memory and disk space that a run takes, in words; empty up to 1 GB of memory."""
+    results = size_of_depth(definition)
+    memory = _IN_MEMORY * results
+    if memory <= _WORTH_NAMING:
+        return ""
+    return f"; about {pretty(memory, DATA, digits=2)} of memory, {pretty(results, DATA, digits=2)} on disk"
+
+
+def size_of_depth(definition: StudyDefinition) -> float:
+    """Size of the results over distance and all designs of a study [bit], to about a quarter."""
+    case = definition.case
+    quantiles = [len(camera.propagation.probabilities) for camera in case.cameras.values()]
+    sizes = {
+        "camera": len(case.cameras), "distance": case.distance.size, "interval": 1, "side": 2, "error_source": 3,
+        "quantile": max(quantiles, default=0), "part": _PARTS, "limit": len(LIMIT_NAMES),
+    }  # fmt: skip
+    numbers = sum(math.prod(sizes[dim] for dim in variable.dims) for variable in GROUPS["depth"].values())
+    return 64.0 * numbers * math.prod(len(axis.values) for axis in sweep_axes(definition))
 
 
 def plan_of(definition: StudyDefinition) -> Plan:

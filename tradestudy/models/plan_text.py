@@ -24,11 +24,12 @@ _SIGNIFICANT: Final = 0.01  # share of the tolerance
 
 
 def plan_lines(
-    problems: Sequence[Chosen], settled: Mapping[str, str], work: Sequence[Work], *, verbose: bool
+    problems: Sequence[Chosen], settled: Mapping[str, str], work: Sequence[Work], space: str, *, verbose: bool
 ) -> Iterator[str]:
     """One line per problem, with all decisions if verbose, and one for the run, with all steps if verbose.
 
-    `settled` states, by name, how questions that leave no choice of models are answered.
+    `settled` states, by name, how questions that leave no choice of models are answered; `space` ends the line for the
+    run.
     """
     width = max(map(len, [*(one.name for one in problems), *settled, "run"]))
     for one in problems:
@@ -38,7 +39,7 @@ def plan_lines(
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
     yield from (f"{name:<{width}}  {how}" for name, how in settled.items())
-    yield f"{'run':<{width}}  {_slow(work)}"
+    yield f"{'run':<{width}}  {_slow(work)}{space}"
     if verbose:
         steps = max(len(part.step) for part in work)
         for part in work:
