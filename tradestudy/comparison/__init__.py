@@ -23,7 +23,7 @@ from tradestudy.comparison.conclusions import (
     compare_sharp,
     compare_usable,
 )
-from tradestudy.comparison.results import ChangedResult, Results, compare_results
+from tradestudy.comparison.results import Results, compare_results
 from tradestudy.effects import EFFECT, MODEL
 from tradestudy.errors import OutOfRangeError
 from tradestudy.figures.drawing import Drawing
@@ -62,7 +62,8 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     for path in paths:
         texts = [str(one[path]) if path in one else NOT_SET for one in declared]
         if not all(_are_alike(texts[0], text) for text in texts[1:]):
-            what = path_words(runs[0].tree, path) if path.startswith("cameras.") else _words(path, titles)
+            what = " › ".join(titles.get(part, in_words(part)) for part in path.split("."))
+            what = path_words(runs[0].tree, path) if path.startswith("cameras.") else what
             found.append(Difference(what=what, values=tuple(_shown(text, titles) for text in texts)))
     return tuple(found), len(paths)
 
@@ -94,10 +95,6 @@ def _meaning(text: str) -> tuple[str, float]:
         except UnitError:
             continue
     return text, 0.0
-
-
-def _words(path: str, titles: Mapping[str, str]) -> str:
-    return " › ".join(titles.get(part, in_words(part)) for part in path.split("."))
 
 
 def _shown(text: str, titles: Mapping[str, str]) -> str:
@@ -136,9 +133,6 @@ def _model_words(slot: str, model: str) -> str:
     words = {str(name): text for name, text in EFFECT.items()}[slot]
     known = {(str(name), which): text for (name, which), text in MODEL.items()}
     return known.get((slot, model), f"{words} left out" if model == "off" else f"{words}: {model}")
-
-
-_CHECKSUM: Final = "results_sha256"
 
 
 def compare_runs(
@@ -209,7 +203,7 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
 
 def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
     """Sentences on what is not compared, because the runs do not share it."""
-    checksums = {str(run.record.get(_CHECKSUM, run.name)) for run in runs}
+    checksums = {str(run.record.get("results_sha256", run.name)) for run in runs}
     if len(checksums) == 1:
         yield "The results are identical, to the last bit."
         return
@@ -250,9 +244,5 @@ def _overlay(
     changed = {one.camera for one in moved}
     shown = cameras if len(cameras) <= FEW else tuple(key for key in cameras if key in changed)
     legend = labels if len(inputs) != 1 else [f"{inputs[0].what}: {value}" for value in inputs[0].values]
-    return overlay_drawing([run.tree for run in runs], legend, shown, moved[0].design, _alternative_text(moved)), ""
-
-
-def _alternative_text(moved: Sequence[ChangedResult]) -> str:
-    """What differs most, for readers who do not see the figure."""
-    return "; ".join(str(one.difference) for one in moved)
+    without_figure = "; ".join(str(one.difference) for one in moved)  # for readers who do not see it
+    return overlay_drawing([run.tree for run in runs], legend, shown, moved[0].design, without_figure), ""

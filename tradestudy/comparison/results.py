@@ -256,11 +256,13 @@ def compare_results(runs: Sequence[Run]) -> Results:
     within, apart = 0, []
     for name, variable in _variables(runs):
         aligned = _aligned(runs, name, variable)
-        if aligned is None:
+        if not aligned:
             apart += [f"{in_words(variable)}{group_words(name)}"] * (variable != _RADIUS)
             continue
-        for camera in _cameras(aligned.values[0]):
-            found = _largest(runs, titles, name, variable, camera, aligned.of(camera))
+        cameras = map(str, aligned[0]["camera"].values) if "camera" in aligned[0]["value"].dims else ("",)
+        for camera in cameras:
+            own = [one.sel(camera=camera) for one in aligned] if camera else aligned
+            found = _largest(runs, titles, name, variable, camera, own)
             if found is not None:
                 moved.append(found)
             elif variable != _RADIUS:
@@ -336,25 +338,8 @@ def _has_common_distances(runs: Sequence[Run]) -> bool:
     return len(grids) == len(runs) and all(np.isin(grids[0], other).any() for other in grids[1:])
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Aligned:
-    """A variable and its error in every run, at the places that all runs share."""
-
-    values: tuple[xr.DataArray, ...]
-    errors: tuple[xr.DataArray, ...]
-
-    def of(self, camera: str) -> _Aligned:
-        """The part that belongs to one camera; everything if the results belong to none."""
-        if not camera:
-            return self
-        return _Aligned(
-            values=tuple(one.sel(camera=camera) for one in self.values),
-            errors=tuple(one.sel(camera=camera) for one in self.errors),
-        )
-
-
-def _aligned(runs: Sequence[Run], name: str, variable: str) -> _Aligned | None:
-    """A variable of all runs at their common places; None if there are none."""
+def _aligned(runs: Sequence[Run], name: str, variable: str) -> list[xr.Dataset]:
+    """A variable of every run, ``value``, and its ``error``, at the places that all runs share; empty if none are."""
     tables = []
     for run in runs:
         values, error = group(run.tree, name)[variable], stated_error(run.tree, name, variable)
@@ -363,32 +348,26 @@ def _aligned(runs: Sequence[Run], name: str, variable: str) -> _Aligned | None:
     first = tables[0]
     bare = [dim for dim in first["value"].dims if dim not in first.coords]
     if any(set(one["value"].dims) != set(first["value"].dims) for one in tables):
-        return None
+        return []
     if any(one.sizes[dim] != first.sizes[dim] for one in tables for dim in bare):
-        return None
+        return []
     aligned = [one.transpose(*first["value"].dims) for one in xr.align(*tables, join="inner")]
-    if not aligned[0]["value"].size:
-        return None
-    return _Aligned(values=tuple(one["value"] for one in aligned), errors=tuple(one["error"] for one in aligned))
-
-
-def _cameras(values: xr.DataArray) -> tuple[str, ...]:
-    return tuple(map(str, values["camera"].values)) if "camera" in values.dims else ("",)
+    return aligned if aligned[0]["value"].size else []
 
 
 def _largest(
-    runs: Sequence[Run], titles: Mapping[str, str], name: str, variable: str, camera: str, aligned: _Aligned
+    runs: Sequence[Run], titles: Mapping[str, str], name: str, variable: str, camera: str, aligned: Sequence[xr.Dataset]
 ) -> ChangedResult | None:
     """Where a result differs most from the first run, among the places where it differs by more than its error."""
-    first = aligned.values[0]
-    arrays = [np.asarray(one.values, dtype=np.float64) for one in aligned.values]
-    errors = [np.asarray(one.values, dtype=np.float64) for one in aligned.errors]
+    first = aligned[0]["value"]
+    arrays = [np.asarray(one["value"].values, dtype=np.float64) for one in aligned]
+    errors = [np.asarray(one["error"].values, dtype=np.float64) for one in aligned]
     is_share = _is_share(first, arrays)
     sizes = [
         np.where(beyond((arrays[0], other), (errors[0], error)), _size(arrays[0], other, is_share=is_share), 0.0)
         for other, error in zip(arrays[1:], errors[1:], strict=True)
     ]
-    largest = _most_relevant(np.max(sizes, axis=0), _usable_somewhere(runs, name, aligned, camera))
+    largest = _most_relevant(np.max(sizes, axis=0), _usable_somewhere(runs, name, first, camera))
     first_of_largest = int(np.argmax(largest >= np.max(largest) * (1.0 - ROUNDING)))
     at = tuple(map(int, np.unravel_index(first_of_largest, largest.shape)))
     size = float(largest[at])
@@ -416,9 +395,8 @@ def _largest(
     )
 
 
-def _usable_somewhere(runs: Sequence[Run], name: str, aligned: _Aligned, camera: str) -> np.ndarray:
+def _usable_somewhere(runs: Sequence[Run], name: str, like: xr.DataArray, camera: str) -> np.ndarray:
     """Where a camera is usable in any run; everywhere for results that are not about depth."""
-    like = aligned.values[0]
     if name != _OF_DEPTH or not camera or "distance" not in like.dims:
         return np.ones(like.shape, dtype=bool)
     flags = [

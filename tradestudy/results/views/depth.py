@@ -37,16 +37,16 @@ def swept(depth: xr.Dataset) -> tuple[str, ...]:
 def nominal(tree: xr.DataTree) -> xr.Dataset:
     """``/depth`` of one design: every swept parameter at its declared value, or at its first if that is not swept."""
     depth = group(tree, "depth")
-    return depth.isel({name: _declared_place(depth[name]) or 0 for name in swept(depth)})
+    return depth.isel({name: declared_place(depth[name]) or 0 for name in swept(depth)})
 
 
 def nominal_is_declared(tree: xr.DataTree) -> bool:
     """Whether `nominal` returns the declared design, which ``/decision`` describes."""
     depth = group(tree, "depth")
-    return all(_declared_place(depth[name]) is not None for name in swept(depth))
+    return all(declared_place(depth[name]) is not None for name in swept(depth))
 
 
-def _declared_place(coordinate: xr.DataArray) -> int | None:
+def declared_place(coordinate: xr.DataArray) -> int | None:
     """Index of the declared value (an attribute of the coordinate) among the swept values; None if it is not one."""
     same = np.flatnonzero(coordinate.values == coordinate.attrs.get("declared"))
     return int(same[0]) if same.size else None

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
+from tradestudy.results.views.depth import declared_place
 from tradestudy.results.views.designs import BY_UNIT, path_words, value_words
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.uncertainty.trade_off import ValueScale
@@ -57,6 +58,7 @@ def candidates_by_rank(tree: xr.DataTree) -> tuple[Ranked, ...]:
     found = []
     for name in data["candidate"].values:
         one = data.sel(candidate=name)
+        declared = {dim: declared_place(one[dim]) or 0 for dim in one["feasible"].dims}
         central = [
             f"{key} {pretty(float(w), FRACTION, 2)}" for key, w in zip(names, one["central_weight"].values, strict=True)
         ]
@@ -72,7 +74,7 @@ def candidates_by_rank(tree: xr.DataTree) -> tuple[Ranked, ...]:
                 ranks=tuple(one["rank_acceptability"].values.tolist()),
                 first_error=float(one["rank_acceptability_error"].values[0]),
                 central=str(one["central_weight_reason"].item()) or ", ".join(central),
-                is_feasible=bool(_as_declared(one["feasible"])),
+                is_feasible=bool(one["feasible"].isel(declared)),
             )
         )
     return tuple(sorted(found, key=lambda one: tuple(-share for share in one.ranks)))
@@ -195,16 +197,6 @@ def _worth(data: xr.Dataset, values: FloatArray) -> float:
     scales = [ValueScale(worst=a, best=b) for a, b in zip(data["worst"].values, data["best"].values, strict=True)]
     worth = [scale.value(np.asarray(value)) for scale, value in zip(scales, values, strict=True)]
     return float(np.dot(worth, data["weight_mean"].values))
-
-
-def _as_declared(feasible: xr.DataArray) -> float:
-    """Feasibility in the declared design; in the first design where the sweep lacks the declared value."""
-    for dim in feasible.dims:
-        coordinate = feasible[dim]
-        declared = coordinate.attrs.get("declared", "")
-        labels = coordinate.values.tolist()
-        feasible = feasible.isel({dim: labels.index(declared) if declared in labels else 0})
-    return float(feasible)
 
 
 def _in_words(data: xr.Dataset, values: FloatArray) -> tuple[str, ...]:
