@@ -74,7 +74,7 @@ def largest_cause(camera: DepthCamera, distance: FloatArray, field: FieldPositio
 
 
 _OFFSET: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
-_ROUNDING: Final = 1e-9
+_ROUNDING: Final = 2e-7  # relative difference of two uncertainties that interpolation may cause; a lead must exceed it
 _CROSSED_TO: Final = 1e-10  # relative accuracy of a crossing
 
 
