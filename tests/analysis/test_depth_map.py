@@ -13,7 +13,7 @@ from tests.calibration.cameras import stereo, webcams
 from tradestudy.answers.depth_map import ACROSS, DOWN, depth_map, map_places
 from tradestudy.depth.evaluation import distribution
 from tradestudy.depth.table import depth_uncertainty
-from tradestudy.figures.uncertainty_map import map_words, uncertainty_map_drawings
+from tradestudy.figures.pictures import map_words, uncertainty_map_drawings
 from tradestudy.optics.lens_families import KannalaBrandt
 from tradestudy.results import dataset
 

@@ -20,7 +20,7 @@ from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.posteriors import with_square_size
 from tradestudy.calibration.projection import move, project, rotation_matrix
 from tradestudy.errors import UnaffordableError
-from tradestudy.figures.calibration_trust import draw_trust
+from tradestudy.figures.calibration import draw_trust
 
 
 @pytest.mark.slow

@@ -79,7 +79,7 @@ class SharedDrawing:
         This interpreter waits for none: where both cores are busy, the other one may take long. So at most one figure
         is drawn twice.
         """
-        for name in reversed(drawings):
+        for name in reversed(list(drawings)):
             if name not in self._drawn:
                 self._drawn |= drawn_here({name: drawings[name]})
             progress(len(self._drawn) / len(drawings))  # of both interpreters

@@ -10,29 +10,34 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.figures import (
-    depth_curves,
-    depth_of_field,
-    fresnel_validity,
-    light_spot,
-    off_axis,
-    readings,
-    sweeps,
-    variance_shares,
+from tradestudy.figures import depth_of_field, fresnel_validity, light_spot, sweeps
+from tradestudy.figures.calibration import calibration_drawings
+from tradestudy.figures.decision import (
+    ERROR_SOURCE_TITLES,
+    draw_readings,
+    margins_drawing,
+    rank_drawing,
+    worths_drawing,
 )
-from tradestudy.figures.calibration_gallery import calibration_drawings
-from tradestudy.figures.cost import cost_drawing
-from tradestudy.figures.depth_loop import depth_loop_drawings
-from tradestudy.figures.depth_maps import depth_map_drawings
+from tradestudy.figures.depth import (
+    draw_discrimination_and_uncertainty,
+    draw_off_axis,
+    draw_variance_shares,
+    draw_whole_range,
+    largest_shares,
+    required_uncertainties,
+    shown_parts,
+)
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.hard_cases import hard_cases_drawing
-from tradestudy.figures.pictures import pictures_drawing
-from tradestudy.figures.rank_acceptability import rank_drawing
-from tradestudy.figures.requirement_margins import margins_drawing
+from tradestudy.figures.pictures import (
+    depth_loop_drawings,
+    depth_map_drawings,
+    pictures_drawing,
+    uncertainty_map_drawings,
+)
+from tradestudy.figures.program import cost_drawing, hard_cases_drawing
 from tradestudy.figures.style import CameraTrace, selection_words, traces
-from tradestudy.figures.uncertainty_map import uncertainty_map_drawings
 from tradestudy.figures.value_tables import reading_tables
-from tradestudy.figures.worths import worths_drawing
 from tradestudy.results import JUDGED
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
 from tradestudy.results.views.depth import (
@@ -104,7 +109,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
             f" Of {listed(larger)}, the error radius is drawn where it is larger than that: requirements and ranks are "
             "judged by the larger of both."
         )
-    kinds = {"dashed" if over[0] < over[1] else "diamonds" for over, _ in depth_curves.required_uncertainties(tree)}
+    kinds = {"dashed" if over[0] < over[1] else "diamonds" for over, _ in required_uncertainties(tree)}
     if kinds:
         caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows."
     caption += _selection_words(tree)
@@ -122,7 +127,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         alt="Log-log chart of depth uncertainty against distance. "
         + _usable_words(depth, shown)
         + _winner_words(tree, shown),
-        draw=partial(depth_curves.draw_whole_range, tree),
+        draw=partial(draw_whole_range, tree),
     )
 
 
@@ -181,7 +186,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
         + _selection_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discrimination and uncertainty. "
         f"Uncertainty {_values_at(tree, shown, far)}.",
-        draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
+        draw=partial(draw_discrimination_and_uncertainty, tree, near, far),
     )
 
 
@@ -202,7 +207,7 @@ _ERRORS: Final = {"array": "microlens positions"}
 
 def _shares(tree: xr.DataTree) -> Drawing:
     depth = nominal(tree)
-    every, shown = variance_shares.largest_shares(depth), variance_shares.shown_parts(depth)
+    every, shown = largest_shares(depth), shown_parts(depth)
     silent = listed(
         [_ERRORS.get(name, in_words(name)) for name, most in every.items() if most >= 0.0 and name not in shown]
     )
@@ -217,7 +222,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _selection_words(tree),
         alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
-        draw=partial(variance_shares.draw_variance_shares, tree),
+        draw=partial(draw_variance_shares, tree),
     )
 
 
@@ -259,7 +264,7 @@ def _off_axis(tree: xr.DataTree) -> Drawing:
         "it is largest, and on the axis. A line ends where the camera sees the point towards no corner, or the "
         "interval has no far end." + selection_words(tree),
         alt=f"One log-log chart per camera. Uncertainty {field_words(float(last['field']))}: " + "".join(sentences),
-        draw=partial(off_axis.draw_off_axis, tree),
+        draw=partial(draw_off_axis, tree),
     )
 
 
@@ -299,8 +304,8 @@ def _readings(tree: xr.DataTree) -> Drawing:
         alt=f"Dot chart of the ratio of the uncertainty of {numerator} to that of {denominator}, one row per reading, "
         "one mark per distance, three panels: noise and calibration, noise only, calibration only. "
         + "".join(sentences),
-        draw=partial(readings.draw_readings, tree),
-        values=partial(reading_tables, tree, readings.ERROR_SOURCE_TITLES),
+        draw=partial(draw_readings, tree),
+        values=partial(reading_tables, tree, ERROR_SOURCE_TITLES),
     )
 
 

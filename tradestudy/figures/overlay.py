@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.curves import NamedCurve, name_ends
-from tradestudy.figures.depth_curves import MM, depth_limits, draw_curve, draw_relative_guides
+from tradestudy.figures.depth import MM, depth_limits, draw_curve, draw_relative_guides
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     INK,

@@ -13,6 +13,7 @@ import matplotlib
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
@@ -20,7 +21,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-from matplotlib.transforms import Bbox, BboxBase
+from matplotlib.transforms import Bbox
 
 from tradestudy.figures.fonts import printable
 from tradestudy.results.views.decision import tied
@@ -153,15 +154,16 @@ class _Panel(Axes):
 
     _beyond: FloatArray | None = None  # the panel, on each side, as the first pass has measured it [pixels]
 
-    def get_tightbbox(self, renderer: Any = None, **how: Any) -> BboxBase | None:
-        if not how.get("for_layout_only") or not self.get_visible() or self._beyond is None:
-            box = super().get_tightbbox(renderer, **how)
-            if how.get("for_layout_only") and box is not None:
-                self._beyond = box.extents - self.get_window_extent(renderer).extents
-            return box
-        self.apply_aspect()
-        box = Bbox.from_extents(self.get_window_extent(renderer).extents + self._beyond)
-        self._beyond = None
+    def get_tightbbox(
+        self, renderer: RendererBase | None = None, *, for_layout_only: bool = False, **how: Any
+    ) -> Bbox | None:
+        if for_layout_only and self._beyond is not None and self.get_visible():
+            self.apply_aspect()
+            ends, self._beyond = np.asarray(self.get_window_extent(renderer).extents) + self._beyond, None
+            return Bbox.from_extents(*ends.tolist())
+        box: Bbox | None = super().get_tightbbox(renderer, for_layout_only=for_layout_only, **how)
+        if for_layout_only and box is not None:
+            self._beyond = np.asarray(box.extents) - self.get_window_extent(renderer).extents
         return box
 
 
@@ -170,7 +172,8 @@ class StudyFigure(Figure):
 
     def add_subplot(self, *where: Any, **how: Any) -> Axes:
         """Add a panel as matplotlib does."""
-        return super().add_subplot(*where, axes_class=_Panel, **how)
+        panel: Axes = super().add_subplot(*where, axes_class=_Panel, **how)
+        return panel
 
     def svg(self) -> bytes:
         """The figure as SVG; equal figures give equal bytes."""
@@ -264,7 +267,6 @@ def log_axis(
     axis.set_minor_formatter(NullFormatter())
     if ends is not None and ends[1] < 4.0 * ends[0]:
         axis.set_major_locator(MaxNLocator(nbins=4))
-        axis.set_minor_locator(NullLocator())
 
 
 def _powers_of_ten(low: float, high: float) -> int:

@@ -1,9 +1,10 @@
-"""Depth discrimination and depth uncertainty against distance: the paper's figures 8 and 9, and the whole range."""
+"""Depth uncertainty against distance: its curves, the paper's figures 8 and 9, its sources, and points off the axis."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -12,24 +13,28 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
+from numpy.lib.stride_tricks import sliding_window_view
 
-from tradestudy.figures.curves import NamedCurve, beneath, fill, name_ends, name_places
+from tradestudy.figures.curves import Flags, NamedCurve, beneath, fill, name_ends, name_places
 from tradestudy.figures.style import (
     DECLARED,
     FAINT,
     INK,
     PANEL_TITLE,
+    PANELS_IN_A_ROW,
     SMALL,
     SOFT,
     CameraTrace,
     StudyFigure,
     all_traces,
+    camera_panels,
     distance_axis,
     distance_label,
     distance_tick,
     legend,
     length_tick,
     letters_on,
+    line_style,
     log_axis,
     named_rows,
     new_figure,
@@ -40,7 +45,7 @@ from tradestudy.figures.style import (
 )
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
-from tradestudy.results.views.depth import nominal, of_camera, where_measured, where_usable
+from tradestudy.results.views.depth import field_words, nominal, of_camera, where_measured, where_usable, worst_corner
 from tradestudy.results.views.groups import FloatArray, group, records
 from tradestudy.wording import distance as distance_words
 
@@ -339,3 +344,160 @@ def _crossovers(panels: tuple[Axes, Axes], edges: Sequence[float]) -> None:
         for axes in panels:
             axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8, gid=DECLARED)
     name_places(panels[0], edges, [distance_words(edge) for edge in edges])
+
+
+_LEAST = 0.005  # a smaller share can hardly be seen
+_NOISE = "#c3c8cf"
+_NEARLY = 0.95  # of the largest room
+_SPARE = 0.5  # of the font size: room above and below lines
+
+
+def largest_shares(depth: xr.Dataset) -> dict[str, float]:
+    """The largest share of each part over all cameras and distances; NaN if none is known."""
+    rows = depth["variance_share"].transpose("part", ...)
+    flat = rows.values.reshape(rows.sizes["part"], -1)
+    known = np.where(np.isnan(flat), -np.inf, flat).max(axis=1)
+    return {str(name): float(m) if m >= 0.0 else np.nan for name, m in zip(rows["part"].values, known, strict=True)}
+
+
+def shown_parts(depth: xr.Dataset) -> list[str]:
+    """The parts whose share is worth drawing somewhere, in their own order."""
+    return [name for name, largest in largest_shares(depth).items() if largest > _LEAST]
+
+
+@styled()
+def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
+    """Draw shares of the variance of inverse depth against distance, stacked to 1, and paler where not usable."""
+    depth, shown = where_measured(nominal(tree)), traces(tree)
+    names = shown_parts(depth)
+    figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
+    panels = camera_panels(figure, len(shown), depth["distance"].values)
+    panels[0].set(ylim=(0.0, 1.0), yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
+    named = {name for axes, camera in zip(panels, shown, strict=True) for name in _panel(axes, depth, camera, names)}
+    for axes in panels[::PANELS_IN_A_ROW]:
+        axes.set_ylabel("share of variance")
+    if thin := [name for name in names if name not in named]:
+        handles = [Patch(facecolor=_color(names, name)) for name in thin]
+        legend(figure, handles, thin, columns=4)
+    return figure
+
+
+def _color(names: list[str], name: str) -> str:
+    """The colour of a part: grey for matching noise, other colours for sources that averaging does not reduce."""
+    return _NOISE if name == "noise" else line_style(names.index(name) - ("noise" in names)).color
+
+
+def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str]) -> Iterator[str]:
+    """Draw the areas of a camera, and yield the parts whose area has room for a name."""
+    distance = np.asarray(depth["distance"].values, dtype=np.float64)
+    shares = depth["variance_share"].sel(camera=camera.key, part=names).transpose("part", "distance").values
+    known = np.isfinite(shares).any(axis=0)
+    bottom = np.zeros_like(distance)
+    usable = depth["usable"].sel(camera=camera.key).values.astype(bool)
+    for name, share in zip(names, np.nan_to_num(shares), strict=True):
+        if share.any():
+            look = {"color": _color(names, name), "label": name, "gid": f"variance_share:{name}/{camera.key}"}
+            fill(axes, distance, bottom, bottom + share, known, **look)
+            for words in (name, name.replace(" ", "\n")):
+                if (place := _free_area(axes, words, bottom, bottom + share, known, usable)) is not None:
+                    middle, level = place
+                    color = letters_on(_color(names, name)) if usable[middle] and name != "noise" else INK
+                    axes.text(
+                        distance[middle], level, words, color=color, fontsize=SMALL, linespacing=1.0, ha="center",
+                        va="center", zorder=3, gid=DECLARED,
+                    )  # fmt: skip
+                    yield name
+                    break
+        bottom = bottom + share
+    nothing = ((distance[0], distance[0]),)  # pages that show another design move it
+    for near, far in _not_usable(depth, camera.key, distance) or nothing:
+        axes.axvspan(near, far, color="white", alpha=0.6, linewidth=0, zorder=2, gid=f"unusable/{camera.key}")
+    axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
+
+
+def _free_area(
+    axes: Axes, words: str, bottom: FloatArray, top: FloatArray, known: Flags, usable: Flags
+) -> tuple[int, float] | None:
+    """Where words fit best: index and height of the middle of the highest stretch of an area in one shade."""
+    width, height = panel_size(axes)
+    lines = words.split("\n")
+    half = int(np.ceil(0.5 * len(bottom) * _LETTER * SMALL * max(map(len, lines)) / width))
+    if 2 * half >= len(bottom):
+        return None
+    over = partial(sliding_window_view, window_shape=2 * half + 1)
+    shades = over(usable)
+    fits = over(known).all(axis=1) & (shades.all(axis=1) | ~shades.any(axis=1))
+    rooms = np.where(fits, over(top).min(axis=1) - over(bottom).max(axis=1), 0.0)
+    if rooms.max() < (len(lines) + _SPARE) * SMALL / height:
+        return None
+    places = np.flatnonzero(rooms > _NEARLY * rooms.max())
+    middle = half + int(places[len(places) // 2])
+    here = slice(middle - half, middle + half + 1)
+    return middle, float(top[here].min() + bottom[here].max()) / 2.0
+
+
+def _not_usable(depth: xr.Dataset, camera: str, distance: FloatArray) -> list[tuple[float, float]]:
+    """The stretches of distance [m] where a camera is not usable."""
+    ends = [float(distance[0])]
+    for near, far in where_usable(depth, camera):
+        ends += [near, min(far, float(distance[-1]))]
+    ends.append(float(distance[-1]))
+    return [(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if b > a]
+
+
+@styled()
+def draw_off_axis(tree: xr.DataTree) -> StudyFigure:
+    """Draw depth uncertainty against distance on the axis (thick) and at every declared field position.
+
+    Off the axis, the corner with the largest uncertainty counts.
+    """
+    depth, off, shown = nominal(tree), group(tree, "depth_field"), traces(tree)
+    fields = [float(field) for field in off["field"].values]
+    figure = new_figure(0.7 + 1.6 * -(-len(shown) // PANELS_IN_A_ROW))
+    panels = camera_panels(figure, len(shown), depth["distance"].values)
+    for axes, camera in zip(panels, shown, strict=True):
+        _field_panel(axes, depth, off, camera)
+    log_axis(panels[0], "y", tick=length_tick)
+    panels[0].set_ylim(*_limits(depth))
+    for axes in panels[::PANELS_IN_A_ROW]:
+        axes.set_ylabel("uncertainty (68 %)")
+    handles = [line_style(0).handle(color=INK, linestyle="-", linewidth=2.0)]
+    handles += [line_style(order + 1).handle() for order in range(len(fields))]
+    legend(figure, handles, [field_words(field) for field in (0.0, *fields)], columns=3)
+    return figure
+
+
+def _limits(depth: xr.Dataset) -> tuple[float, float]:
+    """Limits [mm] that contain the known values on the axis, up to the farthest distance."""
+    values = np.asarray(depth["depth_uncertainty"].values, dtype=np.float64)
+    values = values[np.isfinite(values) & (values > 0.0)] * MM
+    if not values.size:
+        return 1e-3, 1e3
+    return float(values.min()) / 2.0, 2.0 * min(float(values.max()), float(depth["distance"].values[-1]) * MM)
+
+
+def _field_panel(axes: Axes, depth: xr.Dataset, off: xr.Dataset, camera: CameraTrace) -> None:
+    distance = np.asarray(depth["distance"].values, dtype=np.float64)
+    axes.plot(
+        distance,
+        _drawn(of_camera(depth, "depth_uncertainty", camera.key)),
+        color=INK,
+        linewidth=2.0,
+        label=field_words(0.0),
+    )
+    for order, field in enumerate(off["field"].values):
+        style = line_style(order + 1)
+        there = np.asarray(worst_corner(off).sel(field=field, camera=camera.key).values, dtype=np.float64)
+        axes.plot(
+            off["distance"].values,
+            _drawn(there),
+            color=style.color,
+            linestyle=style.dash,
+            linewidth=1.3,
+            label=field_words(float(field)),
+        )
+    axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
+
+
+def _drawn(metres: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(metres) & (metres > 0.0), metres * MM, np.nan)
