@@ -30,11 +30,6 @@ if TYPE_CHECKING:
 _MOST_USUAL_NOISE_PX: Final = 0.5  # of one coordinate; detectors reach 0.02 to 0.3 px
 
 
-def recognises(file: CameraFile) -> bool:
-    """Whether a file is a table of corners on a board."""
-    return file.syntax == "corners"
-
-
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """The pair fitted to the corners.
 
@@ -46,8 +41,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
 
     top = files[0].top
-    if len(files) != 1:
-        raise files[1].top.fail("a corner file contains both cameras; give one file")
     try:
         fit = _fit(files[0].path, files[0].text, request.fitted_lens)
     except TradestudyError as error:
@@ -95,4 +88,9 @@ def _fit(path: Path, _text: str, lens: FittedLensModel | None) -> RigFit:
     return fit_rig(replace(read_corners(path), lens=lens_of(lens)))
 
 
-FORMAT: Final = Format(name="corner file", recognises=recognises, read=read)
+FORMAT: Final = Format(
+    name="corner file",
+    whole="a corner file contains both cameras",
+    recognises=lambda file: file.syntax == "corners",
+    read=read,
+)

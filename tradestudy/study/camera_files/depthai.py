@@ -16,11 +16,6 @@ _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3
 _PERSPECTIVE, _FISHEYE = "0", "1"
 
 
-def recognises(file: CameraFile) -> bool:
-    """Whether a file has the key cameraData."""
-    return file.top.has("cameraData")
-
-
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """The stereo pair of a device, or the two sockets that ``pair`` names.
 
@@ -31,8 +26,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     CameraFileError
         A value is missing or invalid, or no transform connects the two cameras.
     """
-    if len(files) != 1:
-        raise files[1].top.fail("the file of a device contains all its cameras; give one file")
     top = files[0].top
     cameras = _by_socket(top.need("cameraData"))
     left, right = request.pair or _stereo_pair(top, cameras)
@@ -161,4 +154,10 @@ def _camera(socket: str, value: Located) -> ImportedCamera:
     )
 
 
-FORMAT: Final = Format(name="DepthAI calibration", options=("length_unit", "pair"), recognises=recognises, read=read)
+FORMAT: Final = Format(
+    name="DepthAI calibration",
+    options=("length_unit", "pair"),
+    whole="the file of a device contains all its cameras",
+    recognises=lambda file: file.top.has("cameraData"),
+    read=read,
+)

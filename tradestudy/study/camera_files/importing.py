@@ -197,6 +197,8 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
             raise file.top.fail(
                 f"the files have different formats, {first.name} and {one.name}; one format is expected"
             )
+    if first.whole and len(files) > 1:
+        raise files[1].top.fail(f"{first.whole}; give one file")
     for option in fields(request):
         allowed = (*first.options, "fitted_lens", "pixels")
         if option.name not in allowed and getattr(request, option.name) != option.default:

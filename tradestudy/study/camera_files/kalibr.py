@@ -55,8 +55,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     CameraFileError
         A value is missing or invalid, a model is unknown, or the chain does not connect the two cameras.
     """
-    if len(files) != 1:
-        raise files[1].top.fail("a camchain contains all its cameras; give one file")
     top = files[0].top
     names = tuple(name for name in top.names() if top.need(name).has("camera_model"))
     for name in request.pair:
@@ -241,6 +239,7 @@ FORMAT: Final = Format(
     name="Kalibr camchain",
     word="kalibr",
     options=("length_unit", "pair", "lens_model"),
+    whole="a camchain contains all its cameras",
     recognises=recognises,
     read=read,
     write=write,

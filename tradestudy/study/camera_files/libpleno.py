@@ -20,11 +20,6 @@ IGNORED: Final = "values that pictures ignore"
 _SAME: Final = 1e-3  # of a microlens pitch, across and down
 
 
-def recognises(file: CameraFile) -> bool:
-    """Whether a file has a main lens and a microlens array."""
-    return file.top.has("main_lens", "sensor", "mla")
-
-
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """Read the camera; d is the distance from array to sensor (the gap), D that from main lens to array.
 
@@ -37,8 +32,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         A value is missing or invalid, or the parts do not form a camera.
     """
     top = files[0].top
-    if len(files) != 1:
-        raise files[1].top.fail("a libpleno file contains one camera; give one file")
     lens, sensor, array = top.need("main_lens"), top.need("sensor"), top.need("mla")
     mesh, focal_lengths = array.need("mesh"), array.need("focal_lengths")
     behind, plane = _depth(mesh), _depth(sensor)
@@ -162,4 +155,10 @@ def _relay(value: Located, lengths: tuple[float, ...], gap: float) -> str:
     )
 
 
-FORMAT: Final = Format(name="libpleno camera", options=("length_unit",), recognises=recognises, read=read)
+FORMAT: Final = Format(
+    name="libpleno camera",
+    options=("length_unit",),
+    whole="a libpleno file contains one camera",
+    recognises=lambda file: file.top.has("main_lens", "sensor", "mla"),
+    read=read,
+)

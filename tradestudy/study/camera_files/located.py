@@ -349,6 +349,8 @@ class Format:
         Fields of a `Request` that apply to this format.
     recognises
         Whether the content of a file has this format.
+    whole
+        Why one file is enough; empty if a pair may need more.
     read
         Camera or rig from the files of a camera.
     write
@@ -359,6 +361,7 @@ class Format:
     name: str
     word: str = ""
     options: tuple[str, ...] = ()
+    whole: str = ""
     recognises: Callable[[CameraFile], bool]
     read: Callable[[Sequence[CameraFile], Request], Imported]
     write: Callable[[ImportedRig, str], Mapping[str, str]] | None = None

@@ -31,11 +31,6 @@ _MODELS: Final[Mapping[str, tuple[LensModelName, tuple[str, ...]]]] = {
 _REFUSED: Final = {"SPLINED": "a splined model", "NONCENTRAL": "a non-central model", "CAHVORE": "a non-central model"}
 
 
-def recognises(file: CameraFile) -> bool:
-    """Whether a file is a Python literal with a lens model."""
-    return file.syntax == "python"
-
-
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """One camera, or a pair of two files.
 
@@ -151,5 +146,10 @@ def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
 
 
 FORMAT: Final = Format(
-    name="mrcal cameramodel", word="mrcal", options=("length_unit",), recognises=recognises, read=read, write=write
+    name="mrcal cameramodel",
+    word="mrcal",
+    options=("length_unit",),
+    recognises=lambda file: file.syntax == "python",
+    read=read,
+    write=write,
 )

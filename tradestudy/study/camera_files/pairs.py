@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -104,18 +104,6 @@ def inverse(transform: FloatArray) -> FloatArray:
     found[:3, :3] = transform[:3, :3].T
     found[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
     return found
-
-
-def rotation_tuple(matrix: FloatArray) -> Rotation:
-    """A rotation as nested tuples."""
-    a, b, c = (tuple(float(one) for one in row) for row in matrix)
-    return a, b, c  # type: ignore[return-value]
-
-
-def vector_tuple(vector: FloatArray) -> Vector:
-    """A vector as a tuple."""
-    x, y, z = (float(one) for one in vector)
-    return x, y, z
 
 
 _SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m]; beyond these, the unit of length is certainly wrong
@@ -222,8 +210,8 @@ def paired(
     return ImportedRig(
         left=first,
         right=second,
-        rotation=rotation_tuple(rotation),
-        translation=vector_tuple(translation),
+        rotation=cast(Rotation, tuple(map(tuple, rotation.tolist()))),
+        translation=cast(Vector, tuple(translation.tolist())),
         conventions=conventions,
         keys={"rotation": where[0].key, "translation": key},
     )

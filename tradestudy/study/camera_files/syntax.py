@@ -50,30 +50,14 @@ def parsed(path: Path, text: str, syntax: str, label: str) -> CameraFile:
     return CameraFile(path=path, label=label, syntax=syntax, text=text, root=root)
 
 
-def _table(path: Path, _text: str) -> Entry:
-    return MappingEntry(place=Place(str(path), 1, 1), members={})
-
-
-def _opencv_yaml(path: Path, text: str) -> Entry:
-    """OpenCV's YAML, with tags and a header that other parsers refuse."""
-    return _yaml(path, _OPENCV_HEAD.sub(lambda found: "#" + found.group()[1:], text, count=1), tags=True)
-
-
-def _json(path: Path, text: str) -> Entry:
-    """JSON, parsed as YAML without tabs between values and escaped slashes, which YAML does not allow."""
-    return _yaml(path, text.replace("\t", " ").replace("\\/", "/"))
-
-
 def _yaml(path: Path, text: str, *, tags: bool = False) -> Entry:
-    start = Place(str(path), 1, 1)
     try:
-        entry, problems = compose(text, start, tags=tags)
+        entry, problems = compose(text, Place(str(path), 1, 1), tags=tags)
     except UnreadableError as error:
         raise CameraFileError(error.problems[-1]) from None
     if problems:
         raise CameraFileError(problems[0])
-    found: Entry = entry
-    return found
+    return entry
 
 
 def _xml(path: Path, text: str) -> Entry:
@@ -227,10 +211,14 @@ def _scalar(place: Place, value: Any, text: str) -> ScalarEntry:
 
 
 _PARSERS: Final[Mapping[str, Callable[[Path, str], Entry]]] = {
-    "corners": _table,
+    "corners": lambda path, _text: MappingEntry(place=Place(str(path), 1, 1), members={}),
     "opencv-xml": _xml,
-    "opencv-yaml": _opencv_yaml,
+    # With tags and a header that other parsers of YAML refuse.
+    "opencv-yaml": lambda path, text: _yaml(
+        path, _OPENCV_HEAD.sub(lambda found: "#" + found.group()[1:], text, count=1), tags=True
+    ),
     "python": _python,
-    "json": _json,
+    # YAML, but for tabs between values and escaped slashes.
+    "json": lambda path, text: _yaml(path, text.replace("\t", " ").replace("\\/", "/")),
     "yaml": _yaml,
 }
