@@ -182,7 +182,9 @@ def hyperfocal_distance(focal_length: ArrayLike, pupil_diameter: ArrayLike, blur
         For lengths that are not positive.
     """
     f, A, c = as_floats(focal_length, pupil_diameter, blur_diameter)
-    _require_lens(f, A, c)
+    require(f > 0, "focal length", f, limit="> 0 m", remedy="check unit and sign")
+    require(A > 0, "pupil diameter", A, limit="> 0 m", remedy="check unit and sign")
+    require(c >= 0, "blur diameter", c, limit="≥ 0 m", remedy="declare the blur that counts as sharp")
     with np.errstate(divide="ignore"):  # without any blur, only a focus at infinity keeps infinity sharp
         return np.asarray(f * (A / c) + f)
 
@@ -272,13 +274,6 @@ def diffraction_inclusive_depth_of_field(
     allowance = blur_allowance(blur_criterion, spot)
     limits = depth_of_field(a0, f, A, allowance.geometric_diameter)
     return DepthOfField(near=limits.near, far=limits.far, reason=allowance.reason)
-
-
-def _require_lens(f: FloatArray, A: FloatArray, c: FloatArray) -> None:
-    """Refuse impossible lenses and criteria."""
-    require(f > 0, "focal length", f, limit="> 0 m", remedy="check unit and sign")
-    require(A > 0, "pupil diameter", A, limit="> 0 m", remedy="check unit and sign")
-    require(c >= 0, "blur diameter", c, limit="≥ 0 m", remedy="declare the blur that counts as sharp")
 
 
 def object_distance_of_magnification(focal_length: ArrayLike, magnification: ArrayLike) -> FloatArray:

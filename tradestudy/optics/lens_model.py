@@ -421,7 +421,12 @@ class Rational(LensModel):
         Solves ``s g(s² r_d²) = 1``, starting from a table for single coefficients, and from 1 for draws.
         """
         square = a * a + b * b
-        scale = self._first_scale(square) if self._single else np.ones(())
+        scale = np.ones(())
+        if self._single:
+            radius, picture = self._table
+            distorted = np.sqrt(square)
+            held = square > 0.0
+            scale = np.where(held, np.interp(distorted, picture, radius) / np.where(held, distorted, 1.0), 1)
         found = np.ones((), dtype=bool)
         step, settled = np.zeros(()), np.zeros(())
         for _ in range(_NEWTON_STEPS):
@@ -435,12 +440,6 @@ class Rational(LensModel):
             if not np.any(np.abs(step) > settled):
                 break
         return scale, found & (np.abs(step) <= settled)
-
-    def _first_scale(self, square: FloatArray) -> FloatArray:
-        """Interpolated scale r/r_d, from which the solution starts."""
-        radius, picture = self._table
-        distorted = np.sqrt(square)
-        return np.where(square > 0.0, np.interp(distorted, picture, radius) / np.where(square > 0.0, distorted, 1.0), 1)
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:

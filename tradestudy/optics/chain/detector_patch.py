@@ -267,14 +267,20 @@ def plan_detector(
     band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
     per_pixel = samples_per_pixel(pixels, accuracy.pixel_sampling * 2 * band * pixels.pitch)
     spacing = pixels.pitch / per_pixel
-    nodes, targets = _half_side(path)
+    # Half sides of the squares about the detector's centre that contain all nodes and all pixels.
+    nodes = float(np.max(np.abs(path.microlenses.centres - np.asarray(pixels.centre)))) + path.microlenses.cell_reach
+    targets = max(pixels.shape) * pixels.pitch / 2
+    # The farthest pixel from any ray image of a source point; those of a disc's points lie between centre and rim.
+    first, last = reaches[0].image, reaches[-1].image
+    farthest = float(np.linalg.norm(first[:, None] - _corners(path), axis=-1).max())
+    farthest += float(np.linalg.norm(last - first, axis=1).max())
     fading = fading_length(wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
     # Besides its rays, a microlens sends light from the main lens's edge; too few nodes fold it back into small
     # windows.
     beside_rays = math.sqrt(2.0) * (max(float(reach.spread.max()) for reach in reaches) + margin)
     return DetectorPlan(
         kept=kept,
-        target_reach=max(min(_farthest_image(path, reaches), kept + fading + travel), beside_rays),
+        target_reach=max(min(farthest, kept + fading + travel), beside_rays),
         per_pixel=per_pixel,
         transfer=choose_transfer(
             wavelength=wavelength,
@@ -340,23 +346,9 @@ def _farthest(path: LightPath) -> float:
     return float(apart.max()) + path.microlenses.cell_reach
 
 
-def _farthest_image(path: LightPath, reaches: Sequence[RayReach]) -> float:
-    """Distance of the farthest pixel from any ray image of a source point, or of any point of a disc [m]."""
-    first, last = reaches[0].image, reaches[-1].image
-    moved = float(np.linalg.norm(last - first, axis=1).max())
-    return float(np.linalg.norm(first[:, None] - _corners(path), axis=-1).max()) + moved
-
-
 def _corners(path: LightPath) -> FloatArray:
     """Corners of the detector [m], shape (4, 2)."""
     return np.array([[x, y] for x in path.pixels.edges_x[[0, -1]] for y in path.pixels.edges_y[[0, -1]]])
-
-
-def _half_side(path: LightPath) -> tuple[float, float]:
-    """Half sides of the squares about the detector's centre that contain all nodes and all pixels [m]."""
-    centre = np.asarray(path.pixels.centre)
-    nodes = float(np.max(np.abs(path.microlenses.centres - centre))) + path.microlenses.cell_reach
-    return nodes, max(path.pixels.shape) * path.pixels.pitch / 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -474,7 +466,10 @@ def _patch(
     band = half_band(
         wavelength, path.detector_distance, node_reach + half, paraxial=paraxial, tolerance=accuracy.tolerance
     )
-    farthest = _farthest_landing(path, reaches[0], reaches[-1]) + path.pixels.pitch
+    # The traced rim point may lie across the direction of a microlens, and another one along it: both distances add up.
+    added = np.linalg.norm(reaches[-1].image - reaches[0].image, axis=1).max()
+    landing = np.linalg.norm(reaches[0].image - path.microlenses.centres, axis=1).max()
+    farthest = float(landing + added) + path.pixels.pitch
     reach = None
     if not paraxial:
         reach = fresnel_reach(
@@ -518,12 +513,3 @@ def lit_radius(path: LightPath, point: PointSource, wavelength: float, accuracy:
     depth = abs(path.image_at_array(point)[2])
     beyond = accuracy.fresnel_lengths * math.sqrt(wavelength * max(depth, path.detector_distance))
     return blur_radius(path, point) + beyond + path.microlenses.cell_reach
-
-
-def _farthest_landing(path: LightPath, centre: RayReach, rim: RayReach) -> float:
-    """Largest distance of a ray image from its microlens [m]: that of the disc's centre, plus what a rim point may add.
-
-    The traced rim point may lie across the direction of a microlens, and another one along it.
-    """
-    added = np.linalg.norm(rim.image - centre.image, axis=1).max()
-    return float(np.linalg.norm(centre.image - path.microlenses.centres, axis=1).max() + added)

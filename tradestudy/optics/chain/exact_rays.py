@@ -311,8 +311,11 @@ def _detector_points(path: LightPath, across: int) -> tuple[FloatArray, FloatArr
 
 def _seen(path: LightPath, index: int, columns: FloatArray, rows: FloatArray) -> tuple[IndexArray, IndexArray]:
     """Columns and rows that light of a microlens reaches."""
-    middle = path.microlenses.centres[index] * (1.0 + path.detector_distance / path.array_distance)
-    reach = _reach_on_detector(path)
+    b, z, lenses = path.detector_distance, path.array_distance, path.microlenses
+    middle = lenses.centres[index] * (1.0 + b / z)
+    # From paraxial rays through the rims of pupil and cell, with a tenth added for rays that are not paraxial.
+    bent = max(abs(1.0 + b / z - b * power) for power in (0.0, *(1.0 / lenses.focal_lengths)))
+    reach = 1.1 * float(lenses.cell_reach * bent + b * path.main_lens.radius / z)
     seen_x, seen_y = (
         np.flatnonzero(np.abs(line - m) <= reach) for line, m in zip((columns, rows), middle, strict=True)
     )
@@ -388,16 +391,6 @@ class _Trace:
 def _covered(at: Plane, edge: float, width: FloatArray) -> FloatArray:
     """Fraction of a spacing about a point that lies within a disc, whose edge counts as straight."""
     return np.asarray(np.clip(0.5 + (edge - np.sqrt(at.squared)) / np.maximum(width, 1e-9 * edge), 0.0, 1.0))
-
-
-def _reach_on_detector(path: LightPath) -> float:
-    """Largest distance of light from where the line through the middles of pupil and microlens lands [m].
-
-    From paraxial rays through the rims of pupil and cell, with a tenth added for rays that are not paraxial.
-    """
-    b, cell = path.detector_distance, path.microlenses.cell_reach
-    bent = max(abs(1.0 + b / path.array_distance - b * p) for p in (0.0, *(1.0 / path.microlenses.focal_lengths)))
-    return 1.1 * float(cell * bent + b * path.main_lens.radius / path.array_distance)
 
 
 def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accuracy: ChainAccuracy) -> ChainImage:

@@ -222,11 +222,9 @@ def cell_nodes(lenses: Microlenses, *, cycles: float) -> CellNodes:
     x, y, weights = lens.x, lens.y, lens.weights
     if lenses.gaps == "opaque":
         return CellNodes(x=x, y=y, weights=weights, in_lens=np.ones(x.size, dtype=bool))
-    gap = _gap_nodes(lenses, cycles / half)
-    joined = (np.concatenate(pair) for pair in zip((x, y, weights), gap, strict=True))
-    return CellNodes(
-        **dict(zip(("x", "y", "weights"), joined, strict=True)), in_lens=np.arange(x.size + gap[0].size) < x.size
-    )
+    gaps = [_nodes_of(sector) for sector in _sectors(lenses, cycles / half)]
+    joined = [np.concatenate(columns) for columns in zip((x, y, weights), *gaps, strict=True)]
+    return CellNodes(x=joined[0], y=joined[1], weights=joined[2], in_lens=np.arange(joined[0].size) < x.size)
 
 
 def cell_node_count(lenses: Microlenses, *, cycles: float) -> int:
@@ -276,13 +274,6 @@ def _nodes_on_rings(radial_phase: float, angular_phase: float) -> IndexArray:
 def _nodes_across(cycles: float) -> int:
     """Nodes along a side of a square aperture, for a wave that may run along its diagonal."""
     return plane_wave_degree(2 * math.pi * cycles * math.sqrt(2)) // 2 + 2
-
-
-def _gap_nodes(lenses: Microlenses, frequency: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss–Legendre rules in angle and radius between the aperture and the sides of the cell."""
-    parts = [_nodes_of(sector) for sector in _sectors(lenses, frequency)]
-    x, y, weights = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return x, y, weights
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -78,12 +78,6 @@ def _angular_error(nodes: SourceNodes, halves: FloatArray, between: dict[int, Fl
     return _SAFETY_OF_ANGLES * max(falls) * half
 
 
-def _uneven_rings(nodes: SourceNodes, halves: FloatArray) -> list[int]:
-    """The ring whose halves differ most, and the ring where the weighted difference is largest."""
-    size = np.linalg.norm(halves[:, 0] - halves[:, 1], axis=(1, 2))
-    return sorted({int(np.argmax(size)), int(np.argmax(nodes.radial_weights * size))})
-
-
 def _along_radius(
     source: DiscSource, nodes: SourceNodes, eighths: list[dict[int, FloatArray]]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -218,7 +212,9 @@ def _disc_image(
     images = _ring_images(asked, nodes, group, compute, lambda share: done(_SHARE_OF_NODES * share))
     rings = np.mean([moved_image(images.pixels, one) for one in group], axis=0)
     pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
-    uneven = _uneven_rings(nodes, rings)
+    # The ring whose halves differ most, and the ring where the weighted difference is largest.
+    apart = np.linalg.norm(rings[:, 0] - rings[:, 1], axis=(1, 2))
+    uneven = sorted({int(np.argmax(apart)), int(np.argmax(nodes.radial_weights * apart))})
     squared, on_rings, radial = _along_radius(source, nodes, images.eighths)
     picks = rng.choice(nodes.all, size=min(_MOST_DRAWN, len(nodes.all)), replace=False)
     turned = [_turned_ring(asked, nodes, ring, group) for ring in uneven]

@@ -71,7 +71,9 @@ def slow_factor(
     """
     count = problem.samples.nodes.count
     if isinstance(problem.kernel, FresnelKernel) and not np.ptp(box[2]):
-        return _constant(problem, box)
+        # Exact, 1/z: on a plane, the nonlinear path of Fresnel's law is the same from every node.
+        node, coefficients = np.ones((count, 1), dtype=np.complex128), np.full((1, 1, 1, 1), 1 / box[2][0] + 0j)
+        return SlowFactor(node=node, coefficients=coefficients, error=0.0)
     rng = np.random.default_rng(0)  # fixed: the same request gives the same digits
     shuffled = rng.permutation(count)
     fit, held = shuffled[:_SAMPLE_NODES], shuffled[-_SAMPLE_NODES // 2 :]
@@ -104,15 +106,6 @@ def slow_factor(
         node=node,
         coefficients=mixing.reshape(columns.size, *counts),
         error=_relative(apart, exact),
-    )
-
-
-def _constant(problem: SumProblem, box: tuple[FloatArray, FloatArray, FloatArray]) -> SlowFactor:
-    """Exact factor of Fresnel's law on a plane, 1/z: there, the nonlinear path is the same from every node."""
-    return SlowFactor(
-        node=np.ones((problem.samples.nodes.count, 1), dtype=np.complex128),
-        coefficients=np.full((1, 1, 1, 1), 1 / box[2][0], dtype=np.complex128),
-        error=0.0,
     )
 
 

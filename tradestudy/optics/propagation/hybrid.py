@@ -174,7 +174,11 @@ def hybrid_field(
         last = checked - started
         seconds += last
         left = time_left(limits, checked - begun)
-        reference = reference or _reference(wave, kernel, targets, intensity, _doubt(result), accuracy, left)
+        if reference is None:
+            # Squared errors to suspect at targets that are not handed over, up to a factor: larger for fewer zones.
+            suspected = np.where(result.singular, 0.0, 1 / np.maximum(result.zones, _LEAST_DOUBTED) ** 2)
+            doubt = np.asarray(suspected) if result.singular.any() else None
+            reference = _reference(wave, kernel, targets, intensity, doubt, accuracy, left)
         check = _check(wave, kernel, field, reference, edge, accuracy)
         error = stated_error(intensity, check, largest=reference.largest, rounding=reference.rounding)
         check_seconds += time.perf_counter() - checked
@@ -255,13 +259,6 @@ def _reference(
         largest=largest_field(samples, kernel, targets),
         rounding=rounding_error(samples, kernel, targets),
     )
-
-
-def _doubt(result: _Evaluation) -> FloatArray | None:
-    """Squared errors to suspect at the targets that are not handed over, up to a factor: larger for fewer zones."""
-    if not result.singular.any():
-        return None
-    return np.asarray(np.where(result.singular, 0.0, 1 / np.maximum(result.zones, _LEAST_DOUBTED) ** 2))
 
 
 def _check(
