@@ -16,11 +16,10 @@ from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.uncertainty.decision import Draws, RankProbability, rank_probability
+from tradestudy.uncertainty.decision import RankProbability, rank_probability
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.evaluation import Model, Outcome
 from tradestudy.uncertainty.sources import ErrorClass, Group, Source, Sources
-from tradestudy.uncertainty.streams import scrambled_sobol
 
 RANK_ERROR_SOURCES: Final = ("calibration", "both")
 """Calibration errors alone, as after averaging all noise away, and single measurements."""
@@ -72,16 +71,18 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_so
     models = [
         _model(camera, prefix, some, distance) for camera, prefix, some in zip(cameras, _PREFIXES, groups, strict=True)
     ]
-    draws = Draws(
+    drawn = (*own, *shared) or (_NOTHING,)
+    return rank_probability(
+        models[0],
+        models[1],
+        Sources(groups=drawn),
+        distance,
         draws=_DRAWS,
         replicates=_SCRAMBLES,
-        sampler=scrambled_sobol,
         seed=first.propagation.seed,
         point="rank",
         batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
     )
-    drawn = (*own, *shared) or (_NOTHING,)
-    return rank_probability(models[0], models[1], Sources(groups=drawn), distance, draws)
 
 
 def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance: FloatArray) -> Model:
