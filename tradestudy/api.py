@@ -312,7 +312,7 @@ def cost(
     from tradestudy import figures
     from tradestudy.answers.cost import cost_json
     from tradestudy.report.document import plain_text
-    from tradestudy.report.sections.cost import answers
+    from tradestudy.report.sections.program import answers
     from tradestudy.results.storage import list_written, refuse_foreign, replace_file
 
     refuse_foreign(directory, ["cost.json", "cost.svg"])

@@ -12,7 +12,7 @@ from tradestudy import figures
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Heading, Paragraph, Picture, Report, Table, Text, all_blocks, spans
 from tradestudy.report.sections.registers import _times_the_error
-from tradestudy.report.sections.verdicts import _factor
+from tradestudy.report.sections.results import _factor
 from tradestudy.results.views.decision import winners
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_details

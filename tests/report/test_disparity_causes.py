@@ -16,7 +16,7 @@ from tradestudy.imaging.picture import CHANGES
 from tradestudy.models.plan import plan_of
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Paragraph, Table, Text, all_blocks, spans
-from tradestudy.report.sections.disparity_causes import describe_disparity_causes
+from tradestudy.report.sections.results import describe_disparity_causes
 from tradestudy.results import GROUPS
 from tradestudy.study.loading import load_definition
 

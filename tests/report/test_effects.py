@@ -13,7 +13,7 @@ from tradestudy.accuracy import IN_WORDS
 from tradestudy.answers.registers import effects_group
 from tradestudy.models.plan import Plan
 from tradestudy.report.document import Paragraph, Table, Text, spans
-from tradestudy.report.sections.effects import describe_effects, list_decisions
+from tradestudy.report.sections.program import describe_effects, list_decisions
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import NO_MICROLENSES
 

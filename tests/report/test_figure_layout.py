@@ -17,7 +17,7 @@ from tests.report.layout import unreadable
 from tradestudy import figures
 from tradestudy.figures.curves import beneath, spread
 from tradestudy.figures.style import letters_on, line_style, readable
-from tradestudy.report.typesetting import template
+from tradestudy.report.pdf import template
 from tradestudy.results.storage import read_finished
 from tradestudy.results.views.groups import camera_titles
 

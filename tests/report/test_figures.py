@@ -20,7 +20,7 @@ from tradestudy.figures.curves import fill
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import length_tick, line_style, new_figure, plain_number, styled, traces
 from tradestudy.figures.sweeps import frontier, moved_cameras, reference_distance
-from tradestudy.report.curve_values import curve_values
+from tradestudy.report.page_data import curve_values
 from tradestudy.results.views.decision import has_winners, winners
 from tradestudy.results.views.depth import nominal
 from tradestudy.results.views.groups import camera_titles

@@ -14,8 +14,6 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Plotted
 from tradestudy.figures.style import FAINT, INK, SOFT, line_style, readable
-from tradestudy.report import html
-from tradestudy.report.curve_values import CurveValues
 from tradestudy.report.document import (
     Bullets,
     Callout,
@@ -28,8 +26,9 @@ from tradestudy.report.document import (
     Table,
     say,
 )  # fmt: skip
-from tradestudy.report.page_data import page_data
-from tradestudy.report.typesetting import template
+from tradestudy.report.html import render_html, script
+from tradestudy.report.page_data import CurveValues, page_data
+from tradestudy.report.pdf import template
 
 VOID = {"meta", "img", "br", "link", "input"}
 LETTER = re.compile(r'<path id="DejaVu[^>]*/>')
@@ -171,7 +170,7 @@ def test_every_colour_of_cameras_follows_the_page() -> None:
 
 
 def test_the_script_is_short() -> None:
-    assert len(html.script().encode()) <= 30_000
+    assert len(script().encode()) <= 30_000
 
 
 def test_sections_follow_their_order(page: Page) -> None:
@@ -239,7 +238,7 @@ def test_hostile_text_stays_text() -> None:
             Equation(typst="x", alt="x", reference=HOSTILE),
         ),
     )
-    page = Page(html.render_html(document, {"p": Plotted(svg=b'<svg viewBox="0 0 1 1"></svg>')}).decode())
+    page = Page(render_html(document, {"p": Plotted(svg=b'<svg viewBox="0 0 1 1"></svg>')}).decode())
     assert len(page.of("script")) == 2  # its own and its data
     # Everything but the picture's alternative text is shown: 23 places, title element and contents included.
     assert page.text.count(HOSTILE) == 23

@@ -12,7 +12,6 @@ import xarray as xr
 from tradestudy import figures
 from tradestudy.errors import TradestudyError
 from tradestudy.figures.style import traces
-from tradestudy.report import pdf
 from tradestudy.report.document import (
     Bullets,
     Callout,
@@ -25,7 +24,7 @@ from tradestudy.report.document import (
     Table,
     say,
 )  # fmt: skip
-from tradestudy.report.typesetting import typeset
+from tradestudy.report.pdf import render_pdf, typeset
 
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="10" height="10"><rect width="10" height="10" fill="red"/></svg>'
 
@@ -105,7 +104,7 @@ def test_the_curve_of_every_camera_is_on_the_page(
 def test_a_drawn_curve_lies_where_its_numbers_are(tree: xr.DataTree) -> None:
     """Read the curve back from the picture: slope 2 on the log-log chart, as the synthetic tree has it."""
     figure = figures.figure(tree, "whole_range")
-    page = pdf.render_pdf(
+    page = render_pdf(
         Report(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt="a"),)), {"p": figure.svg()}
     )
     image = pixels(page, 0, scale=4.0)
@@ -145,7 +144,7 @@ def test_hostile_text_stays_text() -> None:
             Equation(typst="x", alt="x", reference="r"),
         ),
     )
-    pages = texts(pdf.render_pdf(document, {"p": SVG}))
+    pages = texts(render_pdf(document, {"p": SVG}))
     text = re.sub(r"[\s\u00ad\ufffe\u0002]", "", "".join(pages))
     # Subtitle, heading, paragraph, bullet, callout twice, caption, title, unit, two cells, note, caption; and
     # the heading once more at the head of every page but the first.
@@ -160,7 +159,7 @@ def test_a_row_heading_is_on_the_page_of_its_first_row_and_repeated_where_rows_c
 
     columns = (Column(title="A"), Column(title="B"))
     table = Table(name="t", caption="T", columns=columns, rows=(*rows("First", lines), *rows("Second", 40)))
-    printed = texts(pdf.render_pdf(Report(title="D", subtitle="", blocks=(table,)), {}))
+    printed = texts(render_pdf(Report(title="D", subtitle="", blocks=(table,)), {}))
     assert len(printed) > 1
     for page in printed:
         for heading in ("First", "Second"):
@@ -170,13 +169,13 @@ def test_a_row_heading_is_on_the_page_of_its_first_row_and_repeated_where_rows_c
 def test_an_equation_that_does_not_parse_is_a_clear_error() -> None:
     document = Report(title="t", subtitle="", blocks=(Equation(typst="frac(", alt="x"),))
     with pytest.raises(TradestudyError, match=r"the typesetter refused report\.typ"):
-        pdf.render_pdf(document, {})
+        render_pdf(document, {})
 
 
 def test_a_picture_without_alternative_text_is_refused() -> None:
     document = Report(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt=""),))
     with pytest.raises(TradestudyError):
-        pdf.render_pdf(document, {"p": SVG})
+        render_pdf(document, {"p": SVG})
 
 
 def test_equations_come_one_per_page() -> None:

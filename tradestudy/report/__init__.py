@@ -61,10 +61,10 @@ def compose_files(
     """
     from tradestudy import figures
     from tradestudy.figures.drawn import drawn_here
-    from tradestudy.report import contents, html
-    from tradestudy.report import pdf as pdf_format
-    from tradestudy.report.curve_values import curve_values
-    from tradestudy.report.designs import page_designs
+    from tradestudy.report import contents
+    from tradestudy.report.html import render_html
+    from tradestudy.report.page_data import curve_values, page_designs
+    from tradestudy.report.pdf import render_pdf
 
     drawings = figures.build(tree)
     whole = _LISTING + _COMPOSING + len(drawings) + _TYPESETTING
@@ -83,9 +83,9 @@ def compose_files(
     made: dict[str, bytes | Future[bytes]] = {f"figures/{name}.svg": svg for name, svg in images.items()}
     if pdf:
         pool = ThreadPoolExecutor(1)  # other threads run while it typesets
-        made["report.pdf"] = pool.submit(pdf_format.render_pdf, document, images)
+        made["report.pdf"] = pool.submit(render_pdf, document, images)
         pool.shutdown(wait=False)
-    made["report.html"] = html.render_html(document, pictures, values, designs)
+    made["report.html"] = render_html(document, pictures, values, designs)
     return made
 
 

@@ -11,18 +11,13 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Appendices, Contents, PageBreak, Report, literal
 from tradestudy.report.sections.answer import describe_answer
 from tradestudy.report.sections.calibration import describe_calibration
-from tradestudy.report.sections.cost import describe_cost
-from tradestudy.report.sections.datasheet import describe_datasheet
-from tradestudy.report.sections.depth_loop import describe_depth_loop
-from tradestudy.report.sections.depth_maps import describe_depth_maps
-from tradestudy.report.sections.depth_numbers import describe_decision, list_depths
+from tradestudy.report.sections.depth_numbers import describe_datasheet, describe_decision, list_depths
 from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
-from tradestudy.report.sections.effects import describe_effects, list_decisions
 from tradestudy.report.sections.fresnel_validity import describe_fresnel_answer, describe_fresnel_validity
-from tradestudy.report.sections.hard_cases import describe_hard_cases
 from tradestudy.report.sections.light_spot import describe_light_spot, describe_light_spot_answer
 from tradestudy.report.sections.method import describe_method
-from tradestudy.report.sections.pictures import describe_pictures
+from tradestudy.report.sections.pictures import describe_depth_loop, describe_depth_maps, describe_pictures
+from tradestudy.report.sections.program import describe_cost, describe_effects, describe_hard_cases, list_decisions
 from tradestudy.report.sections.registers import (
     describe_assumptions,
     describe_cameras,
@@ -34,10 +29,8 @@ from tradestudy.report.sections.registers import (
     describe_requirements,
     list_claim_values,
 )
-from tradestudy.report.sections.results import describe_results
-from tradestudy.report.sections.trade_off import describe_trade_off
-from tradestudy.report.sections.value_of_information import describe_value_of_information
-from tradestudy.report.sections.verdicts import describe_verdicts
+from tradestudy.report.sections.results import describe_results, describe_verdicts
+from tradestudy.report.sections.trade_off import describe_trade_off, describe_value_of_information
 
 
 def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Report:

@@ -1,22 +1,199 @@
-"""The numbers that the script of a page needs: curves of its figures, and values of the results."""
+"""The data of an HTML page: results behind the curves of its figures, the designs of a sweep, and both as JSON."""
 
 from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
 from tradestudy.errors import escaped
 from tradestudy.figures.drawing import Curve, Panel, Plotted
-from tradestudy.report.curve_values import CurveValues
-from tradestudy.report.designs import PageDesigns
-from tradestudy.report.document import Block
-from tradestudy.results.views.groups import FloatArray
+from tradestudy.report.document import Block, Callout, Table
+from tradestudy.report.sections.answer import describe_design
+from tradestudy.report.sections.registers import requirement_table
+from tradestudy.results import judged_uncertainty
+from tradestudy.results.views.decision import (
+    BestCameras,
+    best_cameras_of_designs,
+    camera_depths,
+    design_places,
+    requirements_of_designs,
+    shown_place,
+    tied,
+)
+from tradestudy.results.views.depth import by_design, nominal, swept, where_measured
+from tradestudy.results.views.designs import path_words, value_words
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
+from tradestudy.results.views.requirement_conclusions import conclusions_of_design
+from tradestudy.units import FRACTION, pretty
+from tradestudy.wording import listed
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveValues:
+    """A curve of the results over distance [m], in SI.
+
+    Parameters
+    ----------
+    x, value
+        Distances, and the values there.
+    low, high
+        Values shown beside it: the ends of an interval, or the steps nearer and farther.
+    beside
+        Name of the interval, such as "95 %"; empty for steps nearer and farther.
+    """
+
+    x: FloatArray
+    value: FloatArray
+    low: FloatArray | None = None
+    high: FloatArray | None = None
+    beside: str = ""
+
+
+def curve_values(tree: xr.DataTree) -> Mapping[str, CurveValues]:
+    """Curves over distance, by the name that figures give them, such as ``depth_uncertainty/stereo``."""
+    return depth_values(nominal(tree))[0] if has(tree, "depth") else {}
+
+
+def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
+    """The curves of every design of ``/depth``; the last parameter varies fastest."""
+    depth = where_measured(depth)
+    x, ends = np.asarray(depth["distance"].values, dtype=np.float64), depth["quantile"].values
+    beside = pretty(float(ends[-1] - ends[0]), FRACTION)
+    low, high = (
+        by_design(depth, depth["depth_quantile"].sel(error_source="both").isel(quantile=end), "camera", "distance")
+        for end in (0, -1)
+    )
+    nearer, farther = (
+        by_design(depth, depth["depth_discrimination"].sel(side=side), "camera", "distance")
+        for side in ("nearer", "farther")
+    )
+    shares = by_design(depth, depth["variance_share"], "part", "camera", "distance")
+    uncertainty, judged = (
+        by_design(depth, values, "camera", "distance")
+        for values in (depth["depth_uncertainty"], judged_uncertainty(depth))
+    )
+    parts = list(map(str, depth["part"].values))
+
+    def of_camera(design: int, k: int, camera: str) -> dict[str, CurveValues]:
+        at = design, k
+        return {
+            **{
+                f"{name}/{camera}": CurveValues(x=x, value=values[at], low=low[at], high=high[at], beside=beside)
+                for name, values in (("depth_uncertainty", uncertainty), ("judged_uncertainty", judged))
+            },
+            f"depth_discrimination/{camera}": CurveValues(x=x, value=nearer[at], low=nearer[at], high=farther[at]),
+            **{
+                f"variance_share:{part}/{camera}": CurveValues(x=x, value=shares[design, number, k])
+                for number, part in enumerate(parts)
+            },
+        }
+
+    cameras = list(map(str, depth["camera"].values))
+    return [
+        {name: curve for k, camera in enumerate(cameras) for name, curve in of_camera(design, k, camera).items()}
+        for design in range(len(uncertainty))
+    ]
+
+
+MOST_DESIGNS: Final = 500  # with more designs, a page would be too large to share
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignAxis:
+    """One swept parameter.
+
+    Parameters
+    ----------
+    says
+        Its name and camera, in words.
+    words, values
+        The value of each step in words, and in SI; None for choices by name.
+    shown
+        Number of the step that the report shows.
+    """
+
+    says: str
+    words: tuple[str, ...]
+    values: tuple[float | None, ...]
+    shown: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageDesign:
+    """One design: curves by name, usable stretches [m] by camera, best cameras by stretch, and blocks by name."""
+
+    curves: Mapping[str, CurveValues]
+    usable: Mapping[str, tuple[tuple[float, float], ...]]
+    best: tuple[tuple[float, float, tuple[str, ...]], ...]
+    blocks: Mapping[str, Block]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageDesigns:
+    """All designs; the last parameter varies fastest."""
+
+    axes: tuple[DesignAxis, ...]
+    designs: tuple[PageDesign, ...]
+
+
+def page_designs(tree: xr.DataTree) -> PageDesigns | None:
+    """All designs of a sweep; None without a sweep, or with more designs than a page can contain."""
+    places = list(design_places(tree))
+    if not 1 < len(places) <= MOST_DESIGNS:
+        return None
+    depth, shown, titles = group(tree, "depth"), shown_place(tree), camera_titles(tree)
+    axes = tuple(_axis(tree, depth[path], shown[path]) for path in swept(depth))
+    return PageDesigns(
+        axes=axes,
+        designs=tuple(
+            PageDesign(
+                curves=curves,
+                usable={key: camera.usable for key, camera in cameras.items()},
+                best=() if best is None else tuple((start, end, tied(names)) for start, end, names in best.ranges),
+                blocks=_blocks(titles, best, rows, _words(axes, place)),
+            )
+            for place, curves, cameras, best, rows in zip(
+                places,
+                depth_values(depth),
+                camera_depths(depth),
+                best_cameras_of_designs(tree),
+                requirements_of_designs(tree),
+                strict=True,
+            )
+        ),
+    )
+
+
+def _words(axes: tuple[DesignAxis, ...], place: Mapping[str, int]) -> str:
+    return listed([f"{axis.says} {axis.words[step]}" for axis, step in zip(axes, place.values(), strict=True)])
+
+
+def _blocks(
+    titles: Mapping[str, str], best: BestCameras | None, rows: Sequence[Mapping[str, Any]], words: str
+) -> dict[str, Block]:
+    """The blocks of a page that are about one design, by name."""
+    blocks: list[Callout | Table] = [*describe_design(best, conclusions_of_design(rows, titles), words)]
+    if rows:
+        blocks.append(requirement_table(rows, titles))
+    return {one.name: one for one in blocks}
+
+
+def _axis(tree: xr.DataTree, coordinate: xr.DataArray, shown: int) -> DesignAxis:
+    numeric = coordinate.dtype.kind in "fiu"
+    return DesignAxis(
+        says=path_words(tree, str(coordinate.name)),
+        words=tuple(value_words(coordinate, value) for value in coordinate.values),
+        values=tuple(float(value) if numeric else None for value in coordinate.values),
+        shown=shown,
+    )
+
 
 _FARTHEST: Final = 1e9  # m
 _DIGITS: Final = 3  # digits that the script shows

@@ -1,21 +1,350 @@
-"""Calibration: sources, convergence of inferences, the benefit of averaging, and which camera errs less."""
+"""Calibration: what it rests on, how far averaging helps, which camera has the smaller error, and posteriors."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Column, Heading, Table, Text, pictures_of
-from tradestudy.report.sections.posterior import describe_posteriors, lens_words
-from tradestudy.report.sections.uncertain_decision import describe_ranks
+from tradestudy.report.document import (
+    Block,
+    Callout,
+    Column,
+    Heading,
+    Paragraph,
+    Table,
+    Text,
+    pictures_of,
+    say,
+    with_subscripts,
+)
+from tradestudy.report.words import or_dash, parameter_dimension, share
 from tradestudy.results.views.depth import decided_by_calibration, nominal, table_depth, table_distances
-from tradestudy.results.views.groups import group, has, titles_in
-from tradestudy.units import significant
-from tradestudy.wording import counted, distance, in_words
+from tradestudy.results.views.groups import camera_titles, group, has, titles_in
+from tradestudy.units import Dimension, pretty, significant
+from tradestudy.wording import counted, distance, in_words, lens_in_words, with_article
+
+_CLEARLY = 2.0  # standard errors
+_NAMES: Final[Mapping[str, str]] = {
+    "board_bowl": "warp of the board, bowl",
+    "board_edge_saddle": "warp of the board, saddle along the edges",
+    "board_diagonal_saddle": "warp of the board, saddle along the diagonals",
+    "log_noise_px": "logarithm of the noise in px",
+    "relative_rotation_x": "relative pitch (rotation about x)",
+    "relative_rotation_y": "relative yaw (rotation about y)",
+    "relative_rotation_z": "relative roll (rotation about z)",
+    "motion_scale": "standard deviation of the board's motion",
+}
+
+
+def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Write the fitted calibrations; nothing for a study without any."""
+    if not has(tree, "calibration", "posterior_mean"):
+        return
+    data, titles = group(tree, "calibration"), camera_titles(tree)
+    yield Heading(text="Fitted calibrations", anchor="posterior", level=2)
+    yield Paragraph(
+        say(
+            "The parameters are fitted to pictures of a board, and the pose of the board in each view is marginalised; "
+            "{priors}. The sampler emcee runs four independent ensembles; a result counts as converged if it meets "
+            "every limit below. The spread of the draws about their mean is propagated to depth.",
+            priors=_priors(data),
+        )
+    )
+    for name in data["posterior"].values:
+        if not bool(data["posterior_converged"].sel(posterior=name)):
+            yield Callout(
+                title=say("{title} did not converge", title=titles[str(name)]),
+                blocks=(Paragraph(str(data["posterior_verdict"].sel(posterior=name).item())),),
+                tone="warning",
+            )
+    yield _chains(data, titles)
+    for name in map(str, data["posterior"].values):
+        yield _parameters(data.sel(posterior=name), name, titles[name])
+        yield from pictures_of(drawings, f"corner-{name}", f"trace-{name}", f"trust-{name}")
+    if "rig_value" in data:
+        yield _rig(data, titles)
+    if "rig_lens_support" in data:
+        yield from _lenses(data, titles)
+
+
+def _priors(data: xr.Dataset) -> str:
+    flat = np.isinf(data["prior_deviation"].values).any(axis=-1)  # by posterior
+    if flat.all():
+        return "the priors are flat"
+    return "the declared errors are the priors" + (", but fits to corner files have flat priors" if flat.any() else "")
+
+
+def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
+    rows: list[tuple[Text, ...]] = []
+    for name in map(str, data["posterior"].values):
+        there = data.sel(posterior=name)
+        acceptance = there["posterior_acceptance"].values
+        laplace = or_dash(float(there["laplace_seconds"]), lambda seconds: significant(seconds, 2))
+        rows.append(
+            (
+                titles[name],
+                "yes" if bool(there["posterior_converged"]) else "no",
+                significant(float(there["posterior_lengths"])),
+                f"{np.nanmax(there['posterior_r_hat'].values):.4f}",
+                f"{np.nanmin(there['posterior_bulk_size'].values):.0f}",
+                f"{np.nanmin(there['posterior_tail_size'].values):.0f}",
+                f"{np.nanmin(acceptance):.2f} – {np.nanmax(acceptance):.2f}",
+                f"{float(there['posterior_marginal_efficiency']):.3f}",
+                f"{significant(float(there['posterior_seconds']), 2)} / {laplace}",
+            )
+        )
+    return Table(
+        name="posterior-table",
+        caption="Convergence of the chains. N/τ, R-hat and ESS are those of the worst parameter.",
+        columns=(
+            Column(title="Camera", weight=1),
+            Column(title="Converged"),
+            Column(title="N/τ", align="right"),
+            Column(title="R-hat", align="right"),
+            Column(title="Bulk ESS", align="right"),
+            Column(title="Tail ESS", align="right"),
+            Column(title="Acceptance", align="right"),
+            Column(title="Poses", align="right"),
+            Column(title="emcee / Laplace [s]", align="right"),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Limits: N/τ, the length of the chains in autocorrelation times, at least 50; R-hat, the disagreement of "
+            "the chains, at most 1.01; ESS, the effective sample size, at least 400; acceptance, the fraction of "
+            "accepted steps in each ensemble, 0.2 to 0.5; poses, the effective fraction of the draws after reweighting "
+            "with board poses fitted anew for each draw, at least 0.9. Last column: computing times of the sampler and "
+            "of Laplace's normal approximation. The number of draws makes standard deviations, and depth uncertainties "
+            "based on them, uncertain by 1/√(2 tail ESS): at most "
+            f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
+        ),
+    )
+
+
+def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
+    known = np.flatnonzero(np.isfinite(there["posterior_mean"].values))
+    one = there.isel(parameter=known)
+    with_term = bool(np.isfinite(one["rig_overconfidence"].values).any())
+
+    def number(variable: str, k: int) -> str:
+        return or_dash(float(one[variable].values[k]))
+
+    def quantity(variable: str, k: int) -> str:
+        value, dimension = float(one[variable].values[k]), parameter_dimension(str(one["parameter"].values[k]))
+        return pretty(value, dimension) if np.isfinite(value) else "—"
+
+    last = "rig_overconfidence" if with_term else "prior_deviation"
+    return Table(
+        name=f"parameters-{name}",
+        caption=say(
+            "Parameters of {title}{errors}: mean and standard deviation of the draws, {compared}. τ: autocorrelation "
+            "time in steps of the chain.",
+            title=title,
+            errors="" if with_term else ", each as an error of its declared value",
+            compared="standard deviation by Laplace's normal approximation, and the ratio of the standard deviation to "
+            "that of a fit in which the board does not move between the two exposures of a view"
+            if with_term
+            else "standard deviation by Laplace's normal approximation, and that of the prior",
+        ),
+        columns=(
+            Column(title="Parameter", weight=1),
+            Column(title="Mean", align="right"),
+            Column(title="Std. dev.", align="right"),
+            Column(title="Laplace", align="right"),
+            Column(title="Ratio" if with_term else "Prior", align="right"),
+            Column(title="τ", align="right"),
+            Column(title="R-hat", align="right"),
+        ),
+        rows=tuple(
+            (
+                _name(str(one["parameter"].values[k])),
+                _to_the_digit(
+                    float(one["posterior_mean"].values[k]),
+                    float(one["posterior_deviation"].values[k]),
+                    parameter_dimension(str(one["parameter"].values[k])),
+                ),
+                quantity("posterior_deviation", k),
+                quantity("laplace_deviation", k),
+                number(last, k) if with_term else quantity(last, k),
+                number("posterior_autocorrelation", k),
+                f"{float(one['posterior_r_hat'].values[k]):.4f}",
+            )
+            for k in range(known.size)
+        ),
+    )
+
+
+def _name(parameter: str) -> str:
+    return _NAMES.get(parameter) or in_words(parameter)
+
+
+def _to_the_digit(value: float, deviation: float, dimension: Dimension) -> str:
+    """Write a value as far as the second digit of its standard deviation."""
+    if not (np.isfinite(value) and deviation > 0.0):
+        return pretty(value, dimension)
+    digits = 2 + max(0, int(np.floor(np.log10(abs(value) / deviation)))) if value else 2
+    return pretty(value, dimension, digits)
+
+
+def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
+    found = list(zip(data["rig_camera"].values, data["rig_quantity"].values, data["rig_value"].values, strict=True))
+    rows: list[tuple[Text, ...]] = []
+    for rig in dict.fromkeys(camera for camera, _, _ in found):
+        rows.append((titles[str(rig)],))
+        rows += [(with_subscripts(str(name)), str(value)) for camera, name, value in found if camera == rig]
+    return Table(
+        name="rig-table",
+        caption="Fits to the corners of the board: each camera alone, the pair with one relative pose, and the pair "
+        "with a board that may move a little between the two exposures of a view. Opposite mean residuals of a view in "
+        "the two cameras suggest such a motion.",
+        columns=(
+            Column(title="Quantity", weight=1),
+            Column(title="Value", weight=1, align="right"),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Residuals are root mean square lengths per corner. A fit without motion counts its effect as noise "
+            "of the corners, and its standard deviations of the relative pose are too small by the factors in the "
+            "column “Ratio” above.",
+            "Values of one camera with ± come from the fit of this camera alone, baseline and rotation from the pair "
+            "with the moving board; ± is the standard deviation by generalised least squares. The noise differs from "
+            "view to view, and neighbouring corners share part of it, both as estimated by restricted maximum "
+            "likelihood; the fitted poses absorb some of the shared part, which shortens the residuals. "
+            "Outlying corners have little or no weight, and the fit includes a warp of the board. Accuracy: the "
+            "claimed depth uncertainty of a point midway between the cameras, multiplied by the ratio of the found to "
+            "the claimed difference between random halves where that ratio exceeds 1. Corners cannot reveal the size "
+            "of the squares: an error of 0.1 % in their size is an error of 0.1 % in depth, 0.3 mm at 0.3 m.",
+        ),
+    )
+
+
+def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
+    """Say which lens model the corners support, and how each would change depth."""
+    rows: list[tuple[Text, ...]] = []
+    for name in map(str, data["posterior"].values):
+        compared = data.sel(posterior=name).dropna("lens_model", subset=["rig_lens_support"])
+        if not compared.sizes["lens_model"]:  # none was compared, or none could be fitted
+            continue
+        yield Paragraph(_supported(compared, titles[name]))
+        rows += [
+            (titles[name], str(model), *_lens_cells(compared, str(model))) for model in compared["lens_model"].values
+        ]
+    if not rows:
+        return
+    yield Table(
+        name="lens-model-table",
+        caption="Other lens models and the coefficients fitted, named as in study files. Support: gain over the model "
+        "in use in the log likelihood of views left out of the fit one at a time, ± standard error over views. Under "
+        "each distance: the change in mm of the depth of a point midway between the cameras, ± standard error by "
+        "the jackknife over views.",
+        columns=(
+            Column(title="Rig", weight=1),
+            Column(title="Lens model", weight=2),
+            Column(title="Support", align="right"),
+            *(Column(title=distance(float(one)), align="right") for one in data["rig_distance"].values),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _supported(compared: xr.Dataset, title: str) -> Text:
+    support = compared["rig_lens_support"]
+    best = compared.isel(lens_model=int(np.argmax(support.values)))
+    used = lens_words(str(compared["posterior_lens_model"].item()))
+    if float(best["rig_lens_support"]) > _CLEARLY * float(best["rig_lens_support_deviation"]):
+        what = "The corners of {title} clearly favour another lens model, {model}, over the one in use, {used}."
+        return say(what, title=title, model=str(best["lens_model"].item()), used=used)
+    what = "The corners of {title} do not clearly favour a lens model other than the one in use, {used}."
+    return say(what, title=title, used=used)
+
+
+def lens_words(stored: str) -> str:
+    """A fitted lens model as stored in results, in words."""
+    if not stored:
+        return lens_in_words()
+    lens = json.loads(stored)
+    return lens_in_words(lens["model"], lens["free"])
+
+
+def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:
+    one = compared.sel(lens_model=model)
+    yield _with_error(float(one["rig_lens_support"]), float(one["rig_lens_support_deviation"]))
+    for change, error in zip(one["rig_lens_change"].values, one["rig_lens_change_deviation"].values, strict=True):
+        yield _with_error(1e3 * float(change), 1e3 * float(error))
+
+
+def _with_error(value: float, error: float) -> str:
+    """Write a number and its standard error as far as the second digit of the error."""
+    decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0.0 else 3
+    return f"{value:+.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
+
+
+def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
+    """Say how likely the first camera of the main pair errs less, for a rig and a measurement; then list all pairs."""
+    decision, titles, places = group(tree, "decision"), camera_titles(tree), table_distances(tree)
+    pair = decision.isel(pair=0)
+    first, second = (with_article(titles[str(pair[name].item())]) for name in ("pair_first", "pair_second"))
+
+    def between(error_source: str) -> str:
+        there = (
+            pair["rank_first"].sel(rank_error_source=error_source).sel(rank_distance=places, method="nearest").values
+        )
+        low, high = share(float(there.min())), share(float(there.max()))
+        return low if low == high else f"{low} to {high}"
+
+    yield Paragraph(
+        say(
+            "From {near} to {far}, the probability that a given unit of **{first}** has a smaller depth error than a "
+            "given unit of {second} is **{rig}** if all noise is averaged out, and **{reading}** in a single "
+            "measurement.",
+            first=first,
+            second=second,
+            rig=between("calibration"),
+            reading=between("both"),
+            near=distance(float(places.min())),
+            far=distance(float(places.max())),
+        )
+    )
+    yield _rank_table(tree)
+
+
+def _rank_table(tree: xr.DataTree) -> Table:
+    """List the probabilities of the ranks of every pair at the declared distances."""
+    data, titles = group(tree, "decision"), camera_titles(tree)
+    places = [float(place) for place in table_distances(tree)]
+
+    def cell(there: xr.Dataset, place: float) -> str:
+        at = there.sel(rank_distance=place, method="nearest")
+        first, error = float(at["rank_first"]), 2.0 * float(at["rank_first_error"])
+        if first + float(at["rank_second"]) == 0.0:
+            return "—"
+        return f"{100 * first:.1f} ± {100 * error:.1f}\N{NO-BREAK SPACE}%"
+
+    rows: list[tuple[Text, ...]] = []
+    for error_source in data["rank_error_source"].values:
+        rows.append(
+            ("Calibration alone" if error_source == "calibration" else "Single measurements, noise and calibration",)
+        )
+        for pair in data["pair"].values:
+            there = data.sel(pair=pair, rank_error_source=error_source)
+            names = [titles[str(there[name].item())] for name in ("pair_first", "pair_second")]
+            rows.append((*names, *(cell(there, place) for place in places)))
+    return Table(
+        name="rank-table",
+        caption="Probability that the depth error of the first camera is smaller than that of the second; ± twice the "
+        "standard error of this probability. A camera that does not see the point loses.",
+        columns=(
+            Column(title="First", weight=1),
+            Column(title="Second", weight=1),
+            *(Column(title=distance(place), align="right") for place in places),
+        ),
+        rows=tuple(rows),
+    )
+
 
 _TWO_DIGITS = 100.0
 _SOURCES = ("corners", "target", "posterior")

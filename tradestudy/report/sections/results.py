@@ -1,18 +1,28 @@
-"""Results: usable ranges, depth discrimination and uncertainty, error sources, swept designs."""
+"""Results: where each camera is usable, which error source favours which, and what decides the uncertainty."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
-from tradestudy.report.sections.disparity_causes import describe_disparity_causes
-from tradestudy.results.views.depth import least_broken, nominal
-from tradestudy.results.views.groups import group, has, titles_in
-from tradestudy.wording import distance, in_words
+from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Spans, Table, Text, pictures_of, say
+from tradestudy.report.words import share
+from tradestudy.results.views.decision import Flips, answer_title, flips, readings_in_words
+from tradestudy.results.views.depth import (
+    at_the_bound,
+    best_of_any_matcher,
+    declared_matchers,
+    least_broken,
+    nominal,
+    table_depth,
+)
+from tradestudy.results.views.groups import camera_titles, group, has, titles_in
+from tradestudy.units import significant
+from tradestudy.wording import counted, distance, in_words, listed, with_article
 
 _NOWHERE = "nowhere"
 _MISSING = (
@@ -98,3 +108,366 @@ def _what_is_missing(camera: xr.Dataset) -> str:
     best = least_broken(broken)
     names = camera["limit"].values[broken[best]]
     return f"{', '.join(map(in_words, names))} (at {distance(float(camera['distance'].values[best]))})"
+
+
+def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
+    """Say which camera noise and calibration favour on their own, and list the verdict under other readings."""
+    favoured, table = tuple(_favoured_cameras(tree)), tuple(_stability(tree))
+    if table:
+        yield Heading(text="Which camera each error source favours", anchor="verdicts")
+        yield Bullets(favoured)
+        yield from table
+
+
+def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
+    """Say which camera matching noise and calibration errors favour, each alone, and at how many distances."""
+    if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
+        return
+    decision, titles = group(tree, "decision"), camera_titles(tree)
+    pair, declared = [str(decision.attrs[end]) for end in ("first", "second")], decision.isel(reading=0)
+    yield say(
+        "Between {first} and {second}, {noise}; {calibration}.",
+        first=with_article(titles[pair[0]]),
+        second=with_article(titles[pair[1]]),
+        noise=f"matching noise alone {_favoured(declared.sel(error_source='noise'), pair, titles, 's')}",
+        calibration=f"calibration errors alone {_favoured(declared.sel(error_source='calibration'), pair, titles, '')}",
+    )
+
+
+def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], s: str) -> str:
+    """Count the wins, ties and undecided distances of one error source; `s` ends the verbs of one in the singular.
+
+    Equal uncertainties are ties.
+    """
+    names = [str(name) for name in decision["more_certain"].values]
+    neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
+    undecided = int(np.isnan(neither).sum())
+    wins = {key: names.count(key) for key in pair}
+    parts = [
+        f"favour{s} {with_article(titles[key])} at {wins[key]}"
+        for key in sorted(pair, key=lambda key: -wins[key])
+        if wins[key] > 0
+    ]
+    parts += [f"leave{s} a tie at {neither.size - undecided}"] if neither.size > undecided else []
+    parts += [f"decide{s} nothing at {undecided}"] if undecided else []
+    if len(parts) == 1 and len(names) > 1:
+        parts = [f"{parts[0].rpartition(' at ')[0]} at all {len(names)} declared distances"]
+    else:
+        parts[0] += f" of {counted(len(names), 'declared distance')}"
+    return ", ".join(parts)
+
+
+def _stability(tree: xr.DataTree) -> Iterator[Block]:
+    """List the verdict on the main pair under the other readings, at each declared distance."""
+    found = tuple(flips(tree))
+    if not found:
+        return
+    titles, decision = camera_titles(tree), group(tree, "decision")
+    says = readings_in_words(decision)
+    others = any(one.alternatives for one in found)  # readings
+    pair = f"{titles[decision.attrs['first']]} against {with_article(titles[decision.attrs['second']])}"
+    changed = ", and the other readings that change this, each with the camera that is then better" if others else ""
+    yield Table(
+        name="verdict-table",
+        caption=f"{pair}: the better camera of those that are usable{changed}. On the right: the camera with the "
+        "smaller depth uncertainty, usable or not, and the ratio of the two uncertainties.",
+        columns=(
+            Column(title="At", align="right"),
+            Column(title="Better, where usable", weight=0 if others else 1),
+            *((Column(title="Other readings that change this", weight=1),) if others else ()),
+            Column(title="More certain", weight=0 if others else 1),
+            Column(title="By a factor of", align="right"),
+        ),
+        rows=tuple(
+            (
+                distance(one.place),
+                answer_title(titles, one.winner, "neither"),
+                *((_flipped(one, titles, says),) if others else ()),
+                answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "tied"),
+                _factor(one.ratio) + (", within the tolerance" if one.within_tolerance else ""),
+            )
+            for one in found
+        ),
+    )
+
+
+def _factor(ratio: float) -> str:
+    """Write the factor by which the better camera is more certain, from a ratio in either direction."""
+    if np.isnan(ratio):
+        return "—"
+    if not 0.0 < ratio < np.inf:
+        return "∞"
+    factor = max(ratio, 1.0 / ratio)
+    written = (significant(factor, digits) for digits in range(2, 5))
+    return next((words for words in written if words != "1"), "1" if factor == 1.0 else "about 1")
+
+
+def _flipped(one: Flips, titles: Mapping[str, str], says: Mapping[str, str]) -> Text:
+    return say(
+        "**{count} of {all}**{names}",
+        count=str(len(one.flipped)),
+        all=str(one.alternatives),
+        names=(": " if one.flipped else "")
+        + "; ".join(f"“{says[name]}” ({answer_title(titles, winner, 'neither')})" for name, winner in one.flipped),
+    )
+
+
+_COLUMNS: Final = {
+    "no blur": "No blur",
+    "no diffraction": "No diffraction",
+    "light of the brightest": "Brightest light",
+    "ten times the light": "Tenfold light",
+}
+# The causes that are removed; tenfold light is not one of them, because it helps every camera.
+_CAUSES: Final = {
+    "no blur": "defocus blur",
+    "no diffraction": "diffraction",
+    "light of the brightest": "lack of light",
+}
+
+
+def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
+    """Say what counts most in each derived disparity error, and write the table behind it."""
+    if not has(tree, "disparity_causes"):
+        return
+    found = group(tree, "disparity_causes")
+    titles = titles_in(tree, "disparity_causes")
+    middle = found.sizes["distance"] // 2
+    yield Heading(text="What the disparity error is made of", anchor="disparity-causes", level=2)
+    yield Paragraph(
+        say(
+            "A disparity error derived from the simulated picture is the smallest that any matcher can reach. To find "
+            "its causes, the program recomputes it with one change at a time: without defocus blur, without "
+            "diffraction, or with the light of the brightest of these cameras. At {place} (see "
+            "[](#disparity-causes-table) for the other distances):",
+            place=distance(float(found["distance"][middle])),
+        )
+    )
+    yield Bullets(tuple(_largest_cause_in_words(found.sel(camera=key), titles, middle) for key in titles))
+    yield from _in_use(tree, found, titles)
+    yield from _of_matchers(tree)
+    yield _table(found, titles)
+
+
+def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
+    """Say how much the disparity errors in use for depth, which leaves effects out, differ from these at most."""
+    if not has(tree, "depth", "disparity_error_px"):
+        return
+    used = table_depth(tree)["disparity_error_px"]
+    differences = []
+    for key, title in titles.items():
+        whole = found["matched_error_px" if _is_real(found.sel(camera=key)) else "disparity_error_px"].sel(camera=key)
+        own = used.sel(camera=key, distance=found["distance"])
+        with np.errstate(
+            invalid="ignore", divide="ignore"
+        ):  # where no texture is left to match, or no picture is formed
+            apart = np.abs(np.log(own.values / whole.values))
+        compared = np.flatnonzero(np.isfinite(apart))
+        if not compared.size:
+            continue
+        place = compared[apart[compared].argmax()]
+        with_all, without = significant(float(whole[place])), significant(float(own[place]))
+        if with_all != without:
+            differences.append(
+                f"{without} px instead of {with_all} px for {title} at {distance(float(own['distance'][place]))}"
+            )
+    if differences:
+        yield Paragraph(
+            say(
+                "These disparity errors include every effect. The computation of depth leaves out effects that change "
+                "the depth uncertainty by less than the tolerance, and therefore uses {differences}.",
+                differences=listed(differences),
+            )
+        )
+
+
+def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
+    """Say which bounds leave out a real matcher, and what declared matchers add."""
+    if bounds := best_of_any_matcher(at_the_bound(tree)):
+        yield Paragraph(
+            say(
+                "{bounds} To include what a real matcher adds, declare `scene.picture.matcher`, or `depth.matcher` of "
+                "a camera.",
+                bounds=bounds,
+            )
+        )
+    declared = declared_matchers(tree)
+    if not declared:
+        return
+    alike = {words: [title for title, own in declared.items() if own == words] for words in declared.values()}
+    added = " ".join(f"The declared matcher of {listed(names)} adds {words}." for words, names in alike.items())
+    yield Paragraph(
+        say(
+            "{added} A floor and the rms of pixel locking add in quadrature; pixel locking does not average out within "
+            "one distance. False matches count as failed measurements.",
+            added=added,
+        )
+    )
+
+
+def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middle: int) -> str:
+    """Say which cause counts most for one camera at one distance, and where others do."""
+    there = camera.isel(distance=middle)
+    own = _largest(there)
+    others: dict[str, list[str]] = {}
+    for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"])):
+        other = _largest(place)
+        if other is not None and other != own:
+            others.setdefault(_CAUSES[other], []).append(distance(float(place["distance"])))
+    words = listed([f"{cause} at {listed(places)}" for cause, places in others.items()])
+    return _sentence(there, titles) + (
+        f" Elsewhere, {'one of them' if own is None else 'another cause'} counts most: {words}." if others else ""
+    )
+
+
+def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
+    title, error = titles[str(there["camera"].item())], float(there["disparity_error_px"])
+    if np.isnan(error):
+        return f"{title}: no picture is formed there."
+    light = f"{title}: {significant(float(there['electrons']))} electrons per pixel"
+    changed = _changed(there)
+    words = {
+        "no blur": "without blur",
+        "no diffraction": "without diffraction",
+        "light of the brightest": f"with the light of {titles.get(str(there['brightest_camera'].item()), '')}",
+    }
+    order = sorted(changed, key=lambda name: changed[name])
+    if np.isinf(error):
+        left = listed(
+            [
+                f"{'no texture either' if np.isinf(changed[name]) else f'an error of {significant(changed[name])} px'} "
+                f"{words[name]}"
+                for name in order
+            ]
+        )
+        return f"{light}, and no texture left to match. There would be {left}."
+    changes = listed([f"{_value_or_same(error, changed[name])} {words[name]}" for name in order])
+    largest = _largest(there)
+    real = _is_real(there)
+    subject = "bound" if real else "error"
+    what = f"None of these causes increases the {subject}"
+    if largest is not None:
+        cause = _CAUSES[largest]
+        what = f"{cause[0].upper()}{cause[1:]} counts most"
+    if real:
+        matched = f"a disparity error of {significant(float(there['matched_error_px']))} px by the declared matcher"
+        return f"{light}, {matched}, with a bound of {significant(error)} px. {what}: the bound would be {changes}."
+    return f"{light}, a disparity error of {significant(error)} px. {what}: the error would be {changes}."
+
+
+def _is_real(there: xr.Dataset) -> bool:
+    """Whether the study declares a matcher for the camera."""
+    return "matcher" in there and bool(str(there["matcher"].item()))
+
+
+def _changed(there: xr.Dataset) -> dict[str, float]:
+    """The disparity error without each cause that can be removed."""
+    changed = {name: float(there["disparity_error_px_changed"].sel(change=name)) for name in _CAUSES}
+    return {name: value for name, value in changed.items() if not np.isnan(value)}
+
+
+def _largest(there: xr.Dataset) -> str | None:
+    """The cause without which the error is smallest; None if no cause counts."""
+    error = float(there["disparity_error_px"])
+    factors = {name: _error_ratio(error, value) for name, value in _changed(there).items()}
+    name = max(factors, key=lambda name: factors[name], default="")
+    return name if name and factors[name] > 1.0 else None
+
+
+def _value_or_same(error: float, changed: float) -> str:
+    return "unchanged" if _error_ratio(error, changed) == 1.0 else f"{significant(changed)} px"
+
+
+def _error_ratio(error: float, changed: float) -> float:
+    """How many times smaller an error becomes: 1 if three digits show no change, infinite or 0 if one has no bound."""
+    if error == changed:
+        return 1.0
+    if np.isinf(error) or changed == 0.0:
+        return np.inf
+    factor = error / changed
+    distinct = factor == 0.0 or "1" not in (significant(factor), significant(1.0 / factor))
+    return factor if distinct else 1.0
+
+
+def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
+    changes = [
+        name for name in _COLUMNS if not np.isnan(found["disparity_error_px_changed"].sel(change=name).values).all()
+    ]
+    rows: list[tuple[Text, ...]] = []
+    for place in found["distance"].values:
+        there = found.sel(distance=place)
+        rows.append((f"At {distance(float(place))}",))
+        rows += [_row(there.sel(camera=key), title, changes) for key, title in titles.items()]
+    compared, real = "light of the brightest" in changes, "matched_error_px" in found
+    windows = "matched_window_px" in found  # results of earlier versions lack it
+    return Table(
+        name="disparity-causes-table",
+        caption=(
+            "Disparity error in pixels with every effect, by the declared matcher, its bound, and that"
+            if real
+            else "Derived disparity error in pixels with every effect, and"
+        )
+        + " with one cause removed; in brackets, how many times smaller that makes it.",
+        columns=(
+            Column(title="Camera", weight=6),
+            Column(title="Electrons", align="right"),
+            *((Column(title="Window", align="right"),) if windows else ()),
+            *(
+                Column(title=title, align="right", weight=5)
+                for title in (("By matcher", "Bound") if real else ("Disparity error",))
+            ),
+            *(Column(title=_COLUMNS[name], align="right", weight=8) for name in changes),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Electrons: mean per pixel. "
+            + (
+                "Window: side of the matching window in pixels; the declared window, or the part of it that both "
+                "pictures share. "
+                if windows
+                else ""
+            )
+            + "A factor below 1 means that the error would be larger, since blur also removes texture that is too "
+            "fine for the pixels. "
+            * any("(0" in str(cell) for row in rows for cell in row)
+            + "The causes interact: removing two of them need not multiply their factors. Tenfold light (saturation "
+            "ignored) divides the error by about 3.2 where shot noise limits it, by more where the "
+            "sensor adds noise or noise hides the texture, and by less where aliased texture acts as noise. Where a "
+            "camera is not usable, a matcher may miss these bounds."
+            + (" Brightest light: that of the unsaturated camera with the most electrons." if compared else "")
+            + _numerical_error(found, titles),
+        ),
+    )
+
+
+def _row(there: xr.Dataset, title: str, changes: Sequence[str]) -> tuple[Text, ...]:
+    error = float(there["disparity_error_px"])
+    matched = [significant(float(there["matched_error_px"]))] if "matched_error_px" in there else []
+    window = [significant(float(there["matched_window_px"]))] if "matched_window_px" in there else []
+    if np.isnan(error):
+        return (title, "—", *("—" for _ in window), *("—" for _ in matched), "no picture", *("—" for _ in changes))
+    cells = (_cell(there, error, name) for name in changes)
+    return (title, significant(float(there["electrons"])), *window, *matched, significant(error), *cells)
+
+
+def _cell(there: xr.Dataset, error: float, change: str) -> str:
+    value = float(there["disparity_error_px_changed"].sel(change=change))
+    if np.isnan(value):
+        return "itself" if str(there["brightest_camera"].item()) == str(there["camera"].item()) else "—"
+    return f"{significant(value)}\N{NO-BREAK SPACE}({significant(_error_ratio(error, value))}×)"
+
+
+def _numerical_error(found: xr.Dataset, titles: Mapping[str, str]) -> str:
+    """Say the largest estimated numerical error, with its camera and distance."""
+    own, changed = (
+        (found[f"{name}_error"] / found[name].where(found[name] > 0.0))
+        .where(lambda value: np.isfinite(value))
+        .fillna(0.0)
+        for name in ("disparity_error_px", "disparity_error_px_changed")
+    )
+    largest = own.clip(min=changed.max("change"))
+    if not largest.any():
+        return ""
+    camera, place = largest.stack(place=("camera", "distance")).idxmax().item()
+    worst = f"{share(float(largest.max()))} ({titles[camera]} at {distance(place)})"
+    return f" Estimated numerical error: at most {worst}."
