@@ -161,7 +161,7 @@ class StudyDefinition:
                 cameras[name] = camera_of(part, scene)
             except TradestudyError as error:
                 path = ("cameras", name)
-                problems.append(self.document.locate(path).problem(path, str(error)))
+                problems.append(self.document.problem(path, str(error)))
                 continue
             problems += self._problems_of_calibration(name, cameras[name])
         if problems:
@@ -203,7 +203,7 @@ class StudyDefinition:
             if before.get(name) is camera:
                 continue
             path = ("cameras", name, "calibration")
-            problems += [self.document.locate(path).problem(path, one) for one in impossible_errors(camera, some)]
+            problems += [self.document.problem(path, one) for one in impossible_errors(camera, some)]
         if problems:
             raise StudyError(problems)
 
@@ -242,7 +242,7 @@ class StudyDefinition:
                 mistakes.append(MistakeAt(("posterior", "file"), str(error)))
         for mistake in mistakes:
             path = ("cameras", name, "calibration", *mistake.tail)
-            yield self.document.locate(path).problem(path, mistake.what)
+            yield self.document.problem(path, mistake.what)
 
     def _saved(self, name: str, file: str, design: DepthCamera) -> Calibration:
         from tradestudy.calibration.posterior_file import (
@@ -354,7 +354,7 @@ class StudyDefinition:
             path: tuple[str, ...] = ("cameras", name, "depth", "disparity_error")
             if missing:
                 what = "is derived from the picture, but scene.picture (texture, window, light, sensor) is missing"
-                problems.append(self.document.locate(path).problem(path, what))
+                problems.append(self.document.problem(path, what))
         return problems
 
     def with_values(

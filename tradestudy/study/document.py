@@ -164,6 +164,10 @@ class Document:
                 break
         return place
 
+    def problem(self, path: Path, what: str) -> Problem:
+        """A mistake in the value at a path."""
+        return self.locate(path).problem(path, what)
+
     def locate_key(self, path: str | Path) -> Place:
         """Find where the key of a value is written; for an item of a list, the place of the item."""
         *parents, last = self.path_of(path)

@@ -106,24 +106,23 @@ def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
 
 def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
     """Mistakes of the first and last value of each sweep axis, and of the ends of inverse questions and assumptions."""
-    locate = definition.document.locate
     changes: list[Change] = []
     try:
         for axis in sweep_axes(definition):
             changes += [(("sweep", axis.path), {axis.path: entry}) for entry in (axis.values[0], axis.values[-1])]
     except TradestudyError as error:
-        yield locate("sweep").problem(("sweep",), str(error))
+        yield definition.document.problem(("sweep",), str(error))
     for where, question in _varied(definition):
         changes += [((*where, "vary"), dict.fromkeys(question.paths, end)) for end in (question.low, question.high)]
         try:
             varying = Varying.of(definition, question)
         except TradestudyError as error:
-            yield locate((*where, "low")).problem((*where, "low"), str(error))
+            yield definition.document.problem((*where, "low"), str(error))
             continue
         if where[0] == "solve":
             changes.append(((*where, "vary"), {**varying.changes(varying.at_share(0.5))}))
     for at, values in changes:
-        place = locate(at)
+        place = definition.document.locate(at)
         if at[0] != "sweep" and (text := [path for path in values if path.rpartition(".")[2] in _FREE_TEXT]):
             yield place.problem(at, f"{text[0]}: is text; vary a number")
             continue
@@ -157,7 +156,7 @@ def _problems_of_claims(definition: StudyDefinition) -> Iterator[Problem]:
             expectation_bounds(claim)
         except TradestudyError as error:
             where = ("claims", name, "expect")
-            yield definition.document.locate(where).problem(where, str(error))
+            yield definition.document.problem(where, str(error))
 
 
 def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:
@@ -180,4 +179,4 @@ def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:
                 path = ("cameras", request.name, "calibration", "corners", "file")
                 where = ("readings", reading) if reading else path
                 what = f"{'.'.join(path)}: {error}" if reading else str(error)
-                yield definition.document.locate(where).problem(where, what)
+                yield definition.document.problem(where, what)

@@ -27,7 +27,7 @@ from tradestudy.study.camera_files.pairs import (
     off_centre,
 )
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, dotted, walk
+from tradestudy.study.document import OUTSIDE, Path, ScalarEntry, dotted, walk
 from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.units import (
     ANGLE,
@@ -135,8 +135,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_tolerances(definition),
         *_posteriors(definition),
         *_unused_columns(definition),
-        *_requirements(definition),
-        *_decision(definition),
+        *_beyond_the_scene(definition),
         *_contradictory(definition),
     ]
     return tuple({(one.file, one.line, one.column, one.what): one for one in found}.values())
@@ -168,21 +167,25 @@ def _contradictory(definition: StudyDefinition) -> Iterator[Problem]:
         if chosen or (isinstance(entry, ScalarEntry) and _has_basis(entry)):
             continue
         what = f"{one.what}: {one.stated}, but {one.implied}; {one.consequence or f'used: {one.used}'}"
-        yield definition.document.locate(path).problem(path, what)
+        yield definition.document.problem(path, what)
 
 
 def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
     for path, entry in walk(definition.document.root, ()):
+        keys = [step for step in path if isinstance(step, str)]
+        if not isinstance(entry, ScalarEntry) or entry.value is None or _has_basis(entry):
+            continue
         for usual in _USUAL:
-            if not path or path[-1] != usual.key or (usual.below and usual.below not in path):
+            if usual.key not in keys[-1:] or (usual.below and usual.below not in keys):
                 continue
-            for value, place in _numbers(entry, path, usual.dimension):
-                if not usual.low <= value <= usual.high:
-                    ends = f"{pretty(usual.low, usual.dimension)} to {pretty(usual.high, usual.dimension)}"
-                    written = definition.document.entry(place)
-                    meant = _meant(written.text, usual) if isinstance(written, ScalarEntry) else ""
-                    what = f"{pretty(value, usual.dimension)} is unusual ({ends} is common){meant}"
-                    yield _warning(definition, place, what)
+            try:
+                value = parse(entry.text, usual.dimension)
+            except UnitError:
+                continue
+            if not usual.low <= value <= usual.high:
+                ends = f"{pretty(usual.low, usual.dimension)} to {pretty(usual.high, usual.dimension)}"
+                what = f"{pretty(value, usual.dimension)} is unusual ({ends} is common){_meant(entry.text, usual)}"
+                yield definition.document.problem(path, what + _SILENCED)
 
 
 def _meant(text: str, usual: _Range) -> str:
@@ -195,24 +198,8 @@ def _meant(text: str, usual: _Range) -> str:
     return f"; did you mean {fits[0]}?" if len(fits) == 1 else ""
 
 
-def _numbers(entry: Entry, path: Path, dimension: Dimension) -> Iterator[tuple[float, Path]]:
-    """Numbers of the given dimension at a path, or in the list there, that have no stated basis."""
-    if isinstance(entry, ListEntry):
-        for index, item in enumerate(entry.items):
-            yield from _numbers(item, (*path, index), dimension)
-    elif isinstance(entry, ScalarEntry) and entry.value is not None and not _has_basis(entry):
-        try:
-            yield parse(entry.text, dimension), path
-        except UnitError:
-            return
-
-
 def _has_basis(entry: ScalarEntry) -> bool:
     return entry.annotation is not None and entry.annotation.basis is not None
-
-
-def _warning(definition: StudyDefinition, path: Path, what: str) -> Problem:
-    return definition.document.locate(path).problem(path, what + _SILENCED)
 
 
 def _light(definition: StudyDefinition) -> Iterator[Problem]:
@@ -233,7 +220,7 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
     if found:
         most, well = max(found.values(), key=lambda one: one[0] / one[1])
         what = f"the pixels of {listed(list(found))} collect up to {pretty(most, ELECTRONS)} on the axis, more than "
-        yield _warning(definition, path, what + f"the full well of {pretty(well, ELECTRONS)}")
+        yield definition.document.problem(path, f"{what}the full well of {pretty(well, ELECTRONS)}{_SILENCED}")
 
 
 def _unequal_pixels(definition: StudyDefinition) -> Iterator[Problem]:
@@ -250,7 +237,7 @@ def _unequal_pixels(definition: StudyDefinition) -> Iterator[Problem]:
         path = ("scene", "picture", "light")
         sizes = " and ".join(pretty(one, LENGTH) for one in sorted(pitches))
         what = f"pixels of {sizes} are taken to collect equal light; with at_pixel_pitch, larger ones collect more"
-        yield definition.document.locate(path).problem(path, what)
+        yield definition.document.problem(path, what)
 
 
 def _imported(definition: StudyDefinition) -> Iterator[Problem]:
@@ -259,7 +246,7 @@ def _imported(definition: StudyDefinition) -> Iterator[Problem]:
         path = ("cameras", name, "from")
         for convention, what in _OF_IMPORTS.items():
             if says := camera.read_as.get(convention):
-                yield definition.document.locate(path).problem(path, what.format(says))
+                yield definition.document.problem(path, what.format(says))
 
 
 def _off_centre(definition: StudyDefinition) -> Iterator[Problem]:
@@ -272,7 +259,7 @@ def _off_centre(definition: StudyDefinition) -> Iterator[Problem]:
                 continue
             if isinstance(sensor, SensorPart) and (says := off_centre(side, part.principal_point, sensor.pixels)):
                 path = ("cameras", name, "sensor", "pixels")
-                yield definition.document.locate(path).problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
+                yield definition.document.problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
 
 
 def _not_inherited(definition: StudyDefinition) -> Iterator[Problem]:
@@ -284,7 +271,7 @@ def _not_inherited(definition: StudyDefinition) -> Iterator[Problem]:
         others = [name for name in present if (one.path[0], name, *one.path[2:]) not in given]
         if others:
             what = f"does not change {listed(others)}, declared like {one.path[1]}; set it there too if it should"
-            yield document.locate(one.path).problem(one.path, what)
+            yield document.problem(one.path, what)
 
 
 def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:
@@ -299,7 +286,7 @@ def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:
         if derived or (definition.file.usable_range.blur is not None and not refocused):
             path = (*inside, "from")
             what = f"the file gives no pixel pitch; {pitch.text} is assumed, but blur and diffraction depend on it"
-            yield definition.document.locate(path).problem(path, f"{what}; give sensor: {{pixel_pitch: ...}}")
+            yield definition.document.problem(path, f"{what}; give sensor: {{pixel_pitch: ...}}")
 
 
 def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:
@@ -310,7 +297,7 @@ def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:
     if not any(isinstance(one, DepthCameraDeclaration) and one.depth.declared_error_px is None for one in cameras):
         path = ("scene", "picture", "matcher")
         what = "has no effect: it adds to derived disparity errors, and every camera declares its disparity error"
-        yield definition.document.locate(path).problem(path, what)
+        yield definition.document.problem(path, what)
 
 
 def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
@@ -319,7 +306,7 @@ def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
         relative = path[:1] == ("accuracy",) and path[-1] != "time_limit"
         relative |= path[-1:] in (("below_relative",), ("relative_uncertainty",)) or path[:1] + path[2:] == _OF_QUESTION
         if relative and isinstance(entry, ScalarEntry) and not _has_basis(entry):
-            yield from (_warning(definition, path, what) for what in _large(entry.text))
+            yield from (definition.document.problem(path, what + _SILENCED) for what in _large(entry.text))
     if definition.tolerance is not None:
         for what in _large(definition.tolerance):
             place = OUTSIDE._replace(file="--tolerance")
@@ -332,14 +319,14 @@ def _posteriors(definition: StudyDefinition) -> Iterator[Problem]:
     for name, camera in definition.case.cameras.items():
         path = ("cameras", name, "calibration", "posterior", "file")
         if camera.calibration.remark:
-            yield definition.document.locate(path).problem(path, camera.calibration.remark)
+            yield definition.document.problem(path, camera.calibration.remark)
         for group in camera.calibration.groups if camera.calibration.source == "posterior" else ():
             if isinstance(group, JointDraws) and (error := (2.0 * len(group.draws)) ** -0.5) > 2.0 * tolerance:
                 what = (
                     f"{len(group.draws)} draws determine a standard deviation to about {pretty(error, FRACTION, 2)}; "
                     "the errors stated in results do not include this, so give more draws or a covariance"
                 )
-                yield definition.document.locate(path).problem(path, what)
+                yield definition.document.problem(path, what)
 
 
 def _unused_columns(definition: StudyDefinition) -> Iterator[Problem]:
@@ -352,7 +339,7 @@ def _unused_columns(definition: StudyDefinition) -> Iterator[Problem]:
         from tradestudy.calibration.corners.corner_file import read_corners  # loads all of calibration
 
         if unused := read_corners(file).unused:
-            yield definition.document.locate(path).problem(path, f"columns of this file are not used: {listed(unused)}")
+            yield definition.document.problem(path, f"columns of this file are not used: {listed(unused)}")
 
 
 def _large(text: str) -> Iterator[str]:
@@ -364,35 +351,24 @@ def _large(text: str) -> Iterator[str]:
         yield f"{text} means {pretty(value, FRACTION)}; write '{text} %' for {pretty(value / 100.0, FRACTION)}"
 
 
-def _requirements(definition: StudyDefinition) -> Iterator[Problem]:
-    """Requirements that reach beyond the distances of the scene."""
-    for name, one in definition.file.requirements.items():
-        if one.over and (ends := _beyond_the_scene(definition, *one.over)):
-            is_range = one.over[0] < one.over[1]
-            path = ("requirements", name, one.quantity, "over" if is_range else "at")
-            what = (
-                f"{'reaches' if is_range else 'lies'} beyond the distances of the scene, {ends}: the requirement is "
-                "evaluated there too, but figures and tables end with the scene"
+def _beyond_the_scene(definition: StudyDefinition) -> Iterator[Problem]:
+    """Requirements that reach beyond the distances of the scene, and distances of the decision there."""
+    distance, file = definition.case.distance, definition.file
+    asked: list[tuple[Path, tuple[float, ...], str]] = [
+        (
+            ("requirements", name, one.quantity, "over" if one.over[0] < one.over[1] else "at"),
+            one.over,
+            "the requirement is evaluated",
+        )
+        for name, one in file.requirements.items()
+        if one.over
+    ]
+    for index, at in enumerate(file.decision.at if file.decision else ()):
+        asked.append((("decision", "at", index), (at, at), "the cameras are compared"))
+    for path, (near, far), what in asked:
+        if distance.size and not distance[0] * (1.0 - 1e-9) <= near <= far <= distance[-1] * (1.0 + 1e-9):
+            yield definition.document.problem(
+                path,
+                f"{'reaches' if near < far else 'lies'} beyond the distances of the scene, {distance[0]:g} m to "
+                f"{distance[-1]:g} m: {what} there too, but figures and tables end with the scene",
             )
-            yield definition.document.locate(path).problem(path, what)
-
-
-def _decision(definition: StudyDefinition) -> Iterator[Problem]:
-    """Distances of the decision beyond those of the scene."""
-    asked = definition.file.decision
-    for index, at in enumerate(asked.at if asked else ()):
-        if ends := _beyond_the_scene(definition, at, at):
-            path = ("decision", "at", index)
-            what = (
-                f"lies beyond the distances of the scene, {ends}: the cameras are compared there too, but figures and "
-                "tables end with the scene"
-            )
-            yield definition.document.locate(path).problem(path, what)
-
-
-def _beyond_the_scene(definition: StudyDefinition, near: float, far: float) -> str:
-    """The ends of the scene's distances, if others reach beyond them; else nothing."""
-    distance = definition.case.distance
-    if not distance.size or (near >= distance[0] * (1.0 - 1e-9) and far <= distance[-1] * (1.0 + 1e-9)):
-        return ""
-    return " to ".join(f"{end:g} m" for end in (distance[0], distance[-1]))

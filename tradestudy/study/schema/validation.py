@@ -183,9 +183,7 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     else:
         problems = []
     if issubclass(model, Part):
-        problems += [
-            document.locate(name.tail).problem(name.tail, name.what) for name in model.mistakes_of_names(document.tree)
-        ]
+        problems += [document.problem(name.tail, name.what) for name in model.mistakes_of_names(document.tree)]
     if problems or document.problems:
         news = [one for one in problems if not any(_is_same(one, reported) for reported in document.problems)]
         raise StudyError(list(dict.fromkeys([*document.problems, *news])))
@@ -290,7 +288,7 @@ def _problems(document: Document, model: type[BaseModel], found: list[_Finding])
             problems.append(_missing(document, findings[0]))
         elif findings[0].kind == "value_error" and isinstance(findings[0].context.get("error"), MistakeAt):
             problems += [
-                document.locate((*path, *single.tail)).problem((*path, *single.tail), single.what)
+                document.problem((*path, *single.tail), single.what)
                 for finding in findings
                 if isinstance(mistake := finding.context.get("error"), MistakeAt)
                 for single in mistake.all
@@ -421,7 +419,7 @@ def _wrong_value(document: Document, path: Path, findings: Sequence[_Finding]) -
     sentence = "; ".join([heads[0], *([" or ".join(expected)] if expected else [])])
     if expected and "expected" not in sentence:
         sentence += " is expected"
-    return document.locate(path).problem(path, sentence + near)
+    return document.problem(path, sentence + near)
 
 
 def _discriminator(document: Document, finding: _Finding) -> Problem:
@@ -431,12 +429,12 @@ def _discriminator(document: Document, finding: _Finding) -> Problem:
     if finding.kind == "union_tag_not_found":
         if _is_implied(finding.entry) and (cameras := _cameras(document)) and finding.path[:-1] == ("cameras",):
             what = f"no camera is called '{finding.path[-1]}'; {_choice(cameras)} is expected"
-            return document.locate(finding.path).problem(finding.path, what)
+            return document.problem(finding.path, what)
         what = f"this key is missing; {_choice(tags(finding.expected, key))} is expected"
         return document.locate(finding.path).problem(path, what)
     known = re.findall(r"'([^']*)'", finding.context["expected_tags"])
     what = f"'{finding.context['tag']}' is unknown; {_choice(known)} is expected"
-    return document.locate(path).problem(path, what + _only_nearest(str(finding.context["tag"]), known))
+    return document.problem(path, what + _only_nearest(str(finding.context["tag"]), known))
 
 
 def _name_message(finding: _Finding) -> str:
