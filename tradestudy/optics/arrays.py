@@ -1,4 +1,4 @@
-"""The array types that the physics takes and returns, and phase factors exp(i phase), from one tangent each."""
+"""The array types that the physics takes and returns, checks of arrays, and phase factors exp(i phase)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from tradestudy.errors import OutOfRangeError
+
 FloatArray = NDArray[np.float64]
 Samples = NDArray[np.floating[Any]]
 """Samples of pictures; single precision is enough because their noise is larger."""
@@ -16,6 +18,27 @@ IndexArray = NDArray[np.intp]
 
 
 ComplexArray = npt.NDArray[np.complex128]
+
+
+def as_floats(*values: npt.ArrayLike) -> tuple[FloatArray, ...]:
+    """Return the arguments as arrays."""
+    return tuple(np.asarray(value, dtype=np.float64) for value in values)
+
+
+def require(
+    condition: npt.ArrayLike,
+    what: str,
+    value: FloatArray,
+    *,
+    limit: str,
+    remedy: str = "check unit and sign",
+    unit: str = "m",
+) -> None:
+    """Refuse an argument, showing its first value that breaks the condition."""
+    holds = np.asarray(condition)
+    if not np.all(holds):
+        value, holds = np.broadcast_arrays(value, holds)
+        raise OutOfRangeError(what, value=f"{value[~holds].flat[0]:g} {unit}".strip(), limit=limit, remedy=remedy)
 
 
 def phasor_sum(phase: FloatArray, size: npt.NDArray[Any], strength: ComplexArray) -> ComplexArray:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, as_floats, require
 from tradestudy.optics.thin_lens import focus_shift, image_distance, object_distance
 
 DiffractionMeasure = Literal["none", "airy-diameter", "fwhm"]
@@ -64,19 +64,6 @@ def intersection(first: DepthOfField, second: DepthOfField) -> DepthOfField:
     return DepthOfField(
         near=np.where(apart, np.nan, near), far=np.where(apart, np.nan, far), reason="; ".join(dict.fromkeys(reasons))
     )
-
-
-def as_floats(*values: ArrayLike) -> tuple[FloatArray, ...]:
-    """Return the arguments as arrays."""
-    return tuple(np.asarray(value, dtype=np.float64) for value in values)
-
-
-def require(condition: ArrayLike, what: str, value: FloatArray, *, limit: str, remedy: str, unit: str = "m") -> None:
-    """Refuse an argument, showing its first value that breaks the condition."""
-    holds = np.asarray(condition)
-    if not np.all(holds):
-        value, holds = np.broadcast_arrays(value, holds)
-        raise OutOfRangeError(what, value=f"{value[~holds].flat[0]:g} {unit}".strip(), limit=limit, remedy=remedy)
 
 
 def diffraction_diameter(wavelength: ArrayLike, working_f_number: ArrayLike, measure: DiffractionMeasure) -> FloatArray:
@@ -182,8 +169,8 @@ def hyperfocal_distance(focal_length: ArrayLike, pupil_diameter: ArrayLike, blur
         For lengths that are not positive.
     """
     f, A, c = as_floats(focal_length, pupil_diameter, blur_diameter)
-    require(f > 0, "focal length", f, limit="> 0 m", remedy="check unit and sign")
-    require(A > 0, "pupil diameter", A, limit="> 0 m", remedy="check unit and sign")
+    require(f > 0, "focal length", f, limit="> 0 m")
+    require(A > 0, "pupil diameter", A, limit="> 0 m")
     require(c >= 0, "blur diameter", c, limit="≥ 0 m", remedy="declare the blur that counts as sharp")
     with np.errstate(divide="ignore"):  # without any blur, only a focus at infinity keeps infinity sharp
         return np.asarray(f * (A / c) + f)
@@ -299,7 +286,7 @@ def object_distance_of_magnification(focal_length: ArrayLike, magnification: Arr
         For values that are not positive.
     """
     f, m = as_floats(focal_length, magnification)
-    require(f > 0, "focal length", f, limit="> 0 m", remedy="check unit and sign")
+    require(f > 0, "focal length", f, limit="> 0 m")
     require(m > 0, "magnification", m, limit="> 0", remedy="give its absolute value", unit="")
     return np.asarray(f * (1 + 1 / m))
 

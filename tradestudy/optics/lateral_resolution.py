@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field import DepthOfField, as_floats, diffraction_diameter, require
+from tradestudy.optics.arrays import FloatArray, as_floats, require
+from tradestudy.optics.depth_of_field import DepthOfField, diffraction_diameter
 from tradestudy.optics.thin_lens import focus_shift, image_distance
 
 FIRST_DARK_RING: Final = 3.8317059702075125 / math.pi
@@ -303,4 +303,4 @@ def _broadcast(*, sampling: FloatArray, blur: FloatArray, diffraction: FloatArra
 def _require_lengths(**lengths: FloatArray) -> None:
     """Refuse lengths that are not positive."""
     for name, length in lengths.items():
-        require(length > 0, name.replace("_", " "), length, limit="> 0 m", remedy="check unit and sign")
+        require(length > 0, name.replace("_", " "), length, limit="> 0 m")

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field import DepthOfField, as_floats, depth_of_field, require
+from tradestudy.optics.arrays import FloatArray, as_floats, require
+from tradestudy.optics.depth_of_field import DepthOfField, depth_of_field
 from tradestudy.optics.thin_lens import focus_shift, image_distance
 
 
@@ -39,8 +39,8 @@ def inverse_focus_virtual_depth(microlens_focal_length: ArrayLike, microlens_gap
         For lengths that are not positive.
     """
     f_L, b_L = as_floats(microlens_focal_length, microlens_gap)
-    require(f_L > 0, "microlens focal length", f_L, limit="> 0 m", remedy="check unit and sign")
-    require(b_L > 0, "microlens gap", b_L, limit="> 0 m", remedy="check unit and sign")
+    require(f_L > 0, "microlens focal length", f_L, limit="> 0 m")
+    require(b_L > 0, "microlens gap", b_L, limit="> 0 m")
     return np.asarray((b_L - f_L) / f_L)
 
 
@@ -64,35 +64,9 @@ def relay_blur_diameter(
     matched f-numbers.
     """
     v, w0, D = as_floats(virtual_depth, inverse_focus_virtual_depth, microlens_aperture)
-    require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
+    require(D > 0, "microlens aperture", D, limit="> 0 m")
     with np.errstate(divide="ignore"):  # an image on the array is blurred without bound, as documented
         return np.asarray(D * np.abs(1 / v - w0))
-
-
-def virtual_depth_limits(
-    inverse_focus_virtual_depth: ArrayLike, blur_diameter: ArrayLike, microlens_aperture: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Smallest and largest |v| that a microlens type keeps sharp on its own side: 1/(|1/v₀| ± c/D).
-
-    Parameters
-    ----------
-    inverse_focus_virtual_depth
-        1/v₀ [1] of the type.
-    blur_diameter
-        Geometric blur c ≥ 0 that counts as sharp, on the detector [m].
-    microlens_aperture
-        D > 0 [m].
-
-    Returns
-    -------
-    (smallest, largest) [1], broadcast, without sign. The largest is ∞ once c/D reaches |1/v₀|: the type is then sharp
-    up to an infinitely distant relay image.
-    """
-    w0, half = _half_width(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
-    with np.errstate(divide="ignore"):  # at infinite focus and without any blur, only infinity is sharp
-        smallest = 1 / (np.abs(w0) + half)
-        largest = 1 / np.maximum(np.abs(w0) - half, 0.0)
-    return np.asarray(smallest), np.asarray(largest)
 
 
 def relay_depth_of_field(
@@ -138,10 +112,13 @@ def relay_depth_of_field(
     OutOfRangeError
         For lengths that are not positive.
     """
-    w0, half = _half_width(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
+    w0, c, D = as_floats(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
+    require((c >= 0) | np.isnan(c), "blur diameter", c, limit="≥ 0 m", remedy="declare the blur that counts as sharp")
+    require(D > 0, "microlens aperture", D, limit="> 0 m")
+    half = c / D  # of the depth of field in 1/v
     b_L, z, f = as_floats(microlens_gap, mla_distance, focal_length)
     for name, length in (("microlens gap", b_L), ("main lens to array", z), ("focal length", f)):
-        require(length > 0, name, length, limit="> 0 m", remedy="check unit and sign")
+        require(length > 0, name, length, limit="> 0 m")
     side = 1.0 if keplerian else -1.0
     # Unsigned depth of the relay: the end nearer to the array is the near limit of a Keplerian relay, but the far limit
     # of a Galilean one.
@@ -217,18 +194,8 @@ def microlens_focal_length(inverse_focus_virtual_depth: ArrayLike, microlens_gap
     """
     w0, b_L = as_floats(inverse_focus_virtual_depth, microlens_gap)
     require(w0 > -1, "inverse virtual depth in focus", w0, limit="> −1", remedy="focus at |v| > 1", unit="")
-    require(b_L > 0, "microlens gap", b_L, limit="> 0 m", remedy="check unit and sign")
+    require(b_L > 0, "microlens gap", b_L, limit="> 0 m")
     return np.asarray(b_L / (1 + w0))
-
-
-def _half_width(
-    inverse_focus_virtual_depth: ArrayLike, blur_diameter: ArrayLike, microlens_aperture: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """1/v₀ and the half width c/D of the depth of field in 1/v."""
-    w0, c, D = as_floats(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
-    require((c >= 0) | np.isnan(c), "blur diameter", c, limit="≥ 0 m", remedy="declare the blur that counts as sharp")
-    require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
-    return w0, np.asarray(c / D)
 
 
 def view_pupil_diameter(
@@ -260,7 +227,7 @@ def view_pupil_diameter(
     a0, f, p_px, f_L = as_floats(focus_distance, focal_length, pixel_pitch, microlens_focal_length)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     for name, length in (("focal length", f), ("pixel pitch", p_px), ("microlens focal length", f_L)):
-        require(length > 0, name, length, limit="> 0 m", remedy="check unit and sign")
+        require(length > 0, name, length, limit="> 0 m")
     return np.asarray(p_px * (image_distance(a0, f) / f_L))
 
 
@@ -306,51 +273,12 @@ def refocus_distance(
     shifts, a0, f, B, p = as_floats(shift, focus_distance, focal_length, view_pupil_diameter, microlens_pitch)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     for name, length in (("focal length", f), ("pupil of a view", B), ("microlens pitch", p)):
-        require(length > 0, name, length, limit="> 0 m", remedy="check unit and sign")
+        require(length > 0, name, length, limit="> 0 m")
     travel = shifts * p
     with np.errstate(divide="ignore"):  # a shift by a whole view sends the image to infinity
         moved = np.where(travel < B, image_distance(a0, f) * travel / np.where(travel < B, B - travel, 1.0), np.inf)
         s = focus_shift(a0, f) + moved
         return np.asarray(np.where(s > 0, f + f * (f / np.where(s > 0, s, 1.0)), np.inf))
-
-
-def refocused_depth_of_field(
-    refocused_distance: ArrayLike,
-    focus_distance: ArrayLike,
-    *,
-    focal_length: ArrayLike,
-    pupil_diameter: ArrayLike,
-    blur_diameter: ArrayLike,
-) -> DepthOfField:
-    """Depth of field of one refocused image: A z |1/b − 1/b_α| ≤ c, with the blur on the array.
-
-    Parameters
-    ----------
-    refocused_distance
-        Distance a_α on which the image is refocused, > f [m]; ∞ is allowed.
-    focus_distance
-        a₀ > f, the distance in focus on the array [m].
-    focal_length, pupil_diameter
-        f and A of the main lens [m].
-    blur_diameter
-        Geometric blur c ≥ 0 that counts as sharp, on the array [m]; usually the microlens pitch, the lateral sample.
-
-    Returns
-    -------
-    The limits [m], broadcast. Adding views shifted for a_α acts like a lens refocused there, with the image scaled back
-    to the array; so this is a conventional depth of field with the blur c b_α/z. It assumes that a_α lies within
-    `view_depth_of_field`.
-
-    Raises
-    ------
-    OutOfRangeError
-        As in `depth_of_field`.
-    """
-    a0, a_refocused, f, c = as_floats(focus_distance, refocused_distance, focal_length, blur_diameter)
-    require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
-    require(a_refocused > f, "refocused distance", a_refocused, limit="beyond the focal length", remedy="shift less")
-    scale = image_distance(a_refocused, f) / image_distance(a0, f)
-    return depth_of_field(a_refocused, f, pupil_diameter, c * scale)
 
 
 def view_depth_of_field(

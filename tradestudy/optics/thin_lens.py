@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, as_floats
 
 
 def focus_shift(object_distance: ArrayLike, focal_length: ArrayLike) -> FloatArray:
@@ -95,9 +95,7 @@ def blur_diameter(
         lens. It has no pole, not even for an object in the front focal plane or nearer, whose rays leave the lens
         parallel or diverging.
     """
-    a, a0, f, pupil = (
-        np.asarray(value, dtype=np.float64) for value in (object_distance, focus_distance, focal_length, pupil_diameter)
-    )
+    a, a0, f, pupil = as_floats(object_distance, focus_distance, focal_length, pupil_diameter)
     sensor = f + focus_shift(a0, f)
     # (a − a₀)/(a a₀) keeps digits that 1/a − 1/a₀ loses near the focus; if one distance is infinite, 1/a of the other
     # remains.
@@ -162,9 +160,7 @@ def object_distance_of_virtual_depth(
     FloatArray
         +infinity where s = 0; NaN where s < 0, because no object in front of the camera gives that virtual depth.
     """
-    v, z, gap, f = (
-        np.asarray(value, dtype=np.float64) for value in (virtual_depth, mla_distance, microlens_gap, focal_length)
-    )
+    v, z, gap, f = as_floats(virtual_depth, mla_distance, microlens_gap, focal_length)
     s = (z - f) - v * gap
     with np.errstate(divide="ignore"):
         a = f + f * (f / np.abs(s))

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, as_floats, require
 from tradestudy.optics.thin_lens import virtual_depth
 
 
@@ -174,7 +173,7 @@ def inverse_depth_on_ray(
     FloatArray
         Inverse depth [1/m]; zero at infinity, and negative for rays that diverge.
     """
-    r, a_x, a_z, t_x, t_z = (np.asarray(value, dtype=np.float64) for value in (slope, ray_x, ray_z, moved_x, moved_z))
+    r, a_x, a_z, t_x, t_z = as_floats(slope, ray_x, ray_z, moved_x, moved_z)
     return np.asarray((r * a_z - a_x) / (t_x - r * t_z))
 
 
@@ -281,13 +280,11 @@ def hidden_strip_width(
     -----
     The rays from both views through the edge are B apart at the views and h B/Z apart at h behind the edge.
     """
-    h, Z, B, w = (
-        np.asarray(value, dtype=np.float64) for value in (step_height, edge_distance, baseline, obstacle_width)
-    )
-    _require(Z > 0, "distance of the edge", Z, limit="> 0 m")
-    _require(h >= 0, "height of the step", h, limit="≥ 0 m")
-    _require(B >= 0, "baseline", B, limit="≥ 0 m")
-    _require(w >= 0, "width of the obstacle", w, limit="≥ 0 m")
+    h, Z, B, w = as_floats(step_height, edge_distance, baseline, obstacle_width)
+    require(Z > 0, "distance of the edge", Z, limit="> 0 m")
+    require(h >= 0, "height of the step", h, limit="≥ 0 m")
+    require(B >= 0, "baseline", B, limit="≥ 0 m")
+    require(w >= 0, "width of the obstacle", w, limit="≥ 0 m")
     return np.asarray(np.minimum(h * (B / Z), w * (1 + h / Z)))
 
 
@@ -322,22 +319,11 @@ def foreshortening_ratio(
     OutOfRangeError
         For a tilt of π/2 or more, a distance that is not positive, or a negative baseline.
     """
-    tilt, Z, B, x = (
-        np.asarray(value, dtype=np.float64) for value in (surface_tilt, distance, baseline, lateral_position)
-    )
-    _require(np.abs(tilt) < np.pi / 2, "tilt of the surface", tilt, limit="below π/2 in magnitude", unit="rad")
-    _require(Z > 0, "distance", Z, limit="> 0 m")
-    _require(B >= 0, "baseline", B, limit="≥ 0 m")
+    tilt, Z, B, x = as_floats(surface_tilt, distance, baseline, lateral_position)
+    require(np.abs(tilt) < np.pi / 2, "tilt of the surface", tilt, limit="below π/2 in magnitude", unit="rad")
+    require(Z > 0, "distance", Z, limit="> 0 m")
+    require(B >= 0, "baseline", B, limit="≥ 0 m")
     left, right = (1 - np.tan(tilt) * ((x + side * B / 2) / Z) for side in (1, -1))
     larger = np.maximum(left, right)
     smaller = np.maximum(np.minimum(left, right), 0.0)
     return np.asarray(np.divide(smaller, larger, out=np.zeros(np.shape(larger)), where=larger > 0))
-
-
-def _require(condition: ArrayLike, what: str, value: FloatArray, *, limit: str, unit: str = "m") -> None:
-    """Refuse a value that breaks a condition."""
-    holds = np.asarray(condition)
-    if not np.all(holds):
-        raise OutOfRangeError(
-            what, value=f"{value[~holds].flat[0]:g} {unit}", limit=limit, remedy="check unit and sign"
-        )
