@@ -12,7 +12,9 @@ from tests.campaigns.light_cases import large_part
 from tradestudy.errors import NotConvergedError, TradestudyError, UnaffordableError
 from tradestudy.models import spot_images
 from tradestudy.models.spot_images import SpotModels, light_path, light_source, picture_of
-from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, chain_image
+from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.chain.image import chain_image
+from tradestudy.optics.chain.scene import KIRCHHOFF
 
 
 def test_a_picture_whose_first_sampling_misses_its_tolerance_is_refined() -> None:

@@ -18,24 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tradestudy.optics.propagation import (
-    LENS_PHASES,
-    ApertureField,
-    CircularLens,
-    FieldAccuracy,
-    KirchhoffKernel,
-    LensPhase,
-    Method,
-    Obliquity,
-    PointSource,
-    TargetGrid,
-    TargetPoints,
-    aperture_field,
-    direct_sum,
-    lens_wave,
-    nodes_for,
-    sample_wave,
-)
+from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
+from tradestudy.optics.propagation.kernels import KirchhoffKernel, direct_sum
+from tradestudy.optics.propagation.lens import LENS_PHASES, CircularLens, LensPhase, Obliquity, PointSource
+from tradestudy.optics.propagation.result import ApertureField, Method
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for, sample_wave
 from tradestudy.provenance import machine, versions
 
 WAVELENGTH = 550e-9

@@ -7,28 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.optics.propagation import (
-    LENS_PHASES,
-    OBLIQUITIES,
-    ApertureField,
-    CircularLens,
-    FieldAccuracy,
-    FresnelKernel,
-    KirchhoffKernel,
-    LensWave,
-    Limits,
-    Method,
-    NodeCounts,
-    Obliquity,
-    PointSource,
-    TargetGrid,
-    TargetPoints,
-    aperture_field,
-    direct_sum,
-    lens_wave,
-    nodes_for,
-    sample_wave,
-)
+from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
+from tradestudy.optics.propagation.kernels import FresnelKernel, KirchhoffKernel, direct_sum
+from tradestudy.optics.propagation.lens import LENS_PHASES, OBLIQUITIES, CircularLens, LensWave, Obliquity, PointSource
+from tradestudy.optics.propagation.result import ApertureField, Method
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for, sample_wave
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,23 +20,22 @@ from pathlib import Path
 
 import numpy as np
 
-from tradestudy.optics.chain import (
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.image import chain_image
+from tradestudy.optics.chain.point_image import stated_point
+from tradestudy.optics.chain.scene import (
     FRESNEL,
     GEOMETRIC,
     KIRCHHOFF,
     KIRCHHOFF_FRESNEL,
-    ChainAccuracy,
-    ChainImage,
-    DiscSource,
     Legs,
     LightPath,
     Microlenses,
     PixelGrid,
-    chain_image,
     square_centres,
 )
-from tradestudy.optics.chain.array_field import PupilWave
-from tradestudy.optics.chain.point_image import stated_point
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.provenance import machine, versions
 

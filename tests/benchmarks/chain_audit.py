@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from chain_cases import ChainCase, finest, nested_pixels, random_chain_case, run
 
 from tradestudy.errors import TradestudyError
-from tradestudy.optics.chain import ChainImage
+from tradestudy.optics.chain.accuracy import ChainImage
 from tradestudy.provenance import machine, versions
 
 RECORD = Path(__file__).with_suffix(".json")

@@ -7,23 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.optics.chain import (
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.array_field import PupilWave, leg_kernel
+from tradestudy.optics.chain.detector_patch import MicrolensPlane, direct_detector_field
+from tradestudy.optics.chain.image import chain_image
+from tradestudy.optics.chain.microlens_nodes import cell_nodes
+from tradestudy.optics.chain.scene import (
     FRESNEL,
     KIRCHHOFF,
     KIRCHHOFF_FRESNEL,
-    ChainAccuracy,
-    ChainImage,
     Legs,
     LightPath,
     Microlenses,
     PixelGrid,
-    chain_image,
     hexagonal_centres,
     square_centres,
 )
-from tradestudy.optics.chain.array_field import PupilWave, leg_kernel
-from tradestudy.optics.chain.detector_patch import MicrolensPlane, direct_detector_field
-from tradestudy.optics.chain.microlens_nodes import cell_nodes
 from tradestudy.optics.propagation.kernels import direct_sum
 from tradestudy.optics.propagation.lens import LENS_PHASES, CircularLens, LensPhase, PointSource
 from tradestudy.optics.quadrature import gauss_legendre

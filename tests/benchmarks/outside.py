@@ -28,7 +28,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 from aperture import WAVELENGTH, true_error
 from outside_packages import airy, error
 
-from tradestudy.optics.propagation import CircularLens, FieldAccuracy, Method, PointSource, TargetGrid, aperture_field
+from tradestudy.optics.propagation.aperture import aperture_field
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
+from tradestudy.optics.propagation.result import Method
+from tradestudy.optics.propagation.targets import TargetGrid
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 from tradestudy.provenance import machine, versions
 
 RECORD = Path(__file__).with_suffix(".json")

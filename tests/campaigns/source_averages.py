@@ -16,7 +16,10 @@ import numpy as np
 from tests.campaigns import record
 from tests.optics.small_chain import WAVELENGTH, camera, relative
 from tradestudy.errors import TradestudyError
-from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, ChainImage, DiscSource, LightPath, chain_image
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.image import chain_image
+from tradestudy.optics.chain.scene import KIRCHHOFF, LightPath
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import CircularLens
 
 TOLERANCE = 1e-2

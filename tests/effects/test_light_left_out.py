@@ -8,19 +8,11 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.chain import (
-    FRESNEL,
-    GEOMETRIC,
-    ChainAccuracy,
-    DiscSource,
-    LightPath,
-    Microlenses,
-    PixelGrid,
-    chain_image,
-    separate_image,
-    square_centres,
-)
-from tradestudy.optics.propagation import CircularLens, PointSource
+from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.chain.image import chain_image, separate_image
+from tradestudy.optics.chain.scene import FRESNEL, GEOMETRIC, LightPath, Microlenses, PixelGrid, square_centres
+from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 WAVELENGTH, PITCH, COUNT = 550e-9, 60e-6, 8
 ACCURACY = ChainAccuracy(tolerance=1e-4)

@@ -17,8 +17,9 @@ from tests.study.test_spot_light import DISC, LOOSE, PATH, rng, study
 from tradestudy.execution import Checkpoints, Processes, Serial, Steps, Threads
 from tradestudy.models import spot_images
 from tradestudy.models.spot_images import SpotModels, compared_models
-from tradestudy.optics.chain import FRESNEL, ChainImage, chain_image, separate_image
-from tradestudy.optics.chain.accuracy import Part, in_turn
+from tradestudy.optics.chain.accuracy import ChainImage, Part, in_turn
+from tradestudy.optics.chain.image import chain_image, separate_image
+from tradestudy.optics.chain.scene import FRESNEL
 from tradestudy.optics.chain.spot_points import AskedSpot, follow_points
 
 STUDIES = SPOT_STUDY.parent

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.interpolate import CubicSpline
 
-from tradestudy.optics.chain import LightPath
+from tradestudy.optics.chain.scene import LightPath
 
 _RADII = 1000
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tradestudy.optics.chain import LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
 from tradestudy.optics.propagation.lens import CircularLens
 
 WAVELENGTH = 550e-9

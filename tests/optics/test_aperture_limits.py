@@ -6,7 +6,8 @@ import pytest
 
 from tradestudy import optics
 from tradestudy.errors import UnaffordableError
-from tradestudy.optics.propagation import METHODS, Method
+from tradestudy.optics.propagation.aperture import METHODS
+from tradestudy.optics.propagation.result import Method
 
 DEFOCUSED = optics.TargetGrid.centred(centre=(0.0, 0.0), pitch=2e-6, count=65, distance=25e-3)
 

@@ -9,16 +9,11 @@ import pytest
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.axial_spot import axial_fresnel_spot, axial_kirchhoff_spot
-from tradestudy.optics.propagation import (
-    CircularLens,
-    FieldAccuracy,
-    LensPhase,
-    Method,
-    PointSource,
-    TargetPoints,
-    aperture_field,
-    lens_wave,
-)
+from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
+from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
+from tradestudy.optics.propagation.result import Method
+from tradestudy.optics.propagation.targets import TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 from tradestudy.optics.quadrature import disc_nodes
 
 STEREO = [  # focal length [m], f-number, wavelength [m]

@@ -8,23 +8,14 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import NotConvergedError
-from tradestudy.optics.propagation import (
-    CircularLens,
-    FieldAccuracy,
-    KirchhoffKernel,
-    Limits,
-    NodeCounts,
-    PointSource,
-    TargetGrid,
-    TargetPoints,
-    aperture_field,
-    direct_sum,
-    lens_wave,
-    nodes_for,
-    sample_wave,
-)
+from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
 from tradestudy.optics.propagation.boundary_wave import edge_field, fewest_zones, find_rays, ray_fields
 from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
+from tradestudy.optics.propagation.kernels import KirchhoffKernel, direct_sum
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for, sample_wave
 
 WAVELENGTH = 550e-9
 MICRO = {"radius": 0.432e-3 / 7.6, "focal_length": 0.432e-3}

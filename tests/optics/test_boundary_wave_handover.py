@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import NotConvergedError
-from tradestudy.optics.propagation import CircularLens, FieldAccuracy, PointSource, TargetGrid, aperture_field
+from tradestudy.optics.propagation.aperture import aperture_field
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
+from tradestudy.optics.propagation.targets import TargetGrid
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 
 
 @pytest.mark.parametrize("tolerance", [3e-2, 1e-2, 1e-3])

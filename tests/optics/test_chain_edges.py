@@ -7,16 +7,10 @@ import pytest
 
 from tests.optics.small_chain import PITCH, WAVELENGTH, camera, relative
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.chain import (
-    ChainAccuracy,
-    ChainImage,
-    DiscSource,
-    Legs,
-    LightPath,
-    PixelGrid,
-)
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.image import unguarded_image, unguarded_separate_image
-from tradestudy.optics.chain.scene import LegMethod
+from tradestudy.optics.chain.scene import LegMethod, Legs, LightPath, PixelGrid
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 ON, OFF = PointSource(distance=24e-3), PointSource(x=0.13e-3, y=-0.06e-3, distance=24e-3)

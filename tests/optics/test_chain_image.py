@@ -12,23 +12,20 @@ import pytest
 
 from tests.optics.small_chain import PITCH, WAVELENGTH, camera, relative
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.chain import (
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.image import chain_image, spectral_image
+from tradestudy.optics.chain.scene import (
     FRESNEL,
     GEOMETRIC,
     KIRCHHOFF,
     KIRCHHOFF_FRESNEL,
-    ChainAccuracy,
-    ChainImage,
-    DiscSource,
     Legs,
     LightPath,
     PixelGrid,
-    chain_image,
     hexagonal_centres,
-    spectral_image,
     square_centres,
 )
-from tradestudy.optics.chain.sources import moved, moved_image, orbits, source_nodes, symmetries
+from tradestudy.optics.chain.sources import DiscSource, moved, moved_image, orbits, source_nodes, symmetries
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.optics.propagation.pupil import Pupil
 

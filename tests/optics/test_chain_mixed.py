@@ -11,23 +11,12 @@ import pytest
 
 from tests.optics.small_chain import PITCH, ROW, WAVELENGTH, camera, relative
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.chain import (
-    FRESNEL,
-    GEOMETRIC,
-    ChainAccuracy,
-    ChainImage,
-    DiscSource,
-    Legs,
-    LightPath,
-    Microlenses,
-    PixelGrid,
-    chain_image,
-    hexagonal_centres,
-    separate_image,
-)
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.image import chain_image, separate_image
 from tradestudy.optics.chain.microlens_nodes import Disc, cell_nodes, lit_nodes
-from tradestudy.optics.chain.sources import moved, moved_image
-from tradestudy.optics.propagation import aperture_field
+from tradestudy.optics.chain.scene import FRESNEL, GEOMETRIC, Legs, LightPath, Microlenses, PixelGrid, hexagonal_centres
+from tradestudy.optics.chain.sources import DiscSource, moved, moved_image
+from tradestudy.optics.propagation.aperture import aperture_field
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.optics.propagation.targets import TargetPoints
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy

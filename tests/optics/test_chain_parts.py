@@ -10,8 +10,7 @@ import pytest
 from scipy.special import j1
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.chain import ChainAccuracy, LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
-from tradestudy.optics.chain.accuracy import integrate_pixels
+from tradestudy.optics.chain.accuracy import ChainAccuracy, integrate_pixels
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table, leg_kernel
 from tradestudy.optics.chain.arriving_light import field_spacing, ray_reach, table_reader, table_tolerance
 from tradestudy.optics.chain.detector_transfer import (
@@ -25,6 +24,7 @@ from tradestudy.optics.chain.detector_transfer import (
 )
 from tradestudy.optics.chain.microlens_nodes import cell_node_count, cell_nodes
 from tradestudy.optics.chain.point_image import plan_point
+from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
 from tradestudy.optics.propagation.kernels import ApertureSamples, direct_sum
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.optics.quadrature import disc_nodes

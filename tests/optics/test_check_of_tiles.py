@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from tradestudy import optics
-from tradestudy.optics.propagation import NodeCounts, direct_sum, lens_wave, sample_wave
+from tradestudy.optics.propagation.aperture import lens_wave
+from tradestudy.optics.propagation.kernels import direct_sum
+from tradestudy.optics.propagation.sampling import NodeCounts
+from tradestudy.optics.propagation.wave_optics import sample_wave
 
 WAVELENGTH = 1e-6
 STAR = optics.PointSource.at_infinity()

@@ -12,19 +12,19 @@ from tests.optics.small_chain import PITCH, camera, relative
 from tests.optics.test_chain_mixed import image
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import (
+from tradestudy.optics.chain import exact_rays
+from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.chain.scene import (
     EXACT_RAYS,
     GEOMETRIC,
     KIRCHHOFF,
-    ChainAccuracy,
-    DiscSource,
     Legs,
     LightPath,
     PixelGrid,
-    exact_rays,
     hexagonal_centres,
     square_centres,
 )
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 ASIDE = DiscSource(diameter=0.6e-3, distance=24e-3, x=0.13e-3, y=-0.06e-3)

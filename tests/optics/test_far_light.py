@@ -10,9 +10,10 @@ import pytest
 from scipy import integrate, special
 
 from tests.optics.small_chain import WAVELENGTH, camera, relative
-from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, DiscSource, PixelGrid
-from tradestudy.optics.chain.accuracy import far_light
+from tradestudy.optics.chain.accuracy import ChainAccuracy, far_light
 from tradestudy.optics.chain.point_image import compute_point
+from tradestudy.optics.chain.scene import KIRCHHOFF, PixelGrid
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_points import AskedSpot
 from tradestudy.optics.propagation.lens import CircularLens
 

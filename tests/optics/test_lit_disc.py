@@ -9,20 +9,13 @@ import pytest
 
 from tests.campaigns.light_cases import large_part
 from tradestudy.models.spot_images import light_path, light_source
-from tradestudy.optics.chain import (
-    KIRCHHOFF,
-    ChainAccuracy,
-    ChainImage,
-    DiscSource,
-    LightPath,
-    Microlenses,
-    PixelGrid,
-    chain_image,
-    spot_image,
-    square_centres,
-)
+from tradestudy.optics.chain import spot_image
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.image import chain_image
 from tradestudy.optics.chain.lit_part import lit_disc
-from tradestudy.optics.propagation import CircularLens
+from tradestudy.optics.chain.scene import KIRCHHOFF, LightPath, Microlenses, PixelGrid, square_centres
+from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.propagation.lens import CircularLens
 
 
 def large_disc() -> tuple[LightPath, DiscSource, float]:

@@ -9,21 +9,14 @@ import pytest
 
 from tests.optics.small_chain import PITCH, WAVELENGTH, camera, relative
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import (
-    KIRCHHOFF,
-    ChainAccuracy,
-    ChainImage,
-    Legs,
-    LightPath,
-    PixelGrid,
-    chain_image,
-    landing,
-)
+from tradestudy.optics.chain import landing
 from tradestudy.optics.chain import point_image as module
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.image import chain_image
 from tradestudy.optics.chain.lit_part import LitPart, lit_part, reached_pixels
 from tradestudy.optics.chain.point_image import compute_point
-from tradestudy.optics.chain.scene import square_centres
+from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath, PixelGrid, square_centres
 from tradestudy.optics.propagation.kernels import direct_sum
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from prysm import propagation
 
-from tradestudy.optics.propagation import CircularLens, FieldAccuracy, PointSource, TargetGrid, aperture_field
+from tradestudy.optics.propagation.aperture import aperture_field
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
+from tradestudy.optics.propagation.targets import TargetGrid
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 
 WAVELENGTH, PITCH, COUNT = 550e-9, 0.5e-6, 96
 SOURCE = PointSource(x=0.03e-3, y=-0.05e-3, distance=0.15)

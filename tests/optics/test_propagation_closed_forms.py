@@ -8,22 +8,12 @@ import numpy as np
 import pytest
 from scipy.special import fresnel, j0, j1, jv
 
-from tradestudy.optics.propagation import (
-    ApertureSamples,
-    CircularLens,
-    FieldAccuracy,
-    FresnelKernel,
-    KirchhoffKernel,
-    NodeCounts,
-    PointSource,
-    TargetGrid,
-    TargetPoints,
-    aperture_field,
-    direct_sum,
-    lens_wave,
-    propagate_wave,
-    sample_wave,
-)
+from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
+from tradestudy.optics.propagation.kernels import ApertureSamples, FresnelKernel, KirchhoffKernel, direct_sum
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
+from tradestudy.optics.propagation.sampling import NodeCounts
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, propagate_wave, sample_wave
 from tradestudy.optics.quadrature import disc_nodes, rectangle_nodes
 
 WAVELENGTH = 550e-9

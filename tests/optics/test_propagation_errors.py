@@ -15,24 +15,19 @@ import pytest
 from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import unit_phasor
 from tradestudy.optics.chain.accuracy import relative_change
-from tradestudy.optics.propagation import (
-    ApertureSamples,
-    CircularLens,
+from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
+from tradestudy.optics.propagation.kernels import ApertureSamples, KirchhoffKernel
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
+from tradestudy.optics.propagation.result import choose_check_targets
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.wave_optics import (
     FieldAccuracy,
-    KirchhoffKernel,
-    Limits,
-    NodeCounts,
-    PointSource,
-    TargetGrid,
-    TargetPoints,
-    aperture_field,
-    lens_wave,
     nodes_for,
     propagate_samples,
     propagate_wave,
     sample_wave,
 )
-from tradestudy.optics.propagation.result import choose_check_targets
 from tradestudy.optics.quadrature import disc_nodes
 
 MAIN = CircularLens(radius=12.5e-3 / 7.6, focal_length=12.5e-3, lens_phase="parabolic")

@@ -9,25 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tradestudy.optics.propagation import (
-    LENS_PHASES,
-    OBLIQUITIES,
-    ApertureSamples,
-    CircularLens,
-    FieldAccuracy,
-    FresnelKernel,
-    KirchhoffKernel,
-    NodeCounts,
-    PointSource,
-    TargetGrid,
-    TargetPoints,
-    aperture_field,
-    direct_sum,
-    lens_wave,
-    nodes_for,
-    propagate_samples,
-    sample_wave,
-)
+from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
+from tradestudy.optics.propagation.kernels import ApertureSamples, FresnelKernel, KirchhoffKernel, direct_sum
+from tradestudy.optics.propagation.lens import LENS_PHASES, OBLIQUITIES, CircularLens, PointSource
+from tradestudy.optics.propagation.sampling import NodeCounts
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for, propagate_samples, sample_wave
 from tradestudy.optics.quadrature import rectangle_nodes
 
 TABLE = json.loads((Path(__file__).parent / "reference" / "aperture_table.json").read_text())

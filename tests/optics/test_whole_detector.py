@@ -9,20 +9,13 @@ import pytest
 
 from tests.optics.small_chain import PITCH, WAVELENGTH, camera, relative
 from tradestudy.errors import UnaffordableError
-from tradestudy.optics.chain import (
-    KIRCHHOFF,
-    ChainAccuracy,
-    ChainImage,
-    DiscSource,
-    Legs,
-    LightPath,
-    PixelGrid,
-    chain_image,
-    square_centres,
-)
 from tradestudy.optics.chain import spot_points as module
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.detector_patch import DetectorPatch
+from tradestudy.optics.chain.image import chain_image
 from tradestudy.optics.chain.point_image import compute_point
+from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath, PixelGrid, square_centres
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_points import AskedSpot
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 

@@ -18,9 +18,9 @@ from tradestudy.models.light_spot import TOLERANCES, LightSpotProblem, extent_ru
 from tradestudy.models.light_trial import LightTrial, _lit_part, probes
 from tradestudy.models.sharpness import PointSpreadProblem
 from tradestudy.models.spot_images import SpotModels, light_path, light_source, spot_picture
-from tradestudy.optics.chain import DiscSource
 from tradestudy.optics.chain.arriving_light import RayWave, blur_radius
-from tradestudy.optics.propagation import PointSource
+from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"

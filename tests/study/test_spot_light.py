@@ -15,18 +15,11 @@ import pytest
 import tradestudy
 from tradestudy.models.light_spot import LightSpotProblem
 from tradestudy.models.spot_images import SpotModels, light_path, spot_image, spot_picture
-from tradestudy.optics.chain import (
-    FRESNEL,
-    ChainAccuracy,
-    DiscSource,
-    LightPath,
-    Microlenses,
-    PixelGrid,
-    chain_image,
-    separate_image,
-    spectral_image,
-)
-from tradestudy.optics.propagation import CircularLens, PointSource
+from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.chain.image import chain_image, separate_image, spectral_image
+from tradestudy.optics.chain.scene import FRESNEL, LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.study.schema.wave_optics import LightSpotPart
 
 STUDY = """

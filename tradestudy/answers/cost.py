@@ -40,7 +40,8 @@ from tradestudy.models import DEFAULT_BUDGET, light_spot
 from tradestudy.models.plan import Plan
 from tradestudy.models.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import ChainImage, DiscSource
+from tradestudy.optics.chain.accuracy import ChainImage
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.results import dataset
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import Case, StudyDefinition

@@ -25,7 +25,7 @@ from tradestudy.models.point_spreads import (
 )
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.fresnel_validity import paper_eq27_sweep
-from tradestudy.optics.propagation import LensPhase
+from tradestudy.optics.propagation.lens import LensPhase
 from tradestudy.optics.psf_difference import PsfDifference
 from tradestudy.results import dataset
 from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, listed

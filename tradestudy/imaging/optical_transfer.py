@@ -23,7 +23,7 @@ from tradestudy.optics.axial_spot import axial_fresnel_spot, axial_kirchhoff_spo
 from tradestudy.optics.quadrature import gauss_legendre
 
 if TYPE_CHECKING:
-    from tradestudy.optics.propagation import LensPhase
+    from tradestudy.optics.propagation.lens import LensPhase
 
     LatticePoint = tuple[float, float, float, float, float, LensPhase]  # arguments of `kirchhoff_correction`
 

@@ -20,9 +20,10 @@ from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.models.light_trial import TOLERANCE, LightTrial
 from tradestudy.models.spot_images import RAYS, SpotModels, light_path, light_source
 from tradestudy.optics.arrays import FloatArray, IndexArray
-from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath
+from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.lit_part import lit_disc
-from tradestudy.optics.chain.sources import source_nodes
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.chain.sources import DiscSource, source_nodes
 from tradestudy.optics.chain.spot_image import followed_points
 from tradestudy.optics.chain.spot_points import source_density
 from tradestudy.study.building import with_models

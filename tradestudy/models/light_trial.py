@@ -20,13 +20,15 @@ import scipy.special
 from tradestudy.errors import TradestudyError
 from tradestudy.models.spot_images import RAYS, SpotModels, legs, light_path, light_source, picture_of
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.arriving_light import blur_radius, point_wave
 from tradestudy.optics.chain.exact_rays import forward_tracer
 from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
 from tradestudy.optics.chain.point_image import compute_point
+from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_points import AskedSpot, Spot
-from tradestudy.optics.propagation import PointSource
+from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.study.schema.wave_optics import LightSpotPart
 
 TOLERANCE: Final = 2e-3  # of the images of points

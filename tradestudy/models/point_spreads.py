@@ -19,7 +19,7 @@ from tradestudy.optics.fresnel_validity import (
     paper_eq27,
 )
 from tradestudy.optics.lens_point_spread import point_spread
-from tradestudy.optics.propagation import LensPhase, PointSource
+from tradestudy.optics.propagation.lens import LensPhase, PointSource
 from tradestudy.optics.psf_difference import PsfDifference, airy_radius, fresnel_psf_difference
 from tradestudy.optics.sampled_point_spread import Measured
 from tradestudy.optics.spread_metrics import encircled_energy_radius, full_width_at_half_maximum, rms_width

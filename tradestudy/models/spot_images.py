@@ -16,20 +16,7 @@ from tradestudy.execution import Steps
 from tradestudy.execution.steps import timed
 from tradestudy.light_methods import legs_of
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import (
-    EXACT_RAYS,
-    KIRCHHOFF,
-    ChainAccuracy,
-    ChainImage,
-    DiscSource,
-    Legs,
-    LightPath,
-    Microlenses,
-    PixelGrid,
-    hexagonal_centres,
-    square_centres,
-)
-from tradestudy.optics.chain.accuracy import ComputeParts, Part, call, in_turn
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, ComputeParts, Part, call, in_turn
 from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.image import (
     mean_image,
@@ -38,17 +25,23 @@ from tradestudy.optics.chain.image import (
     unguarded_separate_image,
 )
 from tradestudy.optics.chain.point_image import plan_point
-from tradestudy.optics.chain.scene import LegMethod
-from tradestudy.optics.chain.spot_image import refuse_large_disc
-from tradestudy.optics.propagation import (
-    LENS_PHASES,
-    CircularLens,
-    FieldAccuracy,
-    LensPhase,
-    PointSource,
-    TargetGrid,
-    aperture_field,
+from tradestudy.optics.chain.scene import (
+    EXACT_RAYS,
+    KIRCHHOFF,
+    LegMethod,
+    Legs,
+    LightPath,
+    Microlenses,
+    PixelGrid,
+    hexagonal_centres,
+    square_centres,
 )
+from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.chain.spot_image import refuse_large_disc
+from tradestudy.optics.propagation.aperture import aperture_field
+from tradestudy.optics.propagation.lens import LENS_PHASES, CircularLens, LensPhase, PointSource
+from tradestudy.optics.propagation.targets import TargetGrid
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 _LEGS: Final[Mapping[str, LegMethod]] = {

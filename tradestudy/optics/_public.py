@@ -2,44 +2,32 @@
 
 from __future__ import annotations
 
-from tradestudy.optics.chain import (
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.image import chain_image, separate_image, spectral_image
+from tradestudy.optics.chain.scene import (
     EXACT_RAYS,
     FRESNEL,
     GEOMETRIC,
     KIRCHHOFF,
     KIRCHHOFF_FRESNEL,
-    ChainAccuracy,
-    ChainImage,
-    DiscSource,
     Legs,
     LightPath,
     Microlenses,
     PixelGrid,
-    chain_image,
     hexagonal_centres,
-    separate_image,
-    spectral_image,
     square_centres,
 )
+from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.lens_point_spread import LensPointSpread, point_spread
 from tradestudy.optics.microlens_camera import MicrolensCamera, microlens_image
-from tradestudy.optics.propagation import (
-    ApertureField,
-    ApertureSamples,
-    CircularLens,
-    FieldAccuracy,
-    FresnelKernel,
-    KirchhoffKernel,
-    Limits,
-    NodeCounts,
-    PointSource,
-    TargetGrid,
-    TargetPoints,
-    aperture_field,
-    propagate_samples,
-)
-from tradestudy.optics.propagation.lens import FocalLengths
+from tradestudy.optics.propagation.aperture import aperture_field
+from tradestudy.optics.propagation.kernels import ApertureSamples, FresnelKernel, KirchhoffKernel
+from tradestudy.optics.propagation.lens import CircularLens, FocalLengths, PointSource
 from tradestudy.optics.propagation.pupil import Pupil, noll_order
+from tradestudy.optics.propagation.result import ApertureField
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, propagate_samples
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, rectangle_nodes
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread, as_point_spread
 from tradestudy.optics.spread_metrics import (

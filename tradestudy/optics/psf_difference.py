@@ -17,17 +17,11 @@ import numpy as np
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lateral_resolution import FIRST_DARK_RING
-from tradestudy.optics.propagation import (
-    ApertureField,
-    CircularLens,
-    FieldAccuracy,
-    LensPhase,
-    Method,
-    PointSource,
-    TargetPoints,
-    aperture_field,
-    finite_image_distance,
-)
+from tradestudy.optics.propagation.aperture import aperture_field
+from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource, finite_image_distance
+from tradestudy.optics.propagation.result import ApertureField, Method
+from tradestudy.optics.propagation.targets import TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 from tradestudy.optics.quadrature import gauss_legendre
 
 _INTERVALS = 16  # of a panel at most one Airy radius long; they resolve its 1.2 periods to 1e-9

@@ -8,8 +8,11 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.fresnel_validity import collimated_axis_intensity, dropped_path, paper_eq27
-from tradestudy.optics.propagation import CircularLens, FieldAccuracy, PointSource, TargetPoints, aperture_field
+from tradestudy.optics.propagation.aperture import aperture_field
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.optics.propagation.paths import SphericalPath
+from tradestudy.optics.propagation.targets import TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 from tradestudy.units import LENGTH, pretty
 from tradestudy.verification.case import Family, Law, NumericCase, Stated
 
