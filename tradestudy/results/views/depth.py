@@ -64,7 +64,13 @@ def where_measured(depth: xr.Dataset) -> xr.Dataset:
     shares = depth["limit_value"].sel(limit=[name for name in _SEEN_TWICE if name in depth["limit"].values])
     seen = ~(shares <= 0.0).any("limit")
     # Without indexes, which are the same: comparing them takes most of the time of this.
-    return depth.assign({name: depth[name].variable.where(seen.variable) for name in _MEASURED if name in depth})
+    return depth.assign(
+        {
+            name: depth[name].variable.where(seen.variable)  # type: ignore[no-untyped-call]  # xarray leaves it out
+            for name in _MEASURED
+            if name in depth
+        }
+    )
 
 
 def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], ...]:

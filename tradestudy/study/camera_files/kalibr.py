@@ -173,7 +173,7 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
         size=value.need("resolution"),
         says=model,
         named=distortion_model or named,
-        **({"fisheye": ""} if request.lens_model == "pinhole" else {}),
+        fisheye="" if request.lens_model == "pinhole" else None,
     )
 
 

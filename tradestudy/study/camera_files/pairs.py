@@ -270,6 +270,9 @@ def _check_orientation(rotation: FloatArray, second: str, first: str, at: Locate
         )
 
 
+_DECLARE_FISHEYE: Final = "name the model equidistant in the file, or give lens_model: fisheye beside from:"
+
+
 def checked_camera(
     name: str,
     pinhole: tuple[float, float, float, float],
@@ -283,7 +286,7 @@ def checked_camera(
     says: str = "",
     named: Located | None = None,
     conventions: tuple[Convention, ...] = (),
-    fisheye: str = "name the model equidistant in the file, or give lens_model: fisheye beside from:",
+    fisheye: str | None = None,
 ) -> ImportedCamera:
     """One camera of a file, refused if its values cannot belong to a camera with its lens model.
 
@@ -304,7 +307,7 @@ def checked_camera(
     conventions
         Further conventions of the file.
     fisheye
-        How to declare a fisheye lens; empty if the study declares that the lens is none.
+        How to declare a fisheye lens, if not as in most files; empty if the study declares that the lens is none.
 
     Raises
     ------
@@ -316,12 +319,12 @@ def checked_camera(
             FAMILIES[lens_model](**coefficients)
         except OutOfRangeError as error:
             raise lens.fail(str(error)) from None
-    for coefficient in ("p1", "p2") if lens_model == "rational" and fisheye else ():
+    for coefficient in ("p1", "p2") if lens_model == "rational" and fisheye != "" else ():
         shift = coefficients.get(coefficient, 0.0)
         if abs(shift) > _LARGEST_TANGENTIAL:
             raise lens.fail(
                 f"{coefficient} = {shift:g} is too large for tangential distortion (below {_LARGEST_TANGENTIAL:g}); "
-                f"the coefficients are probably k1 to k4 of a fisheye lens: {fisheye}"
+                f"the coefficients are probably k1 to k4 of a fisheye lens: {fisheye or _DECLARE_FISHEYE}"
             )
     if size is not None:
         width, height = size.pair() if isinstance(size, Located) else size

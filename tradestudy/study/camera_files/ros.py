@@ -190,7 +190,7 @@ def _camera(top: Located, request: Request) -> ImportedCamera:
         lens=distortion,
         size=(top.need("image_width", "width"), top.need("image_height", "height")),
         says="none: rectified" if is_rectified else model,
-        **({"fisheye": ""} if request.lens_model == "pinhole" else {}),
+        fisheye="" if request.lens_model == "pinhole" else None,
     )
 
 

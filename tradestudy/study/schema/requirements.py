@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -79,7 +79,7 @@ _AT = "Instead of `over`: the only distance at which the requirement must hold."
 class _OverOrAtPart(Part):
     """The distances that count: a range, or a single one."""
 
-    exactly_one = (("over", "at"),)
+    exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = (("over", "at"),)
 
     over: Span | None = Field(
         default=None, description="Nearest and farthest of the distances at which the requirement must hold."
