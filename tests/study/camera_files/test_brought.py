@@ -549,8 +549,8 @@ def test_columns_of_corner_files_that_are_not_used_are_named(tmp_path: Path) -> 
         (lambda text: text.replace("_mm", "_in"), "positions are read in mm or m on the board.* convert board_x_in"),
         (lambda text: "# one\n" * 30 + text.replace("_mm", "_in"), "positions are read in mm or m on the board"),
         (lambda text: text.replace(",", "\t"), "tabs separate the columns"),
-        (lambda text: f"Corners of May\n{text}", r"tabs separate the columns, .* name the columns in the first line"),
-        (lambda text: text.partition("\n")[2], r"tabs separate the columns, .* name the columns in the first line"),
+        (lambda text: f"Corners of May\n{text}", r"lacks columns: view, corner, .* name the columns in the first line"),
+        (lambda text: text.partition("\n")[2], r"lacks columns: view, corner, .* name the columns in the first line"),
         (
             lambda text: "# " + text.replace("\n0,1,", "\n0,1.x,", 1).replace("\n1,1,", "\n1,1.x,", 1),
             ": corner is not a",
