@@ -12,8 +12,8 @@ import errno
 import os
 import shutil
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
@@ -95,7 +95,8 @@ def run(
     pictures = storage.beside(directory / storage.PICTURES)  # those of an earlier run stay until this one is complete
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None or measuring:
-            with _background_drawer() as drawer, _removed(pictures):
+            with _background_drawer() as drawer, ExitStack() as cleanup:
+                cleanup.callback(shutil.rmtree, pictures, ignore_errors=True)
                 if result is None:
                     result = study.run(progress, executor=executor, checkpoints=checkpoints, pictures=pictures)
                 if measuring:
@@ -114,15 +115,6 @@ def run(
         checkpoints.remove()
     reported(1.0)
     return result
-
-
-@contextmanager
-def _removed(folder: Path) -> Iterator[None]:
-    """Remove a folder in the end, if it is still there."""
-    try:
-        yield
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 @dataclass(frozen=True, kw_only=True)

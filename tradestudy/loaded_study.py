@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tradestudy import provenance
 from tradestudy.models import DEFAULT_BUDGET
@@ -311,13 +311,6 @@ class Study:
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
         record = {
-            **self._record(started, seconds),
-            "points": steps.counts,
-        }
-        return Result(data=tree, run_record=record)
-
-    def _record(self, started: datetime, seconds: Mapping[str, float]) -> dict[str, Any]:
-        return {
             "study": self.name,
             "study_hash": self.hash,
             "code_hash": provenance.code_hash(),
@@ -329,7 +322,9 @@ class Study:
             "versions": provenance.versions(),
             "machine": provenance.machine(),
             "seconds": {step: round(value, 3) for step, value in seconds.items()},
+            "points": steps.counts,
         }
+        return Result(data=tree, run_record=record)
 
     def _repr_html_(self) -> str:
         rows = "".join(

@@ -7,10 +7,11 @@ import re
 from typing import Annotated, Any
 
 import pytest
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from tradestudy import units
 from tradestudy.declarations import quantities
+from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import quantity
 
 
@@ -137,3 +138,34 @@ def test_editors_get_a_pattern_that_agrees(kind: Any, right: list[str], wrong: l
         TypeAdapter(kind).validate_python(text)
     for text in wrong:
         assert not re.search(schema["pattern"], text)
+
+
+class _Bound(Part):
+    exactly_one = (("above", "below"),)
+    increasing = ("start", "stop")
+
+    above: float | None = None
+    below: float | None = None
+    start: float = Field(default=0.0, alias="from")
+    stop: float = Field(default=1.0, alias="to")
+
+
+@pytest.mark.parametrize(
+    ("written", "place", "what"),
+    [
+        ({"above": 1.0}, None, ""),
+        ({}, (), "give exactly one of above and below"),
+        ({"above": 1.0, "below": 2.0}, (), "give exactly one of above and below (null removes an inherited one)"),
+        ({"below": 2.0, "from": 1.0, "to": 1.0}, ("to",), "must lie beyond from"),
+    ],
+)
+def test_a_part_declares_what_excludes_and_what_exceeds_what(
+    written: dict[str, float], place: tuple[str, ...] | None, what: str
+) -> None:
+    if place is None:
+        assert _Bound.model_validate(written).above == 1.0
+        return
+    with pytest.raises(ValidationError) as caught:
+        _Bound.model_validate(written)
+    (detail,) = caught.value.errors()
+    assert (detail["ctx"]["error"].tail, detail["ctx"]["error"].what) == (place, what)

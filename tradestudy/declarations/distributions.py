@@ -110,7 +110,8 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         ]
         if self.shape == "empirical" and self.mean is not None:
             mistakes.append(MistakeAt(("mean",), "does not belong to shape empirical, whose draws have their own mean"))
-        if not mistakes and self._is_wider_than_its_half_width():
+        width, inexactness = self.half_width, self.inexactness
+        if not mistakes and width is not None and inexactness is not None and _size(inexactness) > _size(width):
             mistakes.append(MistakeAt(("inexactness",), "exceeds half_width; at most half_width is expected"))
         if mistakes:
             raise MistakeAt.several(mistakes)
@@ -124,10 +125,6 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         if len(given) != 1:
             both = ", not both" if given else ""
             raise MistakeAt((), f"give standard_deviation (a normal error) or half_width (a uniform one){both}")
-
-    def _is_wider_than_its_half_width(self) -> bool:
-        width, inexactness = self.half_width, self.inexactness
-        return width is not None and inexactness is not None and _size(inexactness) > _size(width)
 
     @property
     def resolved_shape(self) -> Shape:

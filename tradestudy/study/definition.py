@@ -148,10 +148,17 @@ class StudyDefinition:
     def designs(self) -> Mapping[str, Camera]:
         """The cameras without their calibrations; reports every camera that cannot be built or calibrated."""
         cameras: dict[str, Camera] = {}
-        problems = self._problems_of_derived_errors()
+        scene = self.file.scene
+        what = "is derived from the picture, but scene.picture (texture, window, light, sensor) is missing"
+        problems = [
+            self.document.problem(("cameras", name, "depth", "disparity_error"), what)
+            for name, part in self.file.cameras.items()
+            if isinstance(part, DepthCameraDeclaration)
+            and part.depth.declared_error_px is None
+            and (scene is None or scene.picture is None)
+        ]
         if problems:
             raise StudyError(problems)
-        scene = self.file.scene
         known = self._cameras_built_before()
         for name, part in self.file.cameras.items():
             if name in known:
@@ -343,19 +350,6 @@ class StudyDefinition:
             for path, entry in ([] if calibration is None else walk(calibration, above))
             if path[-1] == "file" and isinstance(entry, ScalarEntry) and isinstance(entry.value, str)
         }
-
-    def _problems_of_derived_errors(self) -> list[Problem]:
-        """Disparity errors to be derived from the scene's picture, in a study without one."""
-        missing = self.file.scene is None or self.file.scene.picture is None
-        problems: list[Problem] = []
-        for name, part in self.file.cameras.items():
-            if not isinstance(part, DepthCameraDeclaration) or part.depth.declared_error_px is not None:
-                continue
-            path: tuple[str, ...] = ("cameras", name, "depth", "disparity_error")
-            if missing:
-                what = "is derived from the picture, but scene.picture (texture, window, light, sensor) is missing"
-                problems.append(self.document.problem(path, what))
-        return problems
 
     def with_values(
         self,

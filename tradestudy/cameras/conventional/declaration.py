@@ -47,6 +47,8 @@ class FocusStackPart(Part):
     lens) on a logarithmic scale; the stack then has gaps.
     """
 
+    increasing = ("start", "stop")
+
     start: ObjectDistance = Field(alias="from", description="Nearest distance of the range to cover.")
     stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance of the range to cover.")
     images: PositiveCount = Field(description="Largest number of pictures in one stack.")
@@ -54,18 +56,14 @@ class FocusStackPart(Part):
         default=None, description="Time from one picture to the next, including refocusing."
     )
 
-    @model_validator(mode="after")
-    def _increasing(self) -> Self:
-        if not self.start < self.stop:
-            raise MistakeAt(("to",), "must lie beyond from")
-        return self
-
 
 class ConventionalFocusPart(Part):
     """Distance at which a conventional camera is focused.
 
     Give exactly one of `distance`, `image_scale` and `working_distance`, even if you declare a `stack`.
     """
+
+    exactly_one = (("distance", "image_scale", "working_distance"),)
 
     distance: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Distance from the object in focus to the principal plane of the lens."
@@ -83,9 +81,6 @@ class ConventionalFocusPart(Part):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        given = (self.distance, self.image_scale, self.working_distance)
-        if sum(one is not None for one in given) != 1:
-            raise MistakeAt((), "give exactly one of distance, image_scale and working_distance")
         if self.working_distance is not None and self.reference is None:
             raise MistakeAt(
                 ("working_distance",),

@@ -81,6 +81,8 @@ class MicrolensesPart(Part):
 class FocusPart(Part):
     """Position of the microlens array, given directly or by the total covering plane."""
 
+    exactly_one = (("mla_distance", "total_covering_plane"),)
+
     mla_distance: LensToSensor | None = Field(
         default=None, description="Distance from the main lens to the microlens array."
     )
@@ -96,8 +98,6 @@ class FocusPart(Part):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        if (self.mla_distance is None) == (self.total_covering_plane is None):
-            raise MistakeAt((), "give exactly one of mla_distance and total_covering_plane")
         if (self.total_covering_plane is None) != (self.relay is None):
             raise MistakeAt((), "total_covering_plane and relay belong together; give both or neither")
         return self
