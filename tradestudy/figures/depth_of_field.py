@@ -44,7 +44,11 @@ def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         caption="What each camera keeps sharp, measured from its principal plane: "
         + _criterion_words(tree)
         + ". Neighbouring shades are images of a stack or types of microlenses"
-        + ("; dotted lines are gaps between them." if _has_gaps(tree) else ".")
+        + (
+            "; dotted lines are gaps between them."
+            if np.isfinite(by_first_criterion(tree)["gap_near"].values).any()
+            else "."
+        )
         + _thin_words(tree)
         + " Right: the coarsest resolution within the scene; grey where not all of it is sharp.",
         alt="Bars of depth of field over working distance, one row per camera. " + _sharp_words(tree),
@@ -67,10 +71,6 @@ def _criterion_words(tree: xr.DataTree) -> str:
     measure = str(first["diffraction"].item())
     blur = "the blur of defocus alone" if measure == "none" else f"the blur of defocus and the {measure} of diffraction"
     return f"{blur} is at most {pretty(float(first['blur_px']), PIXELS)}"
-
-
-def _has_gaps(tree: xr.DataTree) -> bool:
-    return bool(np.isfinite(by_first_criterion(tree)["gap_near"].values).any())
 
 
 def _thin_words(tree: xr.DataTree) -> str:

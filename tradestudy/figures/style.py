@@ -258,7 +258,9 @@ def log_axis(
     The axis is dense, too, between `ends` less than a factor of 30 apart or with fewer than two powers of ten between
     them. Less than a factor of 4 apart, ticks are evenly spaced, since no number 1, 2 or 5 may lie between the ends.
     """
-    dense = dense or (ends is not None and (ends[1] < 30.0 * ends[0] or _powers_of_ten(*ends) < 2))
+    if ends is not None:
+        powers_of_ten = math.floor(math.log10(ends[1])) - math.ceil(math.log10(ends[0])) + 1
+        dense = dense or ends[1] < 30.0 * ends[0] or powers_of_ten < 2
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else (1.0,), numticks=20))
@@ -267,10 +269,6 @@ def log_axis(
     axis.set_minor_formatter(NullFormatter())
     if ends is not None and ends[1] < 4.0 * ends[0]:
         axis.set_major_locator(MaxNLocator(nbins=4))
-
-
-def _powers_of_ten(low: float, high: float) -> int:
-    return int(np.floor(np.log10(high)) - np.ceil(np.log10(low))) + 1
 
 
 def legend(

@@ -134,10 +134,6 @@ def script() -> str:
     return str(rjsmin.jsmin("(() => {" + "\n".join(map(template, SCRIPTS)) + "})();"))
 
 
-def _data_uri(svg: bytes) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
-
-
 def _drawn_equations(equations: tuple[Equation, ...]) -> dict[Equation, _DrawnEquation]:
     """Draw every equation once, with the typesetter of the PDF, so that both formats look the same."""
     if not equations:
@@ -150,4 +146,7 @@ def _drawn(svg: bytes) -> _DrawnEquation:
     width = re.search(rb'width="([\d.]+)pt"', svg)
     if width is None:
         raise ValueError("the typesetter returned an equation without a width")
-    return _DrawnEquation(uri=_data_uri(svg), width_em=f"{float(width[1]) / _EQUATION_TEXT_SIZE_PT:.3f}")
+    return _DrawnEquation(
+        uri=f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}",
+        width_em=f"{float(width[1]) / _EQUATION_TEXT_SIZE_PT:.3f}",
+    )

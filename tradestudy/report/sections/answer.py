@@ -86,18 +86,14 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     yield from _requirements(requirement_conclusions(tree), _DECLARED if designs else "")
     if apart:
         yield Callout(title="Inverse questions", blocks=(Bullets(apart),), tone="answer")
-    if measured := tuple(_measured(tree)):
+    if measured := tuple(say("{sentence}.", sentence=sentence) for sentence in measured_words(tree, of_scene="")):
         yield Callout(title="Depth measured in rendered pictures", blocks=(Bullets(measured),))
     sentences = [
-        *_off_axis(tree),
-        *_biased(tree),
-        *_weighed(tree),
-        *_contradictory(tree),
-        *_taken_as_perfect(tree),
+        *_qualified(tree),
         *_doubted(tree),
         *_rests_on(tree),
         *_measure_first(tree),
-        *_at_the_bound(tree),
+        *(say("{sentence}", sentence=one) for one in [best_of_any_matcher(lower_bounds(tree))] if one),
         *_reversed(tree),
     ]
     if sentences:  # in one paragraph, so that the page has room for its figure
@@ -177,40 +173,18 @@ def _never_best(tree: xr.DataTree) -> Iterator[Spans]:
         yield say("**{title} is usable nowhere** ({why}).", title=title, why=why)
 
 
-def _off_axis(tree: xr.DataTree) -> Iterator[Spans]:
-    """Say that the answers hold on the optical axis, and for which cameras depth is much less certain off it."""
+def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
+    """Say where answers hold, which cameras are biased, and which inputs are contradictory or assumed perfect."""
     if worse := off_axis_words(tree):
         yield say(
             "**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=listed(worse)
         )
-
-
-def _biased(tree: xr.DataTree) -> Iterator[Spans]:
-    """Say which cameras' measurements lie on one side of the truth."""
     if biased := offset_words(tree):
         yield say("**Biased**: {biased}.", biased=listed(biased))
-
-
-def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
-    """The camera that ranks first by all declared criteria."""
     if conclusion := trade_off_conclusion(tree):
         yield say("**Weighing all criteria** ([](#trade-off-table)): {conclusion}.", conclusion=conclusion)
-
-
-def _measured(tree: xr.DataTree) -> Iterator[Spans]:
-    """How measurements in rendered pictures compare with the prediction."""
-    for sentence in measured_words(tree, of_scene=""):
-        yield say("{sentence}.", sentence=sentence)
-
-
-def _contradictory(tree: xr.DataTree) -> Iterator[Spans]:
-    """What contradictory inputs do to the answers."""
     for sentence in consequences(tree):
         yield say("**Contradictory inputs of {sentence}.**", sentence=sentence)
-
-
-def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:
-    """Cameras whose calibration is assumed perfect."""
     if titles := perfectly_calibrated(tree):
         yield say(
             "**The calibration of {cameras} is assumed perfect:** the study declares no errors, corners, target or "
@@ -248,12 +222,6 @@ def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     if inputs := rests_on(tree):
         named = ", and on ".join(f"the {one.removeprefix('the ')}" for one in inputs)
         yield say("**The answers rest on** {inputs}.", inputs=named)
-
-
-def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
-    """The cameras of the answers whose disparity error is a bound, without a real matcher."""
-    if sentence := best_of_any_matcher(lower_bounds(tree)):
-        yield say("{sentence}", sentence=sentence)
 
 
 def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:

@@ -161,11 +161,11 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
         ),
         rows=tuple(
             (
-                _name(str(one["parameter"].values[k])),
+                _NAMES.get(parameter := str(one["parameter"].values[k])) or in_words(parameter),
                 _to_the_digit(
                     float(one["posterior_mean"].values[k]),
                     float(one["posterior_deviation"].values[k]),
-                    parameter_dimension(str(one["parameter"].values[k])),
+                    parameter_dimension(parameter),
                 ),
                 quantity("posterior_deviation", k),
                 quantity("laplace_deviation", k),
@@ -176,10 +176,6 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
             for k in range(known.size)
         ),
     )
-
-
-def _name(parameter: str) -> str:
-    return _NAMES.get(parameter) or in_words(parameter)
 
 
 def _to_the_digit(value: float, deviation: float, dimension: Dimension) -> str:

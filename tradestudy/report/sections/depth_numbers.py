@@ -49,7 +49,8 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     places = [float(place) for place in data["sheet_distance"].values]
     for name in data["camera"].values:
         one = data.sel(camera=name)
-        usable = f"usable {_usable(*(float(one[name]) for name in ('near_limit', 'far_limit')))}"
+        near, far = (float(one[name]) for name in ("near_limit", "far_limit"))
+        usable = "usable nowhere" if math.isnan(near) else f"usable from {span(near, far)}"
         across, down = (pretty(float(one[f"{axis}_field_of_view"]), ANGLE) for axis in ("horizontal", "vertical"))
         yield Table(
             name=f"datasheet-{name}",
@@ -93,10 +94,6 @@ def _lengths(one: xr.Dataset, name: str) -> Iterator[str]:
             yield "—" if math.isnan(float(value)) else "unbounded"
 
 
-def _usable(near: float, far: float) -> str:
-    return "nowhere" if math.isnan(near) else f"from {span(near, far)}"
-
-
 _NEGLIGIBLE_SHARE = 1e-6  # what the numerical error of a share amounts to
 _ERROR_SOURCES = ("noise", "calibration", "both")
 
@@ -133,13 +130,14 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         depth["usable"],
         depth["converged"],
     )
+    titles = titles_in(tree, "depth")
     for place in table_distances(tree):
-        at = [column.sel(distance=place, method="nearest") for column in shown_columns]
         rows.append((f"At {distance(float(place))}",))
-        for key, title in titles_in(tree, "depth").items():
-            u_here, u_error_here, r, r_error, steps, (low, high), judged, usable, converged = (
-                column.sel(camera=key).values.tolist() for column in at
-            )
+        here = (column.sel(distance=place, method="nearest").sel(camera=list(titles)) for column in shown_columns)
+        at = [column.transpose("camera", ...).values.tolist() for column in here]
+        for title, u_here, u_error_here, r, r_error, steps, (low, high), judged, usable, converged in zip(
+            titles.values(), *at, strict=True
+        ):
             rows.append(
                 (
                     title,

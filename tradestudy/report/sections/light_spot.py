@@ -149,11 +149,6 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     )
 
 
-def _stated(error: float, asked: float) -> str:
-    """Write the stated error of an image, marked if it exceeds the tolerance."""
-    return share(error) + (f" (above {share(asked)})" if error > asked else "")
-
-
 def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
     reference, asked = reference_method(data), float(data.attrs["compared_tolerance"])
     rows: list[tuple[Text, ...]] = []
@@ -164,7 +159,7 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
                 long_title(method),
                 _duration(_seconds(run, f"image: {method}")),
                 str(one["published_words"].item()) or "—",
-                _stated(float(one["numerical_error"]), asked),
+                share(error := float(one["numerical_error"])) + f" (above {share(asked)})" * (error > asked),
                 *(
                     "—" if method == reference else share(float(one[name].sel(against=reference)))
                     for name in ("difference", "difference_l2")

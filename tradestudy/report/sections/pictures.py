@@ -183,7 +183,9 @@ def describe_depth_loop(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
             "report contains them, ready for the cameras of a study."
         )
     )
-    yield from score_tables(name="depth-loop", first=_first_columns(data), rows=list(_rows(data, titles)))
+    varied = [title for title, name in (("Contrast", "contrast"), ("Light", "electrons")) if data.sizes[name] > 1]
+    first = tuple(Column(title=title) for title in ("Distance", *varied))
+    yield from score_tables(name="depth-loop", first=first, rows=list(_rows(data, titles)))
 
 
 def _scaling(run: Mapping[str, Any]) -> str:
@@ -215,11 +217,6 @@ def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
             high=share(float(1.0 / over.min())),
         )
     return text
-
-
-def _first_columns(data: xr.Dataset) -> tuple[Column, ...]:
-    titles = [("Distance", "distance"), ("Contrast", "contrast"), ("Light", "electrons")]
-    return tuple(Column(title=title) for title, name in titles if name == "distance" or data.sizes[name] > 1)
 
 
 def _rows(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[ScoreRow]:
