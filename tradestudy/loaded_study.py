@@ -297,7 +297,7 @@ class Study:
         from tradestudy.models.plan import TIME_REMEDY
 
         started = datetime.now(UTC)
-        begin = time.perf_counter()
+        begin, begun = time.perf_counter(), time.monotonic()
         seconds: dict[str, float] = {}
         if pictures is not None:
             from tradestudy.answers.scene import files_of_pictures
@@ -305,7 +305,7 @@ class Study:
 
             refuse_foreign(pictures, files_of_pictures(self.definition))
         plan = self.plan()
-        watched = within_time(progress, plan.accuracy.time_limit - (time.perf_counter() - begin), TIME_REMEDY)
+        watched = within_time(progress, plan.accuracy.time_limit, TIME_REMEDY, begun)
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=watched)
         tree = compute(plan, steps, seconds, pictures)
         seconds["compute"] = time.perf_counter() - begin

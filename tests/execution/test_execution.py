@@ -134,7 +134,10 @@ def cluster() -> Iterator[DaskCluster]:
 def test_a_run_that_reaches_its_time_limit_stops_and_keeps_what_is_finished(tmp_path: Path) -> None:
     done = points(tmp_path, 8, seconds=0.1)
     with contextlib.closing(Checkpoints(tmp_path / "run")) as checkpoints:
-        watched = Steps(checkpoints=checkpoints, progress=within_time(lambda _step, _share: None, 0.3, "ask for less"))
+        watched = Steps(
+            checkpoints=checkpoints,
+            progress=within_time(lambda _step, _share: None, 0.3, "ask for less", time.monotonic()),
+        )
         with pytest.raises(UnaffordableError, match=r"time limit: .* of the step 'counting' \(allowed: 0\.3 s\)"):
             watched.map("counting", compute, done, [f"number={one.number}" for one in done])
     with contextlib.closing(Checkpoints(tmp_path / "run")) as checkpoints:

@@ -272,12 +272,11 @@ def timed(seconds: Seconds, name: str) -> Iterator[None]:
     seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begin
 
 
-def within_time(progress: Progress, limit: float, remedy: str) -> Progress:
-    """Progress that ends the work when it reports later than ``limit`` [s] from now, by an `UnaffordableError`."""
-    end = time.monotonic() + limit
+def within_time(progress: Progress, limit: float, remedy: str, begun: float) -> Progress:
+    """Progress that ends work begun at a monotonic time when it reports later than ``limit`` [s] after it."""
 
     def report(step: str, share: float) -> None:
-        if time.monotonic() > end:
+        if time.monotonic() > begun + limit:
             raise UnaffordableError(
                 "the run has reached its time limit",
                 value=f"{share:.0%} of the step '{step}'",
