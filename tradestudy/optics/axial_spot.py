@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.lens import LensPhase
 from tradestudy.optics.quadrature import gauss_legendre
-
-if TYPE_CHECKING:  # propagation loads the NUFFT, which is not needed here
-    from tradestudy.optics.propagation.lens import LensPhase
 
 _BLOCK = 128  # radii that share a rule: inner ones need fewer nodes, and a block stays in the processor's cache
 _CHECKED = 32  # in each block, every 32nd radius, beginning with the first

@@ -20,8 +20,7 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, ComputeP
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.exact_rays import exact_ray_image
-from tradestudy.optics.chain.geometric_image import geometric_image
-from tradestudy.optics.chain.landing import landing_point_image, landing_spot_image
+from tradestudy.optics.chain.landing import geometric_image, landing_point_image, landing_spot_image
 from tradestudy.optics.chain.point_image import wave_point_image
 from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
