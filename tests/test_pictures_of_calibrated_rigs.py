@@ -12,7 +12,7 @@ from PIL import Image
 
 from tradestudy import api
 from tradestudy.answers.depth_loop import loop_points, measure_on_plane
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 
 pytestmark = pytest.mark.usefixtures("only_rays")
 

@@ -15,8 +15,7 @@ from tests.cameras.builders import PITCH, r5, stereo, unfocused
 from tests.uncertainty.builders import correlated_normal
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.parts import Lens
-from tradestudy.depth.evaluation import ERROR_SOURCES, evaluate_depth, variance_shares
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import ERROR_SOURCES, depth_uncertainty, evaluate_depth, variance_shares
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
 from tradestudy.uncertainty.joint import GaussianCopula
 from tradestudy.uncertainty.sources import ErrorClass, Source

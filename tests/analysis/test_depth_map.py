@@ -11,8 +11,7 @@ import xarray as xr
 
 from tests.calibration.cameras import stereo, webcams
 from tradestudy.answers.depth_map import ACROSS, DOWN, depth_map, map_places
-from tradestudy.depth.evaluation import distribution
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty, distribution
 from tradestudy.figures.pictures import map_words, uncertainty_map_drawings
 from tradestudy.optics.lens_families import KannalaBrandt
 from tradestudy.results import dataset

@@ -12,7 +12,7 @@ import pytest
 import tradestudy
 from tradestudy.answers import questions as inverse_questions
 from tradestudy.answers.questions import Solved, solve
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
 
 STUDIES = Path(__file__).parents[2] / "studies"

@@ -13,7 +13,7 @@ import pytest
 import tradestudy
 from tradestudy.answers.questions import Solved, _beside_the_nearest, _nearest, _Trial, solve_requirement
 from tradestudy.answers.requirement_answer import RequirementAnswer
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
 from tradestudy.units import LENGTH
 

@@ -15,7 +15,7 @@ from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.focus import DepthScaling
 from tradestudy.cameras.parts import Lens
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import OutOfRangeError, StudyError
 
 A, B, C = 0.11, 0.9, 0.012

@@ -12,7 +12,7 @@ import tradestudy
 from tradestudy.cameras.camera import digitiser_contradictions, lens_contradictions
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stated_declaration import StatedPart
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.models import Light, SensorNoise, noise_variance
 from tradestudy.imaging.render.tiles import Recording

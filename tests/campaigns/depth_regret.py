@@ -24,7 +24,7 @@ from tests.campaigns.record import write
 from tradestudy.answers.cost_measuring import forget
 from tradestudy.answers.depth import DepthPoint, depth_table
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.depth.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.effects import Models, SlotName, models_of
 from tradestudy.errors import TradestudyError

@@ -15,8 +15,7 @@ import tradestudy
 from tests.campaigns.depth_cases import base_study
 from tests.campaigns.depth_regret import run, shift_of_ends
 from tradestudy.accuracy import Quantity
-from tradestudy.depth.evaluation import evaluate_depth
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty, evaluate_depth
 from tradestudy.effects import Change, Changes, Models, SimulationProblem, Slot, choose
 from tradestudy.errors import StudyError
 from tradestudy.models.choice import choose_models

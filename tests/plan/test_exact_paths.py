@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.campaigns.depth_cases import KINDS, base_study, random_study
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.effects import Models
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.optical_transfer import kirchhoff_transfers

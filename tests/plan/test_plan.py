@@ -10,7 +10,7 @@ import pytest
 
 import tradestudy
 from tradestudy.api import Study
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.models.plan import Plan, _space, size_of_depth
 

@@ -17,7 +17,7 @@ from tradestudy import figures
 from tradestudy.api import Result
 from tradestudy.cli import app
 from tradestudy.comparison import compare_runs
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
 from tradestudy.results.views.conclusions import (
     best_ranges,

@@ -9,7 +9,7 @@ import pytest
 
 import tradestudy
 from tradestudy.answers.datasheet import datasheet_group
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

@@ -13,7 +13,7 @@ import xarray as xr
 import tradestudy
 from tradestudy.comparison.comparison import Run
 from tradestudy.comparison.conclusions import compare_ranks
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
 from tradestudy.report.contents import compose_report
 from tradestudy.results import GROUPS

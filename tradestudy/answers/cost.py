@@ -28,7 +28,7 @@ from tradestudy.answers.cost_measuring import (
 )
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
 from tradestudy.depth.draws import SCRAMBLES
-from tradestudy.depth.evaluation import distribution, imaged, variance_shares
+from tradestudy.depth.evaluation import distribution, judged_at, variance_shares
 from tradestudy.depth.linear import has_covariance
 from tradestudy.depth.usable import all_met, evaluate_limits
 from tradestudy.effects import LENSES, MODEL, OFF, Models, SlotName, models_of
@@ -98,7 +98,7 @@ def depth_problem(case: Case, name: str, title: str, chosen: Models, offered: Of
         title=title,
         difference=_worst,
         candidates=tuple(
-            Candidate(models=words, compute=partial(_judged, camera, places), chosen=camera == taken)
+            Candidate(models=words, compute=partial(judged_at, camera, places), chosen=camera == taken)
             for camera, words in sets.items()
         ),
         references=tuple(_references(complete, places)),
@@ -147,7 +147,7 @@ def _words(models: Models, offered: Offered, tolerance: float) -> str:
 def _usable_places(case: Case, camera: DepthCamera) -> FloatArray:
     """Some of the study's distances [m] where the camera is usable and its uncertainty finite."""
     usable = all_met(evaluate_limits(camera, case.criteria, case.distance, depth=distribution), case.distance.shape)
-    places = case.distance[usable & np.isfinite(_judged(camera, case.distance))]
+    places = case.distance[usable & np.isfinite(judged_at(camera, case.distance))]
     if not places.size:
         return places
     evenly = np.geomspace(places[0], places[-1], _MOST_PLACES)
@@ -387,8 +387,3 @@ def _dataset(found: list[Measured], budget: float) -> xr.Dataset:
             "code_hash": provenance.code_hash(),
         },
     )
-
-
-def _judged(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """What judges a camera [m], computed at the distances themselves."""
-    return distribution(camera, imaged(camera, distance), "both").judged

@@ -11,7 +11,7 @@ import xarray as xr
 
 from tradestudy.answers.decision import is_usable
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, disparity_error_at
-from tradestudy.depth.table import depth_uncertainty, distribution_between, judged_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty, distribution, imaged, judged_at
 from tradestudy.depth.usable import usable_intervals
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
@@ -29,12 +29,12 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
     single: dict[str, list[float]] = {}
     for name, camera in case.cameras.items():
         usable, shared = is_usable(case, name, places), _seen_twice(camera, places)
-        seen, measured = shared > 0.0, 1.0 - distribution_between(camera, places).failed_fraction
+        seen, measured = shared > 0.0, 1.0 - distribution(camera, imaged(camera, places), "both").failed_fraction
         left, right, top, bottom = np.transpose([camera.edge_angles(float(place)) for place in places])
         ranges = usable_intervals(camera, case.criteria, case.distance)
         view = camera.edge_angles(middle)
         for key, values in {
-            "z_accuracy": np.where(seen, judged_uncertainty(camera, places, "calibration"), np.nan),
+            "z_accuracy": np.where(seen, judged_at(camera, places, "calibration"), np.nan),
             "temporal_noise": np.where(seen, depth_uncertainty(_repeating(camera), places, "noise"), np.nan),
             "subpixel_rms": np.where(camera.images(places) & seen, disparity_error_at(camera, places), np.nan),
             "plane_fit_rms": np.where(seen, depth_uncertainty(camera, places, "noise"), np.nan),

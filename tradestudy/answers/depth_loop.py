@@ -15,7 +15,7 @@ from tradestudy.answers.depth_maps import predicted_availability, score_values, 
 from tradestudy.answers.pictures import take_picture
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_map import DepthMap, DepthReaderOfKind, DepthSearch, TrueDepth
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.execution.executor import part_of_point

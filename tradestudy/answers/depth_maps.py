@@ -16,7 +16,7 @@ from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, TrueDepth
 from tradestudy.cameras.light_cones import Description, Exposure
-from tradestudy.depth.table import depth_uncertainty
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.execution.executor import part_of_point, tell

@@ -16,7 +16,8 @@ from tradestudy.answers.depth import over_designs
 from tradestudy.answers.requirements import ANY, Judge
 from tradestudy.answers.trade_criteria import criterion_of
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
-from tradestudy.depth.table import judged_uncertainty, judged_uncertainty_error
+from tradestudy.depth.evaluation import distribution, judged_at
+from tradestudy.depth.table import judged_uncertainty_error
 from tradestudy.depth.usable import usable_intervals
 from tradestudy.errors import Problem, StudyError
 from tradestudy.execution.steps import Progress
@@ -106,7 +107,8 @@ def _computed(case: Case, name: str, one: WeighedPart) -> tuple[float, float]:
         at = np.array([one.at])
         if not is_usable(case, name, at)[0]:
             return math.nan, 0.0
-        return float(judged_uncertainty(camera, at)[0]), float(np.nan_to_num(judged_uncertainty_error(camera, at))[0])
+        error = judged_uncertainty_error(camera, at, depth=distribution)
+        return float(judged_at(camera, at)[0]), float(np.nan_to_num(error)[0])
     found = usable_intervals(camera, case.criteria, case.distance)
     if not found:
         return math.nan, 0.0

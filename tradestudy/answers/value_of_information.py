@@ -13,7 +13,7 @@ import xarray as xr
 
 from tradestudy.answers.decision import is_usable
 from tradestudy.answers.requirements import is_kept
-from tradestudy.depth.evaluation import distribution, imaged
+from tradestudy.depth.evaluation import distribution, judged_at
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset, distances_without_decision
@@ -119,6 +119,6 @@ def _outcome(
 def _loss(case: Case, name: str, places: FloatArray, unusable: float) -> FloatArray:
     """Relative depth uncertainty over distance, capped at the loss that the study assigns to an unusable camera."""
     camera = case.cameras[name]
-    relative = distribution(camera, imaged(camera, places), "both").judged / places
+    relative = judged_at(camera, places) / places
     counted = is_usable(case, name, places, distribution) & np.isfinite(relative)
     return np.where(counted, np.minimum(relative, unusable), unusable)

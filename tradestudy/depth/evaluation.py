@@ -163,6 +163,18 @@ def _known(camera: DepthCamera, distances: bytes, field: FieldPosition, error_so
     return exact_distribution(camera, distance, field, error_source)
 
 
+def depth_uncertainty(
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
+) -> FloatArray:
+    """Half the central 68.27 % interval of depth [m]: the spread of measurements, whatever their bias."""
+    return distribution(camera, imaged(camera, distance), error_source, field).half_width
+
+
+def judged_at(camera: DepthCamera, distance: FloatArray, error_source: str = "both") -> FloatArray:
+    """The uncertainty [m] that judges a camera (`judged_uncertainty`), computed at the distances themselves."""
+    return distribution(camera, imaged(camera, distance), error_source).judged
+
+
 def finite(width: FloatArray) -> FloatArray:
     """A width, NaN where it is unbounded: no error can be stated there."""
     return np.where(np.isinf(width), np.nan, width)

@@ -227,13 +227,6 @@ def narrow_features(camera: DepthCamera) -> tuple[float, ...]:
     return tuple(np.unique(dense[around]).tolist())
 
 
-def depth_uncertainty(
-    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
-) -> FloatArray:
-    """Half the central 68.27 % interval of depth [m]: the spread of measurements, whatever their bias."""
-    return distribution_between(camera, distance, error_source, field).half_width
-
-
 def judged_uncertainty(
     camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
 ) -> FloatArray:
