@@ -361,6 +361,13 @@ class SourceTables:
         return max(table.handed_over for table in self.tables)
 
 
+def farthest_on_array(path: LightPath, source: DiscSource, distance: float) -> float:
+    """Largest distance between the array's points and the chief ray of a source point this far from the axis [m]."""
+    lenses = path.microlenses
+    on_array = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
+    return on_array + distance * path.array_distance / source.distance
+
+
 def refuse_large_tables(wave: PupilWave, half_width: float, accuracy: ChainAccuracy) -> float:
     """Refuse tables of this half width [m] that exceed the memory; return the distance between their points [m]."""
     spacing, count = field_spacing(wave, accuracy), _table_count(accuracy)
@@ -403,7 +410,7 @@ def source_tables(
     accuracy
         Tolerance and sampling.
     half_width
-        Largest distance from the chief ray at which tables are read [m].
+        Largest distance from the chief ray at which tables are read [m]; beyond the array, there is nothing to read.
 
     Raises
     ------
@@ -424,6 +431,7 @@ def source_tables(
         )
         for radius in radii
     ]
+    half_width = min(half_width, farthest_on_array(path, source, high))
     spacing = refuse_large_tables(waves[0], half_width, accuracy)
     tables = [
         field_table(

@@ -28,6 +28,7 @@ from tradestudy.optics.chain.arriving_light import (
     RayReach,
     RayWave,
     SourceTables,
+    farthest_on_array,
     point_wave,
     ray_reach,
     refuse_large_tables,
@@ -119,8 +120,7 @@ class AskedSpot:
         Points between the nodes, up to the rim of the disc, estimate the error.
         """
         lenses, source, z = self.path.microlenses, self.source, self.path.array_distance
-        on_array = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
-        anywhere = on_array + float(np.linalg.norm(self.nodes.all, axis=1).max()) * z / source.distance
+        anywhere = farthest_on_array(self.path, source, float(np.linalg.norm(self.nodes.all, axis=1).max()))
         if self.patch.whole_detector:
             return anywhere
         turn = 2.0 * math.pi * np.arange(_RIM) / _RIM
