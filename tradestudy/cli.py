@@ -111,7 +111,6 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that SIGTERM ends a run as Ctrl-C does
     # Read when NumPy loads OpenBLAS, whose threads make no study faster and wait for each other beside busy cores.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # it would search all installed packages for some
     gc.set_threshold(20_000, 20, 20)  # most objects live until the end: collect garbage rarely
     atexit.register(gc.freeze)  # and not at exit, where it takes half a second
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import importlib.metadata
 import json
 import os
 import platform
@@ -70,9 +71,10 @@ def code_hash() -> str:
 
 def versions() -> dict[str, str]:
     """Versions of Python, of this package and of the libraries that results and pictures depend on."""
-    from importlib.metadata import version  # it loads a dozen modules, and `check` needs none
-
-    return {"python": platform.python_version()} | {name: version(name) for name in ("tradestudy", *LIBRARIES)}
+    return {
+        "python": platform.python_version(),
+        "tradestudy": importlib.metadata.version("tradestudy"),
+    } | {name: importlib.metadata.version(name) for name in LIBRARIES}
 
 
 def machine() -> dict[str, str | int]:
