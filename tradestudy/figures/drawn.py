@@ -60,13 +60,13 @@ class SharedDrawing:
 
     def __init__(self, drawer: Drawer, results: bytes) -> None:
         self._drawn: dict[str, Plotted] = {}
-        self.receiving = Thread(target=self._receive, args=(drawer, results), daemon=True)
+        self.receiving = Thread(target=self._receive, args=(drawer, [results]), daemon=True)
         self.receiving.start()
 
-    def _receive(self, drawer: Drawer, results: bytes) -> None:
+    def _receive(self, drawer: Drawer, results: list[bytes]) -> None:
         # The second interpreter may have died, or the run may have ended and closed the pipes.
         with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
-            drawer.tasks.write(results)
+            drawer.tasks.write(results.pop())  # and forget them: those of a large sweep take hundreds of megabytes
             drawer.tasks.flush()
             while True:
                 self._drawn |= pickle.load(drawer.answers)
