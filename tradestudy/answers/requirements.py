@@ -15,7 +15,7 @@ from tradestudy.answers.requirement_answer import RequirementAnswer, check_crite
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.depth_measurement import FieldPosition, place_words, places_within, towards_corners
 from tradestudy.depth.evaluation import Reading, distribution, evaluate_depth, imaged
-from tradestudy.depth.table import distribution_between, judged_uncertainty_error
+from tradestudy.depth.table import distribution_between, judged_uncertainty_error, narrow_features
 from tradestudy.depth.usable import END_OF_STUDY, Interval, evaluate_limits, usable_intervals
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
@@ -92,7 +92,8 @@ def _check_measured(
 
     if requirement.quantity == "overlap" and np.isnan(measured(np.array(required.distances))).all():
         return RequirementAnswer.unknown(name, bound, _ABSENT)
-    place, field = _worst_place(broken_by, required.distances, _fields(requirement, case))
+    features = narrow_features(case.cameras[name]) if name in case.cameras else ()
+    place, field = _worst_place(broken_by, required.distances, _fields(requirement, case), features)
     at = np.array([place])
     value = float(measured(at, field)[0])
     error = float((_errors(requirement, case, name, at, field) / _scale(required, at))[0])
@@ -416,22 +417,24 @@ def _worst_place(
     broken_by: Callable[[FloatArray, FieldPosition], FloatArray],
     over: tuple[float, ...],
     fields: Sequence[FieldPosition],
+    features: Sequence[float],
 ) -> tuple[float, FieldPosition]:
     """Where a value is largest: the distance [m] in a range, and the place in the picture.
 
-    Places that are worst at some of a few distances are searched on a grid of distances, and the worst one of them
-    between the neighbours of its largest value.
+    Distances where the depth error changes fast (``features``) are tried too. Places of the picture that are worst at
+    some of a few distances are searched on a grid of distances, and the worst one of them between the neighbours of its
+    largest value.
     """
     if len(fields) > 1:
         few = _spaced(over, _COARSE)
         worst_at = np.argmax([broken_by(few, field) for field in fields], axis=0)
         fields = [fields[k] for k in dict.fromkeys(worst_at.tolist())]
-    points = _spaced(over, _POINTS)
+    points = np.union1d(_spaced(over, _POINTS), [one for one in features if over[0] < one < over[1]])
     severity = np.array([broken_by(points, field) for field in fields])
     place, worst = (int(k) for k in np.unravel_index(np.argmax(severity), severity.shape))
     if points.size == 1:
         return over[0], fields[place]
-    around = np.geomspace(points[max(worst - 1, 0)], points[min(worst + 1, _POINTS - 1)], _POINTS)
+    around = np.geomspace(points[max(worst - 1, 0)], points[min(worst + 1, points.size - 1)], _POINTS)
     # Rounding must not move a place out of the range.
     around = np.clip(around, over[0], over[1])
     values = broken_by(np.append(around, points[worst]), fields[place])

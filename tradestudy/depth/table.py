@@ -21,7 +21,8 @@ from tradestudy.depth.distribution import DepthDistribution, standard_error
 from tradestudy.depth.evaluation import Reading, distribution, finite, imaged, model_error
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
-_PER_FACTOR: Final = 64.0  # nodes in a factor e of distance
+NODES_PER_FACTOR: Final = 64.0
+"""Nodes of a table in a factor e of distance."""
 _PER_FACTOR_DRAWN: Final = 24.0  # of an exact model, whose draws cost milliseconds a node
 _SAFE: Final = 1e-7  # largest estimated error of an interpolated width, relative to it
 _SAFE_DRAWN: Final = 0.25  # the same for a drawn width, relative to the standard deviation between scrambles
@@ -93,7 +94,7 @@ def _table(camera: DepthCamera, field: FieldPosition, error_source: str) -> _Tab
     judged = camera.propagation.judged
     if not judged or not judged[0] < judged[-1]:
         return None
-    density = _PER_FACTOR_DRAWN if camera.propagation.model == "exact" and error_source != "noise" else _PER_FACTOR
+    density = _PER_FACTOR_DRAWN if camera.propagation.model == "exact" and error_source != "noise" else NODES_PER_FACTOR
     count = max(2 * _HALF_STENCIL, 1 + math.ceil(density * math.log(judged[-1] / judged[0])))
     distance = np.geomspace(judged[0], judged[-1], count)
     return _Table(distance=distance, nodes=distribution(camera, imaged(camera, distance), error_source, field))
@@ -215,7 +216,7 @@ def narrow_features(camera: DepthCamera) -> tuple[float, ...]:
     judged = camera.propagation.judged
     if not judged or not judged[0] < judged[-1]:
         return ()
-    count = 1 + _DENSER * math.ceil(_PER_FACTOR * math.log(judged[-1] / judged[0]))
+    count = 1 + _DENSER * math.ceil(NODES_PER_FACTOR * math.log(judged[-1] / judged[0]))
     dense = np.geomspace(judged[0], judged[-1], count)
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.log(camera.depth_discrimination(imaged(camera, dense))[0])

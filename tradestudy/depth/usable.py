@@ -12,7 +12,7 @@ import numpy as np
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.depth.evaluation import Reading
-from tradestudy.depth.table import distribution_between
+from tradestudy.depth.table import NODES_PER_FACTOR, distribution_between, narrow_features
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 LIMIT_NAMES: Final = (
@@ -230,10 +230,11 @@ def _kept_by(
 
 
 def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> tuple[Interval, ...]:
-    """The usable intervals within a grid of distances [m], from near to far, with the limit that sets each end.
+    """The usable intervals within a range of distances [m], from near to far, with the limit that sets each end.
 
-    Ends between grid points are found to twelve digits, and those that depend on draws also in each scramble. An end at
-    the edge of the grid is marked as such.
+    Intervals and gaps are sought at the distances, at the nodes of a table and where the depth error changes fast, so
+    that a few distances hide none. Ends are found to twelve digits, and those that depend on draws also in each
+    scramble. An end at the edge of the range is marked as such.
     """
     return _intervals(camera, criteria, np.asarray(distance, dtype=np.float64).tobytes())
 
@@ -241,7 +242,7 @@ def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: Fl
 @lru_cache(maxsize=1024)
 def _intervals(camera: DepthCamera, criteria: UsableCriteria, distances: bytes) -> tuple[Interval, ...]:
     """The usable intervals, cached because tables, data sheets, requirements and verdicts ask for them."""
-    distance = np.frombuffer(distances)
+    distance = _sought(camera, np.frombuffer(distances))
     limits = evaluate_limits(camera, criteria, distance)
     ends = usable_ends(camera, criteria, distance, limits)
     found = {
@@ -264,6 +265,17 @@ def _intervals(camera: DepthCamera, criteria: UsableCriteria, distances: bytes) 
             )
         )
     return tuple(intervals)
+
+
+def _sought(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Distances [m] at which the ends of the usable range are bracketed, within the range of the given ones."""
+    first, last = distance[0], distance[-1]
+    if not first < last:
+        return distance
+    more = [*narrow_features(camera), *camera.propagation.judged]
+    nodes = np.geomspace(first, last, 2 + math.ceil(NODES_PER_FACTOR * math.log(last / first)))[1:-1]
+    inside = [one for one in more if first < one < last]
+    return np.unique(np.concatenate([distance, nodes, inside]))
 
 
 def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, name: str) -> float:
