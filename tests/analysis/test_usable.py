@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from tests.cameras.builders import r5, stereo
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.parts import Lens
-from tradestudy.depth.usable import END_OF_STUDY, all_met, boundaries, evaluate_limits, usable_intervals
+from tradestudy.depth.usable import END_OF_STUDY, Interval, all_met, boundaries, evaluate_limits, usable_intervals
 
 GRID = np.geomspace(0.05, 10.0, 401)
 
@@ -164,3 +165,20 @@ def test_pole_limits_are_named() -> None:
 
 def test_nothing_usable_is_an_empty_list() -> None:
     assert usable_intervals(stereo(), UsableCriteria(overlap=0.8, blur_px=0.5), GRID) == ()
+
+
+def ends_of(intervals: Sequence[Interval]) -> list[float]:
+    return [end for one in intervals for end in (one.near, one.far)]
+
+
+def test_few_distances_hide_neither_a_gap_nor_a_stretch() -> None:
+    """Twelve distances are farther apart than an R5 is out of focus, and two farther than a pair is sharp."""
+    criteria = UsableCriteria(blur_px=0.9)
+    few, many = (usable_intervals(r5(), criteria, np.geomspace(0.2, 1.2, count)) for count in (12, 4001))
+    assert len(few) > 1
+    assert ends_of(few) == pytest.approx(ends_of(many), rel=1e-9)
+    pair = stereo(focus_distance=1.0)
+    sharp = UsableCriteria(blur_px=0.5)
+    few, many = (usable_intervals(pair, sharp, np.geomspace(0.2, 9.0, count)) for count in (2, 4001))
+    assert few
+    assert ends_of(few) == pytest.approx(ends_of(many), rel=1e-9)
