@@ -62,7 +62,8 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     for path in paths:
         texts = [str(one[path]) if path in one else NOT_SET for one in declared]
         if not all(_are_alike(texts[0], text) for text in texts[1:]):
-            what = " › ".join(titles.get(part, in_words(part)) for part in path.split("."))
+            named = {} if path.startswith("scene.") else titles  # no key of a scene is the name of a camera
+            what = " › ".join(named.get(part, in_words(part)) for part in path.split("."))
             what = path_words(runs[0].tree, path) if path.startswith("cameras.") else what
             found.append(Difference(what=what, values=tuple(_shown(text, titles) for text in texts)))
     return tuple(found), len(paths)
@@ -81,7 +82,7 @@ def _are_alike(one: str, other: str) -> bool:
 
 def _parts(text: str) -> list[str]:
     """The values of a list, or the only one."""
-    is_list = text.startswith("[") and text.endswith("]")
+    is_list = text.startswith("[") and text.endswith("]") and "{" not in text  # parts are shown as they are
     return [one.strip("' ") for one in text[1:-1].split(",")] if is_list else [text]
 
 
@@ -99,8 +100,9 @@ def _meaning(text: str) -> tuple[str, float]:
 
 def _shown(text: str, titles: Mapping[str, str]) -> str:
     """A value as declared, with a space before its unit; lists without brackets, cameras by their titles."""
-    if text.startswith("[") and text.endswith("]"):
-        return ", ".join(_shown(one, titles) for one in _parts(text))
+    parts = _parts(text)
+    if parts != [text]:
+        return ", ".join(_shown(part, titles) for part in parts)
     return titles.get(text, _QUANTITY.sub(r"\1 \2", text) if _QUANTITY.fullmatch(text) else text)
 
 
