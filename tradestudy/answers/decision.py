@@ -75,7 +75,7 @@ def largest_cause(camera: DepthCamera, distance: FloatArray, field: FieldPositio
 
 _OFFSET: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
 _ROUNDING: Final = 2e-7  # relative difference of two uncertainties that interpolation may cause; a lead must exceed it
-_CROSSED_TO: Final = 1e-10  # relative accuracy of a crossing
+_CROSSED_TO: Final = 1e-7  # relative accuracy of a crossing
 
 
 TIED: Final = ", "
@@ -248,7 +248,9 @@ def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Cr
         grid = distance[before : after + 1]
         place = _turn(first, second, grid, error_source, begins=lead[before] > 0)
         if place is not None:
-            error = scramble_error(_log_ratios(first, second, places_around(place), error_source), place)
+            error = 0.0
+            if len(ratios) > 1:  # drawn: each scramble has a root of its own
+                error = scramble_error(_log_ratios(first, second, places_around(place), error_source), place)
             found.append(Crossing(distance=place, error=error, nearer=pair[0] if lead[before] < 0 else pair[1]))
     return tuple(found)
 
