@@ -42,6 +42,11 @@ def test_an_uncertainty_without_bound_off_the_axis_is_said_to_have_none(make_tre
     assert "unbounded" in words
 
 
+def test_a_place_where_a_usable_camera_measures_nothing_is_named(make_tree: MakeTree) -> None:
+    (words,) = off_axis_words(with_field(make_tree(), np.nan))
+    assert "measures no depth (50 % of the way to the upper left corner" in words
+
+
 def test_the_terminal_says_for_which_points_of_the_picture_the_answers_hold(make_tree: MakeTree) -> None:
     assert any("axis" in line and "2.5 times" in line for line in terminal_lines(with_field(make_tree(), 2.5)))
     assert not any("axis" in line for line in terminal_lines(make_tree()))

@@ -158,7 +158,10 @@ _CLEARLY_WORSE: Final = 1.1  # times the depth uncertainty on the axis
 
 
 def off_axis_words(tree: xr.DataTree) -> list[str]:
-    """How much less certain depth is off the axis, where it is most so; cameras that it hardly affects are left out."""
+    """How much less certain depth is off the axis, where it is most so, and where there is none.
+
+    Cameras that it hardly affects are left out.
+    """
     if not has(tree, "depth_field", "depth_uncertainty") or not nominal_is_declared(tree):
         return []
     depth, off, titles = nominal(tree), group(tree, "depth_field"), camera_titles(tree)
@@ -172,14 +175,20 @@ def off_axis_words(tree: xr.DataTree) -> list[str]:
         there = off_axis.sel(camera=camera).transpose("field", "corner", "distance").values
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(usable, there / on_axis.sel(camera=camera).values, np.nan)
+
+        def where(field: int, corner: int, place: int) -> str:
+            towards = field_words(float(off["field"].values[field]), str(off["corner"].values[corner]))
+            return f"{towards}, at {distance(float(distances[place]))}"
+
+        unseen = np.argwhere(usable & np.isnan(there))
+        if unseen.size:
+            found.append(f"{with_article(titles[camera])} measures no depth ({where(*unseen[0].tolist())})")
         if not np.any(ratio > _CLEARLY_WORSE):
             continue
-        field, corner, place = np.unravel_index(np.nanargmax(ratio), ratio.shape)
+        field, corner, place = map(int, np.unravel_index(np.nanargmax(ratio), ratio.shape))
         worst = float(ratio[field, corner, place])
         times = f"up to {significant(worst, 3)} times as uncertain" if math.isfinite(worst) else "unbounded"
-        towards = field_words(float(off["field"].values[field]), str(off["corner"].values[corner]))
-        where = f"{towards}, at {distance(float(distances[place]))}"
-        found.append(f"depth by {with_article(titles[camera])} is {times} ({where})")
+        found.append(f"depth by {with_article(titles[camera])} is {times} ({where(field, corner, place)})")
     return found
 
 
