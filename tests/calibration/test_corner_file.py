@@ -299,6 +299,18 @@ def test_corners_that_were_not_seen_are_left_out(tmp_path):
     np.testing.assert_array_equal(found.right, expected.right)
     np.testing.assert_array_equal(found.present, expected.present)
     assert found.unused == ()
+    count = len(rows()) - len(kept)
+    assert found.left_out == f"{count} of {len(rows())} rows: right_visible is false in {count}"
+    assert expected.left_out == ""
+    with pytest.raises(CornerFileError, match="no corners: left out are 1566 of 1566 rows: seen is false in 1566"):
+        read_corners(changed(tmp_path, lambda row: row | {"seen": "0"}))
+
+
+@pytest.mark.parametrize("column", ["not_detected", "left_not_visible", "no_corner_found", "UN_SEEN", "undetected"])
+def test_opposites_of_seen_leave_no_row_out(tmp_path, column):
+    found = read_corners(changed(tmp_path, lambda row: row | {column: str(int(int(row["corner"]) % 7 == 0))}))
+    np.testing.assert_array_equal(found.left, read_corners(FILE).left)
+    assert (found.unused, found.left_out) == ((column,), "")
 
 
 def marked_row(row):

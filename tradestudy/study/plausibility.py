@@ -134,7 +134,7 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_idle_matcher(definition),
         *_tolerances(definition),
         *_posteriors(definition),
-        *_unused_columns(definition),
+        *_unused_corners(definition),
         *_beyond_the_scene(definition),
         *_contradictory(definition),
     ]
@@ -329,8 +329,8 @@ def _posteriors(definition: StudyDefinition) -> Iterator[Problem]:
                 yield definition.document.problem(path, what)
 
 
-def _unused_columns(definition: StudyDefinition) -> Iterator[Problem]:
-    """Columns of corner files that are not used; what is read of imported ones names them."""
+def _unused_corners(definition: StudyDefinition) -> Iterator[Problem]:
+    """Columns and rows of corner files that are not used; what is read of imported ones names them."""
     for name, camera in definition.file.cameras.items():
         path = ("cameras", name, "calibration", "corners", "file")
         file = definition.data_files.get(dotted(path))
@@ -338,8 +338,11 @@ def _unused_columns(definition: StudyDefinition) -> Iterator[Problem]:
             continue
         from tradestudy.calibration.corners.corner_file import read_corners  # loads all of calibration
 
-        if unused := read_corners(file).unused:
-            yield definition.document.problem(path, f"columns of this file are not used: {listed(unused)}")
+        corners = read_corners(file)
+        if corners.unused:
+            yield definition.document.problem(path, f"columns of this file are not used: {listed(corners.unused)}")
+        if corners.left_out:
+            yield definition.document.problem(path, f"rows of this file are not used: {corners.left_out}")
 
 
 def _large(text: str) -> Iterator[str]:

@@ -530,17 +530,21 @@ def test_every_format_with_matrices_warns_of_four_digits(tmp_path: Path, write: 
 
 def test_columns_of_corner_files_that_are_not_used_are_named(tmp_path: Path) -> None:
     head, *rows = (DATA / "stereo_65_corners.csv").read_text().splitlines()
-    text = "\n".join(["# two cameras", f"{head},image_width,detected", *(f"{row},1024,1" for row in rows)])
+    text = "\n".join(
+        ["# two cameras", f"{head},image_width,detected", *(f"{row},1024,{int(row != rows[3])}" for row in rows)]
+    )
     (tmp_path / "corners.csv").write_text(text)
     loaded = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
-    assert loaded.imported[0].endswith("; not used: columns image_width")
+    left_out = f"1 of {len(rows)} rows: detected is false in 1"
+    assert loaded.imported[0].endswith(f"; not used: columns image_width; {left_out}")
     assert not loaded.warnings
     rig = (
         "kind: stereo, title: Rig, lenses: {focal_length: 1000 px}, baseline: 65 mm, depth: {disparity_error: 0.1 px}, "
         "sensor: {pixels: [1024, 1024], pixel_pitch: 3 um}, calibration: {corners: {file: corners.csv}}"
     )
-    (said,) = tradestudy.load(study(tmp_path, rig=rig)).warnings
-    assert said.endswith("calibration.corners.file: columns of this file are not used: image_width")
+    columns, row = tradestudy.load(study(tmp_path, rig=rig)).warnings
+    assert columns.endswith("calibration.corners.file: columns of this file are not used: image_width")
+    assert row.endswith(f"calibration.corners.file: rows of this file are not used: {left_out}")
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -29,7 +30,9 @@ _COLUMNS: Final = {"view", "corner", "board_x_mm", "board_y_mm", "board_x_m", "b
 _LARGEST_COORDINATE = 1e6  # px or mm; more is a mistake
 _SMALLEST_SPREAD = 1e-6  # m or px
 _BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
-_SEEN: Final = re.compile(r"(^|_)(detected|visible|valid|found|seen)(_|$)", re.IGNORECASE)
+_SEEN: Final = re.compile(
+    r"^(?!(.*_)?(not|no|non|un|never)_)(.*_)?(detected|visible|valid|found|seen)(_|$)", re.IGNORECASE
+)
 _TRUTHS: Final = {"1": True, "1.0": True, "true": True, "yes": True} | dict.fromkeys(("0", "0.0", "false", "no"), False)
 _CONSTANT: Final = (
     (
@@ -77,6 +80,8 @@ class StereoCorners:
         Lens model to fit to both cameras.
     unit, unused
         Unit of positions on the board in the file, and its columns that are not used.
+    left_out
+        How many rows of the file are left out, and by which columns; empty if none are.
     """
 
     views: tuple[int, ...]
@@ -89,6 +94,7 @@ class StereoCorners:
     lens: FreeLens = RADIAL_LENS
     unit: str = "m"
     unused: tuple[str, ...] = ()
+    left_out: str = ""
 
     @property
     def points(self) -> FloatArray:
@@ -112,7 +118,8 @@ def read_corners(path: str | Path) -> StereoCorners:
         corner, board_x_mm, board_y_mm, left_x_px, left_y_px, right_x_px, right_y_px``; for the board, ``_m`` may
         replace ``_mm``. On the board, seen from its front, and in images, x points to the right and y downwards.
         Lines that begin with ``#`` are comments, except one that names the columns. A corner counts only if every
-        column such as ``detected`` or ``right_visible`` is true in its row. `StereoCorners.unused` names other columns.
+        column such as ``detected`` or ``right_visible`` is true in its row. `StereoCorners.unused` names other columns,
+        among them opposites such as ``not_detected``.
 
     Returns
     -------
@@ -151,7 +158,7 @@ def read_corners(path: str | Path) -> StereoCorners:
 @lru_cache(maxsize=4)  # a study's camera, its calibration and its plan read the same file
 def _corners_in(name: str, text: str) -> StereoCorners:
     """The corners in the text of a file; read-only, since callers share them."""
-    table, unit, unused = _read_table(name, text)
+    table, unit, unused, left_out = _read_table(name, text)
     groups = _group_views(table)
     size = max(len(group) for group in groups.values())
     board, left, right = (np.zeros((len(groups), size, 2)) for _ in range(3))
@@ -164,7 +171,14 @@ def _corners_in(name: str, text: str) -> StereoCorners:
     for shared in (board, left, right, present):
         shared.flags.writeable = False
     corners = StereoCorners(
-        views=tuple(groups), board=board, left=left, right=right, present=present, unit=unit, unused=unused
+        views=tuple(groups),
+        board=board,
+        left=left,
+        right=right,
+        present=present,
+        unit=unit,
+        unused=unused,
+        left_out=left_out,
     )
     _check_counts(corners)
     _check_handedness(corners)
@@ -184,8 +198,8 @@ def _require_affordable(path: Path) -> None:
         )
 
 
-def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]:
-    """Rows of the file in the canonical order of columns, the board's unit, and the columns that are not used."""
+def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...], str]:
+    """Rows of the file in the canonical order of columns, the board's unit, and the columns and rows not used."""
     reader = csv.reader(map(_without_comment, io.StringIO(text, newline="")))
     lines = ((reader.line_num, fields) for fields in reader if fields)
     first, header = next(lines, (1, []))
@@ -193,7 +207,8 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]
     header = [low if low in _COLUMNS else column.strip() for low, column in zip(lower, header, strict=True)]
     unit, required = _required(f"{name}:{first}", header)
     seen = [column for column in header if _SEEN.search(column)]
-    rows, texts = [], []
+    rows, texts, total = [], [], 0
+    false: Counter[str] = Counter()
     for line, fields in lines:
         where = f"{name}:{line}"
         if len(fields) > len(header):
@@ -204,12 +219,20 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]
                 remedy="write decimal points, not commas, and remove surplus fields",
             )
         row = dict(zip(header, fields, strict=False))
-        if all(_is_true(where, column, row.get(column, "")) for column in seen):
+        unseen = [column for column in seen if not _is_true(where, column, row.get(column, ""))]
+        false.update(unseen)
+        total += 1
+        if not unseen:
             rows.append(_numbers(where, row, required))
             texts.append(row)
+    why = " and ".join(f"{column} is false in {count}" for column, count in false.items())
+    left_out = f"{total - len(rows)} of {total} rows: {why}" if why else ""
     if not rows:
         raise CornerFileError(
-            f"{name} has no corners", value="0 rows", limit=">= 1", remedy="write one row per corner and view"
+            f"{name} has no corners",
+            value=f"left out are {left_out}" if left_out else "0 rows",
+            limit=">= 1",
+            remedy="write one row per corner and view",
         )
     table = np.array(rows)
     for side, seen_at in (("left", table[:, 4:6]), ("right", table[:, 6:8])):
@@ -234,7 +257,7 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...]]
                     limit="the same value in every row",
                     remedy=remedy,
                 )
-    return table, unit, unused
+    return table, unit, unused, left_out
 
 
 def _without_comment(line: str) -> str:

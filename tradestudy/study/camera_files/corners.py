@@ -45,7 +45,8 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         fit = _fit(files[0].path, files[0].text, request.fitted_lens)
     except TradestudyError as error:
         raise top.fail(str(error)) from None
-    unit, unused = fit.corners.unit, ", ".join(fit.corners.unused)
+    unit, columns = fit.corners.unit, ", ".join(fit.corners.unused)
+    unused = "; ".join(filter(None, (columns and f"columns {columns}", fit.corners.left_out)))
     shared, lens = fit.explained.shared, fit.corners.lens
     baseline = float(np.linalg.norm(shared[TRANSLATION]))
     if problem := baseline_problem(baseline):
@@ -72,7 +73,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             Convention(name="pictures", says="raw: as taken, before rectification", key=top.key),
             Convention(name="order of cameras", says="left and right as the columns are named", key=top.key),
             *unusual,
-            *((Convention(name=UNUSED, says=f"columns {unused}", key=top.key),) if unused else ()),
+            *((Convention(name=UNUSED, says=unused, key=top.key),) if unused else ()),
         ),
         key=top.key,
     )
