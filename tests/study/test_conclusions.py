@@ -479,3 +479,29 @@ def test_the_terminal_names_the_verdict_on_every_claim() -> None:
     tree = xr.DataTree.from_dict({"/claims": claims})
     words = "Claims: met – B and C; not met – A; cannot be decided from its source – D"
     assert list(terminal_lines(tree)) == [words]
+
+
+def test_few_distances_do_not_hide_that_a_camera_is_usable_between_them(tmp_path: Path) -> None:
+    """A lens of f/2 at 655 mm is sharp to a pixel from 0.627 to 0.686 m, between two of four distances."""
+    text = """
+format: 2
+study: few
+title: Few distances
+question: Where is the pair usable?
+cameras:
+  pair:
+    kind: stereo
+    lenses: {focal_length: 12 mm, f_number: 2}
+    sensor: {pixels: [1280, 1024], pixel_pitch: 5 um}
+    baseline: 60 mm
+    focus_distance: 655 mm
+    principal_distance: focused
+    depth: {disparity_error: 0.1 px}
+scene: {distances: {from: 0.2 m, to: 4 m, points: 4, spacing: log}, wavelength: 550 nm}
+usable_range: {blur: 1 px}
+requirements: {near: {says: near, camera: pair, depth_uncertainty: {below_relative: 2 %, at: 0.655 m}}}
+"""
+    (tmp_path / "few.yaml").write_text(text, encoding="utf-8")
+    lines = tradestudy.load(tmp_path / "few.yaml").run().lines()
+    assert any("at the distances of the study, no camera is usable from 0.2 to 4 m" in line for line in lines)
+    assert any(line.startswith("Met: near") for line in lines)

@@ -64,7 +64,9 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
     def nobody(near: float, far: float) -> str:
         if nominal_is_declared(tree) and any(start <= math.sqrt(near * far) <= end for start, end in usable):
             return "no depth uncertainty has a bound"
-        return f"no {'candidate' if candidates(tree) else 'camera'} is usable"
+        none = f"no {'candidate' if candidates(tree) else 'camera'} is usable"
+        between = any(near < start and end < far for start, end in usable)  # distances too few to show it
+        return f"at the distances of the study, {none}" if between else none
 
     return tuple(
         BestRange(
