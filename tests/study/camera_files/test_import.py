@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -424,6 +426,41 @@ def test_models_of_kalibr_have_their_own_numbers_first(
     for asked in ("pinhole", "fisheye"):
         with pytest.raises(CameraFileError, match=f"{camera_model} includes its own lens model; remove .*: {asked}"):
             kalibr.FORMAT.read([file], Request(lens_model=asked))
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3, 10), (0, 2, 1, 10, 3), (0, 1, 10, 2, 3)])
+def test_chains_follow_the_numbers_of_cameras_in_any_order(tmp_path: Path, order: tuple[int, ...]) -> None:
+    """Camera n lies 10 n mm to the right of camera n − 1."""
+
+    def baseline(numbers: Sequence[int], *pair: str) -> float:
+        cameras = {
+            f"cam{n}": {
+                "camera_model": "pinhole",
+                "intrinsics": [900.0, 900.0, 320.0, 240.0],
+                "distortion_model": "radtan",
+                "distortion_coeffs": [0.0] * 4,
+                "resolution": [640, 480],
+                "T_cn_cnm1": [[1, 0, 0, -0.01 * n], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+            }
+            for n in numbers
+        }
+        del cameras["cam0"]["T_cn_cnm1"]
+        path = tmp_path / "chain.yaml"
+        path.write_text("\n".join(f"{name}: {json.dumps(camera)}" for name, camera in cameras.items()))
+        file = recognised(path, path.read_text(), path.name)
+        assert file is not None
+        rig = kalibr.FORMAT.read([file], Request(pair=pair))
+        assert isinstance(rig, ImportedRig)
+        return float(np.linalg.norm(rig.translation))
+
+    assert baseline(order) == pytest.approx(0.01)
+    assert baseline(order, "cam1", "cam2") == pytest.approx(0.02)
+    assert baseline(order, "cam0", "cam3") == pytest.approx(0.06)
+    for numbers, pair in ((order, ("cam3", "cam10")), (order, ("cam1", "cam10"))):
+        with pytest.raises(CameraFileError, match="cam10 leads from cam9, which the file lacks; give the whole chain"):
+            baseline(numbers, *pair)
+    with pytest.raises(CameraFileError, match="cam2 leads from cam1, which the file lacks"):
+        baseline([n for n in order if n != 1])
 
 
 def test_the_design_of_a_converging_pair_converges_with_it(tmp_path: Path) -> None:

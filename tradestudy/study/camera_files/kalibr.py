@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -33,6 +35,7 @@ _DISTORTION: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "fov": ("fov", ("w",)),
 }
 _WITH: Final = {"pinhole": ("radtan", "equidistant", "fov", "none"), "omni": ("radtan", "none")}
+_CAMERA: Final = re.compile("cam[0-9]{1,6}")
 _TRANSFORM: Final = "T_cn_cnm1"
 _TO_BODY, _FROM_BODY = "T_imu_cam", "T_cam_imu"
 """Transforms of every camera into the frame of the inertial sensor and out of it, as OpenVINS and Kalibr write them."""
@@ -45,7 +48,7 @@ def recognises(file: CameraFile) -> bool:
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
-    """One camera, or two of a chain: the first two unless ``pair`` names others.
+    """One camera, or two of a chain: those with the lowest numbers unless ``pair`` names others.
 
     ``T_cn_cnm1`` maps points of camera n − 1 into camera n; transforms of a longer chain are multiplied. A file without
     it, such as one of OpenVINS, relates each camera to the inertial sensor: by ``T_imu_cam`` or ``T_cam_imu``.
@@ -56,7 +59,8 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         A value is missing or invalid, a model is unknown, or the chain does not connect the two cameras.
     """
     top = files[0].top
-    names = tuple(name for name in top.names() if top.need(name).has("camera_model"))
+    cameras = [name for name in top.names() if _CAMERA.fullmatch(name) and top.need(name).has("camera_model")]
+    names = tuple(sorted(cameras, key=_number))
     for name in request.pair:
         if name not in names:
             raise top.fail(f"pair: no camera is called '{name}'; known: {', '.join(names)}")
@@ -66,7 +70,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     first, second = pair
     if first == second:
         raise top.fail(f"pair: {first} occurs twice; two cameras are expected")
-    rotation, translation, where = _by_body(top, first, second) or _between(top, names, first, second)
+    rotation, translation, where = _by_body(top, first, second) or _between(top, names, pair)
     metre, unit = request.metres(where, stated="m", why="the definition of Kalibr's camchain")
     conventions = (
         Convention(name="format", says="Kalibr camchain", key=where.key),
@@ -121,15 +125,23 @@ def _transform(value: Located) -> FloatArray:
     return step
 
 
-def _between(top: Located, names: tuple[str, ...], first: str, second: str) -> tuple[FloatArray, FloatArray, Located]:
-    """Rotation and translation from one camera of the chain to another."""
-    low, high = sorted((names.index(first), names.index(second)))
+def _number(camera: str) -> int:
+    return int(camera.removeprefix("cam"))
+
+
+def _between(top: Located, names: Sequence[str], pair: Sequence[str]) -> tuple[FloatArray, FloatArray, Located]:
+    """Rotation and translation from the first camera of a pair to the second, along the chain by camera numbers."""
+    low, high = sorted(pair, key=_number)
+    links = names[names.index(low) : names.index(high) + 1]
     total: FloatArray = np.eye(4)
-    for name in names[low + 1 : high + 1]:
-        total = _transform(top.need(name).need(_TRANSFORM)) @ total
-    where = top.need(names[high]).need(_TRANSFORM)
+    for previous, name in itertools.pairwise(links):
+        where = top.need(name).need(_TRANSFORM)
+        if _number(previous) != _number(name) - 1:
+            lacking = f"cam{_number(name) - 1}, which the file lacks; give the whole chain"
+            raise where.fail(f"{_TRANSFORM} of {name} leads from {lacking}")
+        total = _transform(where) @ total
     rotation, translation = total[:3, :3], total[:3, 3]
-    if names.index(first) > names.index(second):
+    if pair[0] == high:
         rotation, translation = rotation.T, -rotation.T @ translation
     return rotation, translation, where
 
