@@ -61,6 +61,38 @@ def test_a_part_that_is_added_removed_or_replaced_is_treated_as_in_a_file(
     assert changed == answer(lambda: StudyDefinition.of(document))
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "says"),
+    [
+        (("stereo-short.baseline", "50 mm"), ("cameras.stereo-short.baseline", "60 mm"), "is set twice"),
+        (("stereo-short", {"baseline": "50 mm"}), ("stereo-short.baseline", "60 mm"), "overlaps cameras.stereo-short,"),
+        (("stereo-short.baseline", "50 mm"), ("cameras.stereo-short", {"baseline": "60 mm"}), "overlaps cameras.ster"),
+    ],
+)
+def test_no_value_replaces_another_that_is_set_with_it(
+    headline: Study, first: tuple[str, Any], second: tuple[str, Any], says: str
+) -> None:
+    both = dict([first, second])
+    path = STUDIES / "plenoptic_vs_stereo.yaml"
+    options = [f"{key}={str(value).replace(chr(39), '')}" for key, value in both.items()]
+    for mistaken in (lambda: headline.with_values(both), lambda: load(path, options)):
+        with pytest.raises(StudyError, match=says):
+            mistaken()
+    headline.with_values({"stereo-short.baseline": "50 mm", "stereo-short.title": "Rig"})
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        "readings.twice={says: Twice, set: {stereo-short.baseline: 50 mm, cameras.stereo-short.baseline: 60 mm}}",
+        "sweep={stereo-short.baseline: [50 mm, 60 mm], cameras.stereo-short.baseline: [40 mm, 70 mm]}",
+    ],
+)
+def test_no_value_of_a_reading_or_sweep_replaces_another(option: str) -> None:
+    with pytest.raises(StudyError, match=r"cameras\.stereo-short\.baseline: .*is set twice; omit one"):
+        load(STUDIES / "plenoptic_vs_stereo.yaml", [option])
+
+
 def test_a_camera_that_does_not_change_is_built_once(headline: Study) -> None:
     changed = headline.with_values({"stereo-short.baseline": "30 mm"}).definition.case.all_cameras
     before = headline.definition.case.all_cameras

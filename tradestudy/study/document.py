@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, cast, get_args
@@ -250,6 +250,16 @@ class Document:
     def with_problems(self, *problems: Problem) -> Document:
         """The document with further mistakes."""
         return replace(self, problems=(*self.problems, *problems))
+
+
+def overlap(path: Path, others: Iterable[Path]) -> str:
+    """Why a value at a path cannot be set beside those at others: one would replace another; empty if none would."""
+    for other in others:
+        if path == other:
+            return "is set twice; omit one of the values"
+        if path[: len(other)] == other or other[: len(path)] == path:
+            return f"overlaps {dotted(other)}, which is set too; omit one of the values"
+    return ""
 
 
 def dotted(path: Path) -> str:

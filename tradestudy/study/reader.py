@@ -100,11 +100,18 @@ def with_values(
     Returns
     -------
     Document
-        It contains the mistakes in the values, which `validate` reports.
+        It contains the mistakes in the values, which `validate` reports; among them are values of which one would
+        replace another or a part of it.
     """
+    earlier: list[tree.Path] = []
     for number, (path, value) in enumerate(values.items(), start=1):
         source = (written_at or {}).get(path)
         place = Place(OUTSIDE.file, number, 1) if source is None else document.locate(source)
+        steps = document.path_of(path)
+        if what := tree.overlap(steps, earlier):
+            document = document.with_problems(place.problem(steps, what))
+            continue
+        earlier.append(steps)
         document = _with_value(document, path, value, place, place)
     return document
 
@@ -118,8 +125,8 @@ def _overridden(document: Document, override: str, number: int) -> Document:
             place.problem((), f"'{override}' is not of the form path=value, such as scene.wavelength=550 nm")
         )
     steps = document.path_of(path.strip())
-    if any(other.path == steps for other in document.overrides):
-        return document.with_problems(place.problem(steps, "is set twice; omit one of the values"))
+    if what := tree.overlap(steps, (other.path for other in document.overrides)):
+        return document.with_problems(place.problem(steps, what))
     written = text.lstrip()
     value_place = Place(OUTSIDE.file, number, len(override) - len(written) + 1)
     return _with_value(document, path.strip(), written, place, value_place)

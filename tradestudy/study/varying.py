@@ -13,7 +13,7 @@ import numpy as np
 from tradestudy.declarations.quantities import common_dimension
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Entry, ScalarEntry, text_of
+from tradestudy.study.document import Entry, ScalarEntry, overlap, text_of
 from tradestudy.study.schema.questions import AssumptionPart, SweepRangePart
 from tradestudy.units import Dimension, UnitError, parse
 
@@ -44,7 +44,10 @@ class SweepAxis:
 
 def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
     """The axes that a study declares; none if it has no sweep."""
-    for path, part in definition.file.sweep.items():
+    paths = [definition.document.path_of(path) for path in definition.file.sweep]
+    for number, (path, part) in enumerate(definition.file.sweep.items()):
+        if what := overlap(paths[number], paths[:number]):
+            raise UnitError(f"{path}: {what}")
         if path.startswith("scene.") and not path.startswith(_NO_PART_OF_THE_SCENE):
             raise UnitError(
                 f"{path} cannot be swept, because all designs of a sweep share one scene; "
