@@ -304,6 +304,16 @@ def test_coefficients_without_a_model_and_a_model_without_coefficients_are_refus
         file.write_text(text + ("" if "fisheye" in given else "fisheye_model: 1\n"))
         said = refusal(study(tmp_path, rig=f"from: rig.yml, {given}"))
         assert "a fisheye lens is declared, but no distortion coefficients are given" in said
+    for stated in ("type: fisheye", "calibration_model: KANNALA_BRANDT"):
+        file.write_text(f"{text}{stated}\n")
+        assert "a fisheye lens is declared" in refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+    text = written.opencv(file).read_text()
+    file.write_text(f"{text}image_scale_percent: 50\n")
+    scaled = study(tmp_path, rig="from: rig.yml, length_unit: mm")
+    assert "this key looks like a scale of the pictures" in refusal(scaled)
+    file.write_text(f"{text}image_scale_percent: 100\ntype: stereo\n")
+    loaded = tradestudy.load(scaled)
+    assert loaded.imported[0].endswith("not used: image_scale_percent, type")
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ _LENS: Final = re.compile(
 )
 _OTHER_MATRIX: Final = re.compile(r"^(new|optimal)|[_0-9]new$", re.IGNORECASE)
 _SCALE: Final = re.compile(
-    r"^(image|img|picture)?_?(scale|scaling)(_?factor)?(_?[xy])?$|^(re|down)_?(scal|sampl|siz)(e|ed|ing)|^binning|^zoom",
+    r"^(image|img|picture)?_?(scale|scaling)(_?factor|_?percent)?(_?[xy])?$|^(re|down)_?(scal|sampl|siz)(e|ed|ing)|^binning|^zoom",
     re.IGNORECASE,
 )
 _PART: Final = re.compile(
@@ -108,7 +108,7 @@ def _problem(key: str, numbers: set[float], request: Request, pixels: tuple[int,
             "this key looks like the camera matrix of undistorted pictures, but is not used; remove it or, if depth is "
             "measured in undistorted pictures, write it as the camera matrix, and zeros as distortion"
         )
-    if _SCALE.search(key) and not numbers <= {1.0, *sides}:
+    if _SCALE.search(key) and not numbers <= {100.0 if "percent" in key.lower() else 1.0, *sides}:
         return (
             "this key looks like a scale of the pictures, but is not used; remove it if the camera matrix holds for "
             "the pictures in which depth is measured; if not, first multiply fx, fy, cx, cy and the size by the scale"

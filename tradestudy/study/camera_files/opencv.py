@@ -19,7 +19,7 @@ from tradestudy.study.camera_files.located import (
     shortest_coefficients,
 )
 from tradestudy.study.camera_files.pairs import checked_camera, paired, pinhole_of, rotation_of
-from tradestudy.study.document import ListEntry, MappingEntry
+from tradestudy.study.document import ListEntry, MappingEntry, ScalarEntry
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 _ORDER_FISHEYE: Final = ("k1", "k2", "k3", "k4")
@@ -243,7 +243,9 @@ def _stated_kind(top: Located, request: Request) -> str:
     said = ""
     if (flag := top.find("fisheye_model", "fisheye")) is not None:
         said = "fisheye" if flag.text().lower() in ("1", "1.", "true") else "pinhole"
-    names = ("distortion_model", "camera_model", "lens_model", "model_type")
+    names: tuple[str, ...] = ("distortion_model", "camera_model", "lens_model", "model_type", "calibration_model")
+    if (kind := top.find("type")) is not None and isinstance(kind.entry, ScalarEntry):  # may also be that of a file
+        names = (*names, "type") if kind.entry.text.lower() in _FISHEYE_NAMES else names
     if (named := next(filter(None, map(top.find, names)), None)) is not None:
         name = named.text().lower()
         if name not in (*_FISHEYE_NAMES, *_PINHOLE_NAMES) and not request.lens_model:
