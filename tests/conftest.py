@@ -9,7 +9,6 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -34,16 +33,6 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _figures_are_drawn_here() -> Iterator[None]:
-    """As where there is one core, for tests keep all of them busy; what they start as a program uses a second one."""
-    from tradestudy import api
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(api, "_background_drawer", nullcontext)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,8 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-import sys
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from tradestudy.comparison import Comparison
     from tradestudy.execution import Executor
     from tradestudy.execution.steps import Progress
-    from tradestudy.figures.drawn import Drawer
     from tradestudy.imaging.estimation import DepthScore
 
 
@@ -95,7 +93,7 @@ def run(
     pictures = storage.beside(directory / storage.PICTURES)  # those of an earlier run stay until this one is complete
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None or measuring:
-            with _background_drawer() as drawer, ExitStack() as cleanup:
+            with ExitStack() as cleanup:
                 cleanup.callback(shutil.rmtree, pictures, ignore_errors=True)
                 if result is None:
                     result = study.run(progress, executor=executor, checkpoints=checkpoints, pictures=pictures)
@@ -103,9 +101,7 @@ def run(
                     result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
                 reported(0.0)
                 made = pictures if pictures.is_dir() else None
-                result.write(
-                    directory, pdf=pdf, large_tables=large_tables, drawer=drawer, pictures=made, progress=reported
-                )
+                result.write(directory, pdf=pdf, large_tables=large_tables, pictures=made, progress=reported)
         else:
             reported(0.0)
             storage.remove_abandoned(directory)
@@ -236,13 +232,6 @@ def export(
     return write_export(found, directory, camera), found.left_out
 
 
-def _background_drawer() -> AbstractContextManager[Drawer | None]:
-    """A process that draws figures on another core, if there is one; it loads libraries while results are computed."""
-    from tradestudy.figures.drawn import drawer
-
-    return drawer() if provenance.cores() > 1 and sys.executable else nullcontext()
-
-
 def _finished(study: Study, directory: Path) -> Result | None:
     """Results of an earlier run in a folder, if they are complete and from this study and this code."""
     from tradestudy.errors import ResultsError
@@ -271,12 +260,9 @@ def report(directory: str | Path, *, pdf: bool = True, large_tables: bool = Fals
     """
     from tradestudy import report as renderer
 
-    with _background_drawer() as drawer:
-        result = open_result(directory)
-        drawing = None if drawer is None else drawer.begin(result.data)
-        with shown({str(directory): result}):
-            record = result.run_record
-            renderer.write(result.data, record, Path(directory), pdf=pdf, large_tables=large_tables, drawing=drawing)
+    result = open_result(directory)
+    with shown({str(directory): result}):
+        renderer.write(result.data, result.run_record, Path(directory), pdf=pdf, large_tables=large_tables)
     return result
 
 

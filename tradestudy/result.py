@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from tradestudy.figures.drawn import Drawer
-
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
@@ -233,7 +231,6 @@ class Result:
         *,
         pdf: bool = True,
         large_tables: bool = False,
-        drawer: Drawer | None = None,
         pictures: Path | None = None,
         progress: Callable[[float], None] = lambda _share: None,
     ) -> Path:
@@ -247,8 +244,6 @@ class Result:
             Whether to write the report as a PDF, too.
         large_tables
             Whether to write tables above 50 MB, too.
-        drawer
-            Second process, which draws figures while this one composes the report. Default: this process does both.
         pictures
             Folder inside the output folder with the pictures of the run, which becomes ``pictures``. Default: none.
         progress
@@ -269,11 +264,8 @@ class Result:
 
         target = Path(directory)
         storage.refuse_foreign(target, storage.RUN_FILES)
-        drawing = None if drawer is None else drawer.begin(self.data)
         try:
-            made = renderer.compose_files(
-                self.data, storage.read_back(self.run_record), pdf=pdf, drawing=drawing, progress=progress
-            )
+            made = renderer.compose_files(self.data, storage.read_back(self.run_record), pdf=pdf, progress=progress)
         finally:  # a report that cannot be made costs no results
             storage.remove_abandoned(target)
             storage.write_finished(storage.encoded(self.data), self.run_record, target, pictures)

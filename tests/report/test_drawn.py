@@ -9,9 +9,8 @@ import pytest
 import xarray as xr
 
 from tradestudy import figures, report
-from tradestudy.figures import drawn
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.drawn import Drawer, drawer, drawn_here
+from tradestudy.figures.drawn import drawn_here
 
 STUDY = Path(__file__).parents[2] / "studies" / "close_range.yaml"
 
@@ -27,31 +26,6 @@ def drawings(small: xr.DataTree) -> Mapping[str, Drawing]:
     return figures.build(small)
 
 
-def test_another_interpreter_draws_the_same_bytes(
-    small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert list(drawings) == ["readings"]
-    expected = drawn_here(drawings)
-    with drawer() as there:
-        shared = there.begin(small)
-        shared.receiving.join()
-        monkeypatch.delattr(drawn, "drawn_here")
-        assert shared.pictures(drawings) == expected
-
-
-def test_figures_that_another_process_has_not_drawn_are_drawn_here(
-    small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    expected = drawn_here(drawings)
-    with drawer() as there:  # which has to load libraries first
-        assert there.begin(small).pictures(drawings) == expected
-    monkeypatch.setattr(sys, "path", [])  # where the other interpreter finds nothing
-    with drawer() as there:
-        shared = there.begin(small)
-        shared.receiving.join()
-        assert shared.pictures(drawings) == expected
-
-
 def test_every_figure_moves_the_progress_of_a_report(small: xr.DataTree, drawings: Mapping[str, Drawing]) -> None:
     drawings = {"first": drawings["readings"], "second": drawings["readings"]}
     told: list[float] = []
@@ -61,21 +35,6 @@ def test_every_figure_moves_the_progress_of_a_report(small: xr.DataTree, drawing
     report.compose_files(small, run, pdf=False, progress=(told := []).append)
     assert told == sorted(told)
     assert 0.0 < told[0] < told[-1] < 1.0  # pages remain
-
-
-def test_an_interpreter_that_was_not_asked_ends_with_the_run() -> None:
-    with pytest.raises(KeyboardInterrupt), drawer() as there:
-        raise KeyboardInterrupt
-    assert isinstance(there, Drawer)
-    assert there.tasks.closed
-    assert there.answers.closed
-
-
-def test_a_run_can_end_while_its_figures_are_drawn(small: xr.DataTree) -> None:
-    with drawer() as there:
-        shared = there.begin(small)
-    shared.receiving.join()
-    assert there.answers.closed
 
 
 @pytest.mark.slow

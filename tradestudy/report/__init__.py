@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tradestudy.figures.drawn import SharedDrawing
-
-# Typical times, in units of the time in which two interpreters draw a figure.
-_LISTING: Final = 3.3
-_COMPOSING: Final = 2.5
-_TYPESETTING: Final = 1.7
+# Typical times, in units of the time in which a figure is drawn.
+_LISTING: Final = 1.7
+_COMPOSING: Final = 1.3
+_TYPESETTING: Final = 0.9
 
 
 def write(
@@ -26,11 +24,10 @@ def write(
     *,
     pdf: bool = True,
     large_tables: bool = False,
-    drawing: SharedDrawing | None = None,
     progress: Callable[[float], None] = lambda _share: None,
 ) -> None:
     """Write the report of a finished run: `compose_files` and `place` explain the parameters."""
-    made = compose_files(tree, run, pdf=pdf, drawing=drawing, progress=progress)
+    made = compose_files(tree, run, pdf=pdf, progress=progress)
     place(made, tree, directory, large_tables=large_tables)
 
 
@@ -39,7 +36,6 @@ def compose_files(
     run: Mapping[str, Any],
     *,
     pdf: bool = True,
-    drawing: SharedDrawing | None = None,
     progress: Callable[[float], None] = lambda _share: None,
 ) -> Mapping[str, bytes | Future[bytes]]:
     """Make ``report.html``, ``report.pdf`` and ``figures/*.svg``, by these paths; the PDF later, in another thread.
@@ -54,8 +50,6 @@ def compose_files(
         The content of ``run.json``; only the section on provenance depends on it.
     pdf
         Whether to make ``report.pdf``.
-    drawing
-        Figures of these results that another interpreter has begun to draw; None draws all here.
     progress
         Called with the fraction that is done, from 0 to 1.
     """
@@ -77,8 +71,7 @@ def compose_files(
 
     drawn(0.0)
 
-    # Last, so that the other interpreter has time to draw.
-    pictures = drawn_here(drawings, drawn) if drawing is None else drawing.pictures(drawings, drawn)
+    pictures = drawn_here(drawings, drawn)
     images = {name: picture.svg for name, picture in pictures.items()}
     made: dict[str, bytes | Future[bytes]] = {f"figures/{name}.svg": svg for name, svg in images.items()}
     if pdf:
