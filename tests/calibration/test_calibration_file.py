@@ -104,3 +104,15 @@ def test_files_that_cannot_be_read_are_named(tmp_path, name, content, words):
         path.write_bytes(content)
     with pytest.raises(CalibrationFileError, match=words):
         read_calibration(path)
+
+
+def test_packed_values_are_refused_by_name(tmp_path):
+    """Reading them as they are stored would scale every error by the factor."""
+    draws = xarray.DataArray(np.random.default_rng(0).normal(0.0, 2e-4, (200, 1)), dims=("draw", "parameter"))
+    data = xarray.Dataset({"draws": draws}, {"parameter": ["yaw"]})
+    packing = {"draws": {"dtype": "int32", "scale_factor": 1e-7, "_FillValue": -(2**31)}}
+    data.to_netcdf(tmp_path / "packed.nc", engine="h5netcdf", encoding=packing)
+    with pytest.raises(CalibrationFileError, match=r"packed\.nc has packed values: draws\.scale_factor"):
+        read_calibration(tmp_path / "packed.nc")
+    data.to_netcdf(tmp_path / "plain.nc", engine="h5netcdf")
+    assert read_calibration(tmp_path / "plain.nc").draws == pytest.approx(draws.values)

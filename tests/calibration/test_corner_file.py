@@ -278,7 +278,7 @@ def test_columns_that_would_change_the_fit_are_refused(tmp_path, column, value, 
     if says is None:
         assert read_corners(path).unused == (column,)
         path = write(tmp_path / "corners.csv", [row | {"board_x_m": 0.0, "board_y_m": 0.0} for row in rows()])
-        says = "columns give the same position twice: board_x_mm, board_x_m"
+        says = "columns give the same value twice: board_x_mm, board_x_m"
     with pytest.raises(CornerFileError, match=says) as caught:
         read_corners(path)
     assert caught.value.remedy
@@ -344,5 +344,14 @@ def test_other_units_and_repeated_columns_are_named(tmp_path):
     with pytest.raises(CornerFileError, match="lacks columns: left_y_px"):
         read_corners(path)
     path.write_text("\n".join(f"{line},{'left_x_px' if n == 0 else 0}" for n, line in enumerate(text.splitlines())))
-    with pytest.raises(CornerFileError, match="the same position twice: left_x_px"):
+    with pytest.raises(CornerFileError, match="the same value twice: left_x_px"):
+        read_corners(path)
+
+
+def test_a_flag_that_is_given_twice_is_refused(tmp_path):
+    """The last of two columns would decide alone which corners were seen."""
+    first, *rows = FILE.read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "corners.csv"
+    path.write_text("\n".join([f"{first},detected,detected", *(f"{row},0,1" for row in rows)]), encoding="utf-8")
+    with pytest.raises(CornerFileError, match="columns give the same value twice: detected"):
         read_corners(path)

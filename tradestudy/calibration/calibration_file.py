@@ -199,6 +199,19 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
         names = tuple(
             name.decode() if isinstance(name, bytes) else str(name) for name in file.variables["parameter"][...]
         )
+        packed = [
+            f"{variable}.{key}"
+            for variable, values in file.variables.items()
+            for key in ("scale_factor", "add_offset")
+            if key in values.attrs
+        ]
+        if packed:
+            raise CalibrationFileError(
+                f"{path.name} has packed values",
+                value=", ".join(packed),
+                limit="values as they are, in SI units",
+                remedy="write it without packing (encoding) in xarray or netCDF4",
+            )
         if "draws" in file.variables:
             return _netcdf_draws(names, file.variables, str(file.attrs.get("lens_model", "")))
         if "mean" not in file.variables:

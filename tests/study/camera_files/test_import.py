@@ -183,6 +183,22 @@ def test_rectified_pictures_have_no_distortion(tmp_path: Path) -> None:
     written.opencv(tmp_path / "rig.yml", D1=lens, D2=lens)
     said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm, pictures: rectified"))
     assert all(word in said for word in ("rectified", "P1", "P2", "stereoRectify"))
+    told = "from: rig.yml, length_unit: mm, pictures: rectified, lens_model: fisheye"
+    assert "lens_model does not apply to rectified pictures" in refusal(study(tmp_path, rig=told))
+
+
+@pytest.mark.parametrize(
+    ("stated", "told", "says"),
+    [
+        ("distortion_model: plumb_bob", "", "'plumb_bob' contradicts fisheye_model: 1"),
+        ("camera_model: pinhole", ", lens_model: pinhole", "a fisheye lens, which contradicts lens_model: pinhole"),
+    ],
+)
+def test_two_statements_on_a_lens_must_agree(tmp_path: Path, stated: str, told: str, says: str) -> None:
+    written.opencv(tmp_path / "rig.yml", D1=np.full((1, 4), 0.01), D2=np.full((1, 4), 0.01))
+    with (tmp_path / "rig.yml").open("a", encoding="utf-8") as file:
+        file.write(f"fisheye_model: 1\n{stated}\n")
+    assert says in refusal(study(tmp_path, rig=f"from: rig.yml, length_unit: mm{told}"))
 
 
 def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:

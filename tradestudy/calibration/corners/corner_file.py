@@ -293,12 +293,12 @@ def _required(where: str, header: Sequence[str]) -> tuple[str, tuple[str, ...]]:
             limit=", ".join(required),
             remedy=read if others else "name the columns in the first line",
         )
-    if len(units) > 1 or any(header.count(column) > 1 for column in required):
+    if len(units) > 1 or len(set(header)) < len(header):
         twice = [column for column in header if header.count(column) > 1] or [f"board_x_{unit}" for unit in units]
         raise CornerFileError(
-            f"{where}: columns give the same position twice",
+            f"{where}: columns give the same value twice",
             value=", ".join(dict.fromkeys(twice)),
-            limit="each position once, in one unit",
+            limit="each column once, and positions in one unit",
             remedy="remove one of them",
         )
     return unit, required

@@ -69,6 +69,8 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             "two cameras need R and T; give a stereo calibration, or two camera files and one with R and T"
         )
     if request.pictures == "rectified":
+        if request.lens_model:
+            raise extrinsic.fail("lens_model does not apply to rectified pictures, which have no distortion; remove it")
         return _rectified(pairs[0] if pairs else extrinsic, extrinsic, request)
     if pairs:
         _refuse_one_distortion(pairs[0])
@@ -252,10 +254,12 @@ def _stated_kind(top: Located, request: Request) -> str:
             raise named.fail(
                 f"the lens model '{name[:40]}' is unknown; give lens_model: fisheye or pinhole beside from:"
             )
-        if name in _FISHEYE_NAMES:
-            said = "fisheye"
-        elif not said:
-            said = "pinhole"
+        kind_named = "fisheye" if name in _FISHEYE_NAMES else "pinhole"
+        if said and said != kind_named and name != "pinhole":  # which also names the camera without its distortion
+            raise named.fail(f"'{name[:40]}' contradicts fisheye_model: {flag.text() if flag else ''}; correct one")
+        said = "fisheye" if "fisheye" in (said, kind_named) else "pinhole"
+    if said == "fisheye" and request.lens_model == "pinhole":
+        raise top.fail("the file declares a fisheye lens, which contradicts lens_model: pinhole; remove one of them")
     return request.lens_model or said
 
 
