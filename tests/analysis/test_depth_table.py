@@ -91,3 +91,16 @@ def test_tables_follow_changes_of_the_camera() -> None:
     at = np.array([0.7])
     doubled = 2.0 * judged_uncertainty(camera, at, "noise")
     assert judged_uncertainty(worse, at, "noise") == pytest.approx(doubled, rel=0.01)
+
+
+def test_a_table_of_draws_keeps_its_error_where_an_interval_is_about_to_become_unbounded() -> None:
+    """There the scrambles differ so much that their spread would allow errors of three per cent."""
+    exact = Propagation(model="exact", judged=(0.1, 0.5, 2.0, 10.0))
+    yaw, baseline = (Normal(mean=0.0, standard_deviation=size) for size in (1.5e-2, 1e-3))
+    errors = Calibration(groups=(of_rig("yaw", yaw), of_rig("baseline", baseline)))
+    camera = stereo(calibration=errors, propagation=exact, disparity_error_px=3.0)
+    places = np.geomspace(1.0, 9.9, 90)
+    read, own = distribution_between(camera, places), distribution(camera, places, "both")
+    bounded = np.isfinite(own.half_width)
+    assert 60 < bounded.sum() < 90
+    np.testing.assert_allclose(read.half_width[bounded], own.half_width[bounded], rtol=2e-3)

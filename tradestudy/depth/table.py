@@ -26,6 +26,7 @@ NODES_PER_FACTOR: Final = 64.0
 _PER_FACTOR_DRAWN: Final = 24.0  # of an exact model, whose draws cost milliseconds a node
 _SAFE: Final = 1e-7  # largest estimated error of an interpolated width, relative to it
 _SAFE_DRAWN: Final = 0.25  # the same for a drawn width, relative to the standard deviation between scrambles
+_MOST_DRAWN: Final = 2e-3  # of a drawn width; scrambles differ widely where an interval is about to become unbounded
 _HALF_STENCIL: Final = 3  # nodes on each side of a distance
 _DENSER: Final = 64  # dense points between two nodes, among which narrow features are sought
 _NARROW: Final = 0.02  # of the depth error, by which a feature departs from the line between two nodes
@@ -174,7 +175,7 @@ class _Reading:
     def _allowed(self, widths: FloatArray) -> FloatArray:
         """The largest error of interpolated values, shape (scrambles, distances)."""
         drawn = _SAFE_DRAWN * np.nan_to_num(standard_error(widths)) * math.sqrt(len(widths))
-        return np.maximum(_SAFE * np.abs(widths), drawn)
+        return np.clip(drawn, _SAFE * np.abs(widths), _MOST_DRAWN * np.abs(widths))
 
     @cached_property
     def _unseen(self) -> BoolArray:
