@@ -19,7 +19,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.depth.distribution import DepthDistribution, standard_error
 from tradestudy.depth.evaluation import Reading, distribution, finite, imaged, model_error
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, lagrange_weights
 
 NODES_PER_FACTOR: Final = 64.0
 """Nodes of a table in a factor e of distance."""
@@ -60,8 +60,8 @@ class _Table:
         step = math.log(self.distance[-1] / self.distance[0]) / (self.distance.size - 1)
         place = np.log(distance / self.distance[0]) / step
         first = np.clip(np.floor(place).astype(int) + 1 - _HALF_STENCIL, 0, self.distance.size - 2 * _HALF_STENCIL)
-        wide = _lagrange(place - first, np.arange(2.0 * _HALF_STENCIL))
-        narrow = _lagrange(place - first, np.arange(1.0, 2.0 * _HALF_STENCIL - 1.0))
+        wide = lagrange_weights(np.arange(2.0 * _HALF_STENCIL), place - first)
+        narrow = lagrange_weights(np.arange(1.0, 2.0 * _HALF_STENCIL - 1.0), place - first)
         return _Stencil(nodes=first[:, None] + np.arange(2 * _HALF_STENCIL), wide=wide, narrow=narrow)
 
 
@@ -79,14 +79,6 @@ class _Stencil:
         with np.errstate(invalid="ignore"):  # infinite values at a node: not known between nodes
             read = np.sum(around * self.wide, axis=-1)
             return read, np.abs(read - np.sum(around[..., 1:-1] * self.narrow, axis=-1))
-
-
-def _lagrange(place: FloatArray, nodes: FloatArray) -> FloatArray:
-    """Weights of the polynomial through values at nodes, for places between them; shape (places, nodes)."""
-    apart = place[:, None] - nodes
-    others = ~np.eye(nodes.size, dtype=bool)
-    factors = np.where(others, apart[:, None, :], 1.0).prod(axis=-1)
-    return np.asarray(factors / np.where(others, nodes[:, None] - nodes, 1.0).prod(axis=-1))
 
 
 @lru_cache(maxsize=512)
@@ -183,10 +175,6 @@ class _Reading:
         unseen = np.isnan(self.table.deviations[..., self._stencil.nodes])
         return np.asarray(unseen.all(axis=(0, 1, 3)))
 
-    @cached_property
-    def _computed(self) -> dict[bytes, DepthDistribution]:
-        return {}
-
     def _filled(self, read: FloatArray, safe: BoolArray, of: Callable[[DepthDistribution], FloatArray]) -> FloatArray:
         """What was read where it is safe, and what is computed elsewhere."""
         found = np.full((*read.shape[:-1], self.distance.size), np.nan)
@@ -196,15 +184,9 @@ class _Reading:
         missing = ~kept & ~np.isnan(self.distance)
         missing[self.inside] &= ~self._unseen
         if missing.any():
-            found[..., missing] = of(self._at(missing))
+            there = distribution(self.camera, self.distance[missing], self.error_source, self.field)
+            found[..., missing] = of(there)
         return found
-
-    def _at(self, places: BoolArray) -> DepthDistribution:
-        """The distribution computed at some of the distances."""
-        key = places.tobytes()
-        if key not in self._computed:
-            self._computed[key] = distribution(self.camera, self.distance[places], self.error_source, self.field)
-        return self._computed[key]
 
 
 @lru_cache(maxsize=512)

@@ -18,7 +18,7 @@ import numpy as np
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
 from tradestudy.imaging.transfer import airy_transfer, disc_transfer, fresnel_transfer
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, lagrange_weights
 from tradestudy.optics.axial_spot import axial_fresnel_spot, axial_kirchhoff_spot
 from tradestudy.optics.quadrature import gauss_legendre
 
@@ -184,8 +184,9 @@ def kirchhoff_transfers(
     tables = np.array([[table for table, _ in around] for around in found])
     place = _place(plane, waves)
     since_first = place - np.floor(place) + 1.0
-    cubic = np.einsum("dp,dps->ds", _lagrange(since_first, _POINTS), tables)
-    parabola = np.einsum("dp,dps->ds", _lagrange(since_first, _POINTS - 1), tables[:, :-1])
+    nodes = np.arange(_POINTS, dtype=np.float64)
+    cubic = np.einsum("dp,dps->ds", lagrange_weights(nodes, since_first), tables)
+    parabola = np.einsum("dp,dps->ds", lagrange_weights(nodes[:-1], since_first), tables[:, :-1])
     value[known] = fresnel + correction_at(cubic, share)
     error[known] = np.array([max(off for _, off in around) for around in found]) + np.max(
         np.abs(cubic - parabola), axis=1
@@ -242,12 +243,6 @@ def _place(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
     """Position on the lattice, in lattice steps."""
     along_plane = np.log(plane_distance) / _LOG_PLANE
     return np.asarray(np.where(_is_fixed(defocus_waves), defocus_waves / _WAVES, along_plane))
-
-
-def _lagrange(place: FloatArray, count: int) -> FloatArray:
-    """Lagrange weights of the values at 0, 1 … count − 1, shape (places, count)."""
-    nodes = range(count)
-    return np.stack([np.prod([(place - m) / (n - m) for m in nodes if m != n], axis=0) for n in nodes], axis=-1)
 
 
 _MOST_BLUR_OF_WAVES = 200.0

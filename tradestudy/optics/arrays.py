@@ -82,3 +82,10 @@ def _joined(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
     result = np.empty(real.shape, dtype=np.complex128)
     result.real, result.imag = real, imaginary
     return result
+
+
+def lagrange_weights(nodes: FloatArray, at: FloatArray) -> FloatArray:
+    """Weights of the polynomial through values at nodes, at any places; shape (…, nodes), summing to 1."""
+    others = ~np.eye(nodes.size, dtype=bool)
+    apart = np.where(others, nodes[:, None] - nodes, 1.0)
+    return np.asarray(np.where(others, (at[..., None, None] - nodes) / apart, 1.0).prod(axis=-1))

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.arrays import BoolArray, ComplexArray, FloatArray, unit_phasor
+from tradestudy.optics.arrays import BoolArray, ComplexArray, FloatArray, lagrange_weights, unit_phasor
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table, reading_kernel
 from tradestudy.optics.chain.microlens_nodes import Disc
@@ -316,7 +316,7 @@ class SourceTables:
             radius = math.hypot(*place)
             key = round(radius * 1e12)
             if key not in blends:
-                blends[key] = blended(self.tables, _lagrange(self.radii, np.array(radius)))
+                blends[key] = blended(self.tables, lagrange_weights(self.radii, np.array(radius)))
             result[place] = blends[key]
         return result
 
@@ -337,7 +337,7 @@ class SourceTables:
             np.divide(c, radius, out=np.full_like(radius, on_axis), where=off_axis)
             for c, on_axis in ((source_x, 1.0), (source_y, 0.0))
         )
-        weights = _lagrange(self.radii, radius)
+        weights = lagrange_weights(self.radii, radius)
         along = cosine * x + sine * y + self.path.array_distance / self.distance * radius
         across = cosine * y - sine * x
         slow = np.zeros(radius.shape, dtype=np.complex128)
@@ -450,10 +450,3 @@ def source_tables(
     return SourceTables(
         path=path, distance=source.distance, wavelength=wavelength, method=method, radii=radii, tables=tables
     )
-
-
-def _lagrange(points: FloatArray, at: FloatArray) -> FloatArray:
-    """Weights that interpolate a polynomial through the points, shape (…, points)."""
-    difference = points[:, None] - points + np.eye(points.size)
-    factors = np.where(np.eye(points.size, dtype=bool), 1.0, (at[..., None, None] - points) / difference)
-    return np.asarray(factors.prod(axis=-1))
