@@ -28,7 +28,7 @@ from tests.campaigns.light_cases import large_part, random_part
 from tradestudy.effects import choose
 from tradestudy.errors import TradestudyError
 from tradestudy.models.light_spot import TOLERANCES, LightSpotProblem, spot_models
-from tradestudy.models.plan_text import picture_seconds
+from tradestudy.models.slow_steps import picture_seconds
 from tradestudy.models.spot_images import RAYS, SpotModels, light_source, picture_of
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName

@@ -12,7 +12,8 @@ from tradestudy.depth.usable import LIMIT_NAMES
 from tradestudy.effects import Models
 from tradestudy.errors import UnaffordableError
 from tradestudy.models.choice import Chosen, choose_models
-from tradestudy.models.plan_text import Work, magnitude, plan_lines, work_of
+from tradestudy.models.plan_text import plan_lines
+from tradestudy.models.slow_steps import Work, magnitude, work_of
 from tradestudy.results import GROUPS
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.varying import sweep_axes

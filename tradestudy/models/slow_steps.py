@@ -1,0 +1,208 @@
+"""Which steps of a run are slow, by order of magnitude: amounts of work times one table of seconds per unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_measurement import CORNERS
+from tradestudy.effects import OFF
+from tradestudy.imaging.picture import kirchhoff_lattice
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.wave_optics import LightSpotPart
+from tradestudy.study.varying import calibrations_to_infer, sweep_axes
+from tradestudy.wording import counted
+
+# On one core of a laptop; good to a factor of about five, which suffices to tell seconds from minutes and hours.
+SECONDS: Final[Mapping[str, float]] = {
+    "calibration": 5.0,
+    "depth at a distance, linear": 2e-4,
+    "depth at a distance, exact": 3e-3,
+    "Kirchhoff diffraction at a defocus": 0.2,
+    "verdict under a reading": 0.1,
+    "combination of errors": 0.02,
+    "sensitivity of a camera": 0.5,
+    "question": 1.0,
+    "rendered pixel": 4e-6,
+    "rendered pixel by waves": 8e-6,
+    "depth of a pixel": 5e-6,
+    "rendered plane": 4.0,
+    "pair of point spreads, on axis": 0.05,
+    "pair of point spreads, off axis": 1.0,
+    "point spread": 0.12,
+    "microlens lit to 1 %": 0.6,
+    "hard case": 0.015,
+    "report": 2.0,
+}
+_AT_ONCE: Final = 2.0  # seconds
+_GROWTH_WITH_ACCURACY: Final = 0.75  # exponent of the time of a light spot in the inverse tolerance
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """A part of a run's work.
+
+    Parameters
+    ----------
+    step
+        Name of the step in the run's progress.
+    amount
+        The amount of work, in words.
+    seconds
+        Time on one core, from `SECONDS`.
+    problem
+        Name of the problem of the plan that it solves; empty if it belongs to the whole study.
+    """
+
+    step: str
+    amount: str
+    seconds: float
+    problem: str = ""
+
+
+def magnitude(seconds: float) -> str:
+    """A time by order of magnitude: "at once", "seconds", "minutes" or "hours"."""
+    if seconds < _AT_ONCE:
+        return "at once"
+    return "seconds" if seconds < 60.0 else "minutes" if seconds < 3600.0 else "hours"
+
+
+def work_of(definition: StudyDefinition) -> tuple[Work, ...]:
+    """All work of a run, in the order of its steps, for a study with its models applied."""
+    return (
+        *_depth(definition),
+        *_pictures(definition),
+        *_wave_optics(definition),
+        *_answers(definition),
+        Work(step="report", amount="figures, HTML, PDF", seconds=SECONDS["report"]),
+    )
+
+
+def _work(step: str, unit: str, count: float, amount: str, problem: str = "") -> Work:
+    return Work(step=step, amount=amount, seconds=count * SECONDS[unit], problem=problem)
+
+
+def _depth(definition: StudyDefinition) -> Iterator[Work]:
+    """Calibrations, tables of depth, and the sensitivity of each camera."""
+    file, case = definition.file, definition.case
+    if asked := calibrations_to_infer(definition):
+        yield _work("calibration", "calibration", len(asked), counted(len(asked), "posterior"))
+    if lattice := kirchhoff_lattice(case.cameras.values(), case.distance):
+        amount = f"Kirchhoff diffraction at {counted(len(lattice), 'value')} of defocus"
+        yield _work("pictures", "Kirchhoff diffraction at a defocus", len(lattice), amount)
+    axes = sweep_axes(definition)
+    places = len(CORNERS) * len(file.propagation.field_places)
+    for name, camera in case.cameras.items():
+        exact = "exact" if camera.propagation.model == "exact" else "linear"
+        designs = math.prod(len(axis.values) for axis in axes if axis.path.partition(".")[0] == name)
+        for step, count, what in (
+            ("depth", designs, "design"),
+            ("depth off the axis", places, "place"),
+        ):
+            if count:
+                amount = f"{counted(count, what)} at {counted(case.distance.size, 'distance')}"
+                unit = f"depth at a distance, {exact}"
+                yield _work(step, unit, count * case.distance.size, amount, name)
+    if file.sensitivity is not None:
+        fields = file.propagation.axis_and_places
+        count = len(case.cameras) * len(fields)
+        amount = f"{counted(len(case.cameras), 'camera')} at {counted(len(fields), 'field position')}"
+        yield _work("sensitivity", "sensitivity of a camera", count, amount)
+
+
+def _answers(definition: StudyDefinition) -> Iterator[Work]:
+    """Verdicts under every reading, the value of information, and inverse questions."""
+    file = definition.file
+    if file.decision is not None:
+        verdicts = 1 + len(definition.readings)
+        amount = f"{counted(verdicts, 'verdict')} on the main pair"
+        yield _work("decision", "verdict under a reading", verdicts, amount)
+    if (answers := len(file.claims) * (1 + len(definition.readings)) + len(file.requirements)) > 0:
+        amount = counted(answers, "verdict")
+        yield _work("claims", "verdict under a reading", answers, amount)
+    if (part := file.value_of_information) is not None:
+        amount = counted(part.draws, "combination")
+        yield _work("value of information", "combination of errors", part.draws, amount)
+    if file.solve:
+        yield _work("inverse questions", "question", len(file.solve), counted(len(file.solve), "question"))
+
+
+def _pictures(definition: StudyDefinition) -> Iterator[Work]:
+    """Rendered scenes and planes, and the depth that is read in them."""
+    file = definition.file
+    if file.scene is not None and file.scene.image is not None:
+        from tradestudy.models.rendered_scene import set_up
+        from tradestudy.models.scene_pictures import TRIAL_TEXTURE, name_of
+
+        _, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
+        for taken in cameras:
+            name = name_of(taken.name)
+            pixels = sum(one.sensor.columns * one.sensor.rows for one in taken.exposures)
+            by_waves = definition.models.get(name, {}).get("main_lens_diffraction", OFF) != OFF
+            amount = f"{pixels / 1e6:.3g} million pixels"
+            yield _work("rendering", "rendered pixel" + " by waves" * by_waves, pixels, amount, name)
+            if file.scene.image.depth_maps:
+                yield _work("depth maps", "depth of a pixel", pixels, amount, name)
+    if (loop := file.depth_loop) is not None:
+        cameras_of_loop = loop.cameras or definition.case.cameras
+        varied = max(1, len(loop.contrasts or ())) * max(1, len(loop.electrons or ()))
+        planes = len(cameras_of_loop) * len(loop.distances) * varied
+        yield _work("depth loop", "rendered plane", planes, counted(planes, "plane"))
+
+
+def _wave_optics(definition: StudyDefinition) -> Iterator[Work]:
+    """Comparisons of Fresnel with Kirchhoff, light spots, images of points, and hard cases."""
+    from tradestudy.study.schema.wave_optics import listed
+
+    file = definition.file
+    if (fresnel := file.fresnel_validity) is not None:
+        numbers, elements = len(listed(fresnel.f_numbers)), len(fresnel.elements)
+        limits = len(fresnel.lens_phases) * (1 + 2 * len(fresnel.windows))
+        pairs = elements * len(fresnel.wavelengths) * (numbers + limits)
+        step = "Fresnel against Kirchhoff, on axis"
+        yield _work(step, "pair of point spreads, on axis", pairs, f"about {counted(pairs, 'pair')} of point spreads")
+        if fresnel.off_axis is not None:
+            pairs = elements * (numbers + 1)
+            step = "Fresnel against Kirchhoff, off axis"
+            yield _work(step, "pair of point spreads, off axis", pairs, f"{counted(pairs, 'pair')} of point spreads")
+    if file.light_spot is not None:
+        yield _light_spot(file.light_spot)
+    if (part := file.point_spread) is not None:
+        varied = (listed(part.f_numbers), part.wavelengths, part.field_angles, part.defocus)
+        count = 2 * len(part.elements) * sum(map(len, varied))
+        yield _work("point spread", "point spread", count, counted(count, "point spread"))
+    if file.hard_cases is not None:
+        from tradestudy.verification import all_families
+
+        count = sum(len(family.cases) for family in all_families() if family.name in file.hard_cases.families)
+        yield _work("hard cases", "hard case", count, counted(count, "case"))
+
+
+def _light_spot(part: LightSpotPart) -> Work:
+    """Pictures by the compared methods other than rays, or else by the chosen models."""
+    from tradestudy.models.light_spot import NAME
+    from tradestudy.models.spot_images import RAYS
+
+    pictures = max(1, sum(method not in RAYS for method in part.methods))
+    amount = f"{counted(pictures, 'picture')} of {counted(_microlenses(part), 'microlens', 'microlenses')}"
+    seconds = pictures * picture_seconds(part, part.tolerance)
+    return Work(step="image of the spot", amount=amount, seconds=seconds, problem=NAME)
+
+
+def picture_seconds(part: LightSpotPart, tolerance: float) -> float:
+    """Time of one picture of a light spot by waves, to a tolerance."""
+    accuracy = (0.01 / tolerance) ** _GROWTH_WITH_ACCURACY
+    units = len(part.lines) * _microlenses(part) * accuracy
+    return float(units * SECONDS["microlens lit to 1 %"])
+
+
+def _microlenses(part: LightSpotPart) -> int:
+    """How many microlenses lie in front of a pixel."""
+    from tradestudy.models.spot_images import light_path
+    from tradestudy.optics.chain.image import nearest_microlens
+
+    return np.unique(nearest_microlens(light_path(part))).size
