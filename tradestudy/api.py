@@ -12,7 +12,7 @@ import errno
 import os
 import shutil
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
@@ -93,8 +93,7 @@ def run(
     pictures = storage.beside(directory / storage.PICTURES)  # those of an earlier run stay until this one is complete
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None or measuring:
-            with ExitStack() as cleanup:
-                cleanup.callback(shutil.rmtree, pictures, ignore_errors=True)
+            try:
                 if result is None:
                     result = study.run(progress, executor=executor, checkpoints=checkpoints, pictures=pictures)
                 if measuring:
@@ -102,6 +101,8 @@ def run(
                 reported(0.0)
                 made = pictures if pictures.is_dir() else None
                 result.write(directory, pdf=pdf, large_tables=large_tables, pictures=made, progress=reported)
+            finally:
+                shutil.rmtree(pictures, ignore_errors=True)
         else:
             reported(0.0)
             storage.remove_abandoned(directory)

@@ -195,16 +195,6 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     return Solved(solutions=tuple(found), dimension=dimension, answer=answer)
 
 
-def planning_work(definition: StudyDefinition, question: SolvePart) -> list[Callable[[], object]]:
-    """Work for one value: a call per plan of a calibration that the question varies; empty if it varies none."""
-    varying = Varying.of(definition, question)
-    if not varied_calibrations(definition, varying):
-        return []
-    ratios = _Ratios(to_be_planned(definition, varying), question, varying)
-    middle = math.log(varying.possible(math.sqrt(varying.low * varying.high)))
-    return [partial(ratios.at_plan, middle, plan) for plan in range(ratios.plans)]
-
-
 class _Ratios:
     """Logarithm of the ratio of the uncertainty to its target, against the logarithm of the varied value."""
 

@@ -24,7 +24,6 @@ from tradestudy.uncertainty.sources import ErrorClass, Group, Source, Sources
 RANK_ERROR_SOURCES: Final = ("calibration", "both")
 """Calibration errors alone, as after averaging all noise away, and single measurements."""
 _DRAWS, _SCRAMBLES = 2**11, 8
-DRAWS_OF_A_RANK: Final = _DRAWS * _SCRAMBLES
 _MOST_DISTANCES: Final = 25
 _PREFIXES: Final = ("first/", "second/")
 # Drawn for two cameras without errors, which both ignore it: draws need a source.

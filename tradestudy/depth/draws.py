@@ -180,8 +180,6 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
     "calibration": CALIBRATION,
     "both": (*NOISE, *CALIBRATION),
 }
-DRAWN: Final = ("calibration", "both")
-"""Error sources with draws; noise alone has a closed form."""
 _FIRST_DRAWS: Final = 2**8  # of each scramble
 _TRIAL_ROUNDS: Final = 4  # times as many draws as the first ones
 _DIRECTIONS: Final = 6  # distances at which the effect of a posterior on depth is evaluated

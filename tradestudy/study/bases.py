@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.imaging.models import AT_BOUND
 from tradestudy.imaging.picture import PictureDisparityError
@@ -11,7 +9,6 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
 from tradestudy.wording import with_article
 
-_SESSION: Final = ("temperature", "pressure", "colour")
 Path = tuple[str | int, ...]
 
 

@@ -79,18 +79,6 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
     )
 
 
-def usable_words(tree: xr.DataTree) -> dict[str, str]:
-    """Usable ranges by camera title, for the study as declared; empty where the results lack them."""
-    if not has(tree, "depth", "usable_near") or not nominal_is_declared(tree):
-        return {}
-    depth, titles = nominal(tree), camera_titles(tree)
-    found = {}
-    for name in depth["camera"].values:
-        ranges = where_usable(depth, str(name))
-        found[titles[str(name)]] = " and ".join(plain_span(near, far) for near, far in ranges) or "nowhere"
-    return found
-
-
 def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
     """What decides the requirements most or, without requirements, the depth of the best cameras.
 
