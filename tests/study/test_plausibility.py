@@ -17,6 +17,10 @@ STUDIES = Path(__file__).parents[2] / "studies"
 ROBOT = STUDIES / "robot.yaml"
 UNUSUAL = {
     "stereo-75mm.baseline": ("50 m", "50 m is unusual (100 µm to 10 m is common); did you mean 50 mm?"),
+    "raytrix-r5.microlenses.focal_lengths": (
+        "[500 um, 550 mm, 600 um]",
+        "550 mm is unusual (5 µm to 10 mm is common); did you mean 550 um?",
+    ),
     "raytrix-r5.microlenses.gap": ("100 mm", "100 mm is unusual (10 µm to 10 mm is common)"),
     "stereo-75mm.sensor.pixel_pitch": ("3 mm", "3 mm is unusual (300 nm to 200 µm is common); did you mean 3 um?"),
     "scene.wavelength": ("30 um", "30 µm is unusual (200 nm to 20 µm is common)"),
@@ -347,3 +351,9 @@ def test_equal_light_on_unequal_pixels_is_warned_about() -> None:
     assert "pixels of 3 µm and 5.5 µm are taken to collect equal light" in said
     alike = {"scene.picture.light.at_pixel_pitch": None, "raytrix-r5.sensor.pixel_pitch": "3 um"}
     assert tradestudy.load(ROBOT).with_values(alike).warnings == ()
+
+
+def test_a_focal_length_usual_for_microlenses_is_not_doubted() -> None:
+    """Those of the first Lytro camera are 25 µm long."""
+    said = tradestudy.load(FAST.parents[1] / "lytro-like" / "lytro.yaml").warnings
+    assert not [one for one in said if "unusual" in one]

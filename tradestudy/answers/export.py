@@ -110,14 +110,21 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
             left_out.append("posterior: no parameter of the camera is declared uncertain")
     found = Export(texts=texts, posterior=posterior if POSTERIOR in asked else None, left_out=(*left_out, *refused))
     if not texts and found.posterior is None:
-        remedy = "choose another format; nothing was written" if words else "nothing was written"
+        others = [] if rig is None else _whole(rig, name)
+        remedy = f"choose --format {' or '.join(others)}; nothing was written" if others else "nothing was written"
         raise ExportError("\n".join(found.left_out), remedy=remedy)
     if refused and not lossy:
-        raise ExportError(
-            "\n".join(refused),
-            remedy="allow a lossy export, or choose other formats; nothing was written",
-        )
+        others = [] if rig is None else _whole(rig, name)
+        choice = f", or choose --format {' or '.join(others)}" if others else ""
+        remedy = f"give --lossy (in Python, lossy=True) to leave it out{choice}; nothing was written"
+        raise ExportError("\n".join(refused), remedy=remedy)
     return found
+
+
+def _whole(rig: ImportedRig, stem: str) -> list[str]:
+    """The formats that can represent a whole rig."""
+    writing = [one for one in FORMATS if one.write is not None]
+    return [one.word for one in writing if not any(missing for _, missing in _written(one, rig, stem))]
 
 
 def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping[str, str], list[str]]]:

@@ -50,7 +50,10 @@ _SILENCED: Final = "; stating a basis silences this warning"
 
 @dataclass(frozen=True, kw_only=True)
 class _Range:
-    """The usual range of a key in study files; ``below`` restricts it to keys inside that part."""
+    """The usual range of a key in study files; ``below`` restricts it to keys inside that part.
+
+    Of several ranges of a key, the first that fits holds.
+    """
 
     key: str
     dimension: Dimension
@@ -61,6 +64,8 @@ class _Range:
 
 _USUAL: Final = (
     _Range(key="baseline", dimension=LENGTH, low=1e-4, high=10.0, below="cameras"),
+    _Range(key="focal_length", dimension=LENGTH, low=5e-6, high=1e-2, below="microlenses"),
+    _Range(key="focal_lengths", dimension=LENGTH, low=5e-6, high=1e-2, below="microlenses"),
     _Range(key="focal_length", dimension=LENGTH, low=1e-4, high=1.0, below="cameras"),
     _Range(key="gap", dimension=LENGTH, low=1e-5, high=1e-2, below="microlenses"),
     _Range(key="pitch", dimension=LENGTH, low=1e-6, high=1e-2, below="microlenses"),
@@ -186,6 +191,7 @@ def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
                 ends = f"{pretty(usual.low, usual.dimension)} to {pretty(usual.high, usual.dimension)}"
                 what = f"{pretty(value, usual.dimension)} is unusual ({ends} is common){_meant(entry.text, usual)}"
                 yield definition.document.problem(path, what + _SILENCED)
+            break
 
 
 def _meant(text: str, usual: _Range) -> str:
