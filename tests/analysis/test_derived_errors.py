@@ -13,7 +13,7 @@ from tests.analysis.plain_depths import CENTRAL, of_rig
 from tests.imaging.test_picture import CLOSED, SETTINGS, hand_lens
 from tests.study.conftest import STUDIES
 from tradestudy.answers import runner
-from tradestudy.answers.depth import depth_as_declared
+from tradestudy.answers.depth import depth_at_places_group
 from tradestudy.answers.disparity_causes import compute_kirchhoff_pictures
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.depth.evaluation import ERROR_SOURCES, evaluate_depth
@@ -135,7 +135,7 @@ def test_a_declared_error_at_five_metres_ignores_the_picture() -> None:
 
 
 def test_results_contain_the_error_and_its_own_error(study: StudyDefinition) -> None:
-    depth = depth_as_declared(study)
+    depth = depth_at_places_group(study, tuple(study.case.distance.tolist()))
     names = list(study.case.cameras)
     error = depth["disparity_error_px"].to_numpy()
     own = depth["disparity_error_px_error"].to_numpy()

@@ -13,6 +13,7 @@ import xarray as xr
 
 from tradestudy.cameras.focused_plenoptic.design import METHOD as PLENOPTIC
 from tradestudy.cameras.stereo.design import METHOD as STEREO
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 
 DISTANCE = np.geomspace(0.05, 10.0, 160)
@@ -60,7 +61,7 @@ def tree(
         "/": xr.Dataset(attrs=root),
         "/cameras": _cameras(names),
         "/depth": _depth(keys, sweep or {}, declared or {}),
-        "/decision": _decision(keys),
+        "/decision": _decision(keys, _depth(keys, {}, {})["depth_uncertainty"].values),
         "/claims": _claims(),
         **_registers(keys),
     }
@@ -148,7 +149,7 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
     return data
 
 
-def _decision(keys: list[str]) -> xr.Dataset:
+def _decision(keys: list[str], judged: FloatArray) -> xr.Dataset:
     best = np.where(DISTANCE < 0.15, "", np.where(DISTANCE < 0.391, keys[0], keys[2]))
     by_error_source, by_place = np.array([20.0, 0.2, 1.0]), np.array([1.0, 1.1, 1.2])[:, None]
     ratio = np.array([3.4, 0.9, 5.0, 6.0])[:, None, None] * by_place * by_error_source
@@ -156,6 +157,7 @@ def _decision(keys: list[str]) -> xr.Dataset:
     winner = np.where(np.array(PLACES)[:, None] < 0.391, keys[0], certain)
     values = {
         "best_camera": np.repeat(best[:, None], 3, axis=1),
+        "judged_uncertainty": judged,
         "reading_says": list(READINGS.values()),
         "uncertainty_ratio": ratio,
         "winner": winner,
@@ -177,6 +179,7 @@ def _decision(keys: list[str]) -> xr.Dataset:
         "solved_answer": ["0.682°", "nowhere between 50 mm and 200 mm"],
     }
     coordinates = {
+        "camera": keys,
         "distance": DISTANCE,
         "error_source": ERROR_SOURCES,
         "reading": list(READINGS),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +20,21 @@ from tradestudy.cli import app
 from tradestudy.comparison import compare_runs
 from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
+from tradestudy.report.document import plain_text
+from tradestudy.report.sections.answer import _stretches
 from tradestudy.results.views.conclusions import (
     best_ranges,
     conclusions_as_json,
     measure_first,
+    never_best,
     rests_on,
     terminal_lines,
     worths,
 )
+from tradestudy.results.views.decision import best_cameras
 from tradestudy.results.views.designs import parameter_words, path_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
+from tradestudy.units import LENGTH, pretty
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
 
@@ -94,8 +100,8 @@ def test_one_camera_is_usable_rather_than_best(swept: Result) -> None:
 def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on(swept: Result) -> None:
     best, met, wish, weighed, rests = swept.lines()
     assert re.fullmatch(
-        r"Best, as declared: 75 mm stereo head from 0\.3 to 4 m; 50 mm stereo head is best nowhere \(at least 1\.5 "
-        r"times as uncertain\); Raytrix R5 is best nowhere \(at least 19 times as uncertain\)",
+        r"Best, as declared: 75 mm stereo head from 0\.3 to 4 m; 50 mm stereo head is best nowhere \(at least 1\.4 "
+        r"times as uncertain\); Raytrix R5 is best nowhere \(at least 18 times as uncertain\)",
         best,
     )
     found = re.fullmatch(
@@ -481,27 +487,61 @@ def test_the_terminal_names_the_verdict_on_every_claim() -> None:
     assert list(terminal_lines(tree)) == [words]
 
 
-def test_few_distances_do_not_hide_that_a_camera_is_usable_between_them(tmp_path: Path) -> None:
-    """A lens of f/2 at 655 mm is sharp to a pixel from 0.627 to 0.686 m, between two of four distances."""
-    text = """
-format: 2
-study: few
-title: Few distances
-question: Where is the pair usable?
-cameras:
-  pair:
+RIG = """
     kind: stereo
-    lenses: {focal_length: 12 mm, f_number: 2}
+    lenses: {focal_length: 12 mm, f_number: FNUMBER}
     sensor: {pixels: [1280, 1024], pixel_pitch: 5 um}
-    baseline: 60 mm
+    baseline: BASELINE
     focus_distance: 655 mm
     principal_distance: focused
     depth: {disparity_error: 0.1 px}
-scene: {distances: {from: 0.2 m, to: 4 m, points: 4, spacing: log}, wavelength: 550 nm}
-usable_range: {blur: 1 px}
-requirements: {near: {says: near, camera: pair, depth_uncertainty: {below_relative: 2 %, at: 0.655 m}}}
 """
-    (tmp_path / "few.yaml").write_text(text, encoding="utf-8")
-    lines = tradestudy.load(tmp_path / "few.yaml").run().lines()
-    assert any("at the distances of the study, no camera is usable from 0.2 to 4 m" in line for line in lines)
-    assert any(line.startswith("Met: near") for line in lines)
+
+
+def between(folder: Path, points: int, cameras: Mapping[str, tuple[str, str]]) -> Result:
+    """Some rigs, by f-number and baseline, between 0.4 and 1.2 m, focused on 655 mm and usable where they are sharp."""
+    rigs = [
+        f"  {key}:{RIG.replace('FNUMBER', number).replace('BASELINE', baseline)}"
+        for key, (number, baseline) in cameras.items()
+    ]
+    text = f"""
+format: 2
+study: few
+title: Few distances
+question: Which rig is best?
+cameras:
+{"".join(rigs)}
+scene: {{distances: {{from: 0.4 m, to: 1.2 m, points: {points}, spacing: log}}, wavelength: 550 nm}}
+usable_range: {{blur: 1 px}}
+"""
+    (folder / f"of-{points}.yaml").write_text(text, encoding="utf-8")
+    return tradestudy.load(folder / f"of-{points}.yaml").run()
+
+
+def test_few_distances_do_not_hide_that_a_camera_is_usable_between_them(tmp_path: Path) -> None:
+    """A lens of f/2 at 655 mm is sharp to a pixel from 0.627 to 0.686 m, between two of four distances."""
+    (line, *_) = between(tmp_path, 4, {"pair": ("2", "60 mm")}).lines()
+    assert line.startswith("Usable: pair from 0.627 to 0.686 m; no camera is usable from 0.4 to 0.627 m and from 0.686")
+
+
+def test_few_distances_do_not_hide_that_a_camera_is_best_between_them(tmp_path: Path) -> None:
+    """At f/2 a pair with the longer baseline is sharp only between two of four distances."""
+    rigs = {"wide": ("2", "60 mm"), "narrow": ("16", "30 mm")}
+    few, many = (between(tmp_path, points, rigs) for points in (4, 400))
+    assert [one.cameras for one in best_ranges(few.data)] == [(), ("narrow",), ("wide",), ("narrow",), ()]
+    ranges = [[(one.near, one.far) for one in best_ranges(result.data)] for result in (few, many)]
+    assert ranges[0] == [pytest.approx(ends, rel=1e-6) for ends in ranges[1]]
+    # Page one reads the uncertainty where the range ends: a²/(b c) · 0.1 px with c = f a_0/(a_0 − f).
+    principal = 12e-3 * 0.655 / (0.655 - 12e-3)
+    first = next(text for text in map(plain_text, _stretches(best_cameras(few.data))) if ": wide, " in text)
+    near, far = (ranges[0][2][end] ** 2 / (60e-3 * principal) * 0.5e-6 for end in (0, 1))
+    assert f"±{pretty(near, LENGTH)} (" in first
+    assert f"to ±{pretty(far, LENGTH)} (" in first
+
+
+def test_few_distances_do_not_overstate_how_much_less_certain_a_camera_is(tmp_path: Path) -> None:
+    """At the only one of three distances where pairs are sharp, a baseline is 4 times as long; elsewhere 2.4 times."""
+    rigs = {"long": ("4", "120 mm"), "middle": ("16", "72 mm"), "short": ("16", "30 mm")}
+    few, many = (between(tmp_path, points, rigs) for points in (3, 400))
+    assert list(never_best(few.data)) == [("short", pytest.approx(2.4, rel=1e-6))]
+    assert list(never_best(many.data)) == list(never_best(few.data))

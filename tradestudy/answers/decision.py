@@ -10,27 +10,27 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.answers.depth import depth_as_declared
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
-from tradestudy.depth.evaluation import ERROR_SOURCES, Reading, distribution, imaged
+from tradestudy.depth.evaluation import ERROR_SOURCES, Reading, distribution, finite, imaged
 from tradestudy.depth.linear import linearised_depth
 from tradestudy.depth.table import distribution_between, judged_uncertainty, judged_uncertainty_error, narrow_features
 from tradestudy.depth.usable import (
     END_OF_STUDY,
+    Interval,
     all_met,
     boundaries,
     evaluate_limits,
     margin,
     places_around,
     scramble_error,
+    sought,
     usable_intervals,
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.results import dataset
-from tradestudy.results import judged_uncertainty as stored_uncertainty
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import Case, StudyDefinition
 
@@ -76,6 +76,7 @@ def largest_cause(camera: DepthCamera, distance: FloatArray, field: FieldPositio
 _OFFSET: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
 _ROUNDING: Final = 2e-7  # relative difference of two uncertainties that interpolation may cause; a lead must exceed it
 _CROSSED_TO: Final = 1e-7  # relative accuracy of a crossing
+_CHANGED_TO: Final = 1e-5  # relative accuracy of a distance where the best camera changes
 
 
 TIED: Final = ", "
@@ -158,6 +159,52 @@ def best_cameras(
         else ""
         for k in range(best.size)
     ]
+
+
+def best_along(case: Case, names: Sequence[str]) -> tuple[FloatArray, list[list[str]]]:
+    """Distances [m] that show where the best of some cameras changes, and the best there, for each error source.
+
+    They are the distances of the study, those at which usable ranges are sought, both sides of the ends of these, and
+    more around each change for noise and calibration together, which lies between two of them 1e-5 of a distance apart.
+    """
+    ends = np.array([end for name in names for end in _ends_of_use(case, name)])
+    sides = np.clip([ends * (1.0 - _OFFSET), ends * (1.0 + _OFFSET)], case.distance[0], case.distance[-1])
+    grid = np.unique(np.concatenate([sides.ravel(), *(sought(case.cameras[name], case.distance) for name in names)]))
+    # The error of a model is estimated for many distances together, and changes slowly between them.
+    errors = {
+        (name, source): _relative_error(case.cameras[name], grid, source) for name in names for source in ERROR_SOURCES
+    }
+
+    def best(places: FloatArray, source: str) -> list[str]:
+        usable = {
+            name: _within(usable_intervals(case.cameras[name], case.criteria, case.distance), places) for name in names
+        }
+        uncertainty = {name: judged_uncertainty(case.cameras[name], places, source) for name in names}
+        error = {name: finite(of) * np.interp(places, grid, errors[name, source]) for name, of in uncertainty.items()}
+        return best_cameras(usable, uncertainty, error)
+
+    places, found = grid, np.array(best(grid, ERROR_SOURCES[-1]), dtype=object)
+    while True:
+        change = (found[1:] != found[:-1]) & (places[1:] > places[:-1] * (1.0 + _CHANGED_TO))
+        if not change.any():
+            return places, [best(places, source) for source in ERROR_SOURCES]
+        after = np.flatnonzero(change) + 1
+        middles = np.sqrt(places[after - 1] * places[after])
+        places = np.insert(places, after, middles)
+        found = np.insert(found, after, best(middles, ERROR_SOURCES[-1]))
+
+
+def _relative_error(camera: DepthCamera, distance: FloatArray, source: str) -> FloatArray:
+    """Stated error of a depth uncertainty, and what interpolation may add to it, relative to it."""
+    error = stated_error(camera, judged_uncertainty_error(camera, distance, source))
+    with np.errstate(invalid="ignore", divide="ignore"):  # unbounded or not measured
+        return np.nan_to_num(error / judged_uncertainty(camera, distance, source)) + _ROUNDING
+
+
+def _within(intervals: Sequence[Interval], distance: FloatArray) -> BoolArray:
+    return np.asarray(
+        np.any([distance < 0.0, *((one.near <= distance) & (distance <= one.far) for one in intervals)], axis=0)
+    )
 
 
 def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
@@ -282,34 +329,22 @@ def _turn(
 def decision_group(
     definition: StudyDefinition,
     readings: Mapping[str, StudyDefinition],
-    depth: xr.Dataset,
     progress: Progress = lambda _step, _share: None,
 ) -> xr.Dataset:
-    """/decision from /depth and from the study under each reading, without inverse questions."""
+    """/decision from the study under each reading, without inverse questions."""
     file, case = definition.file, definition.case
     values: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {"distance": case.distance, "error_source": list(ERROR_SOURCES)}
+    coordinates: dict[str, Any] = {"error_source": list(ERROR_SOURCES)}
     attributes: dict[str, Any] = {}
-    nominal = depth if depth["depth_uncertainty"].ndim == 2 else depth_as_declared(definition)
-    rows = {name: i for i, name in enumerate(case.cameras)}
-    names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
+    names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(case.cameras)
     attributes["candidates"] = ", ".join(names)
-    usable = {name: nominal["usable"].values[rows[name]] for name in names}
-    widths, errors = (stored_uncertainty(nominal, f"_by_error_source{of}").values for of in ("", "_error"))
-    values["best_camera"] = np.stack(
-        [
-            best_cameras(
-                usable,
-                {name: widths[rows[name], :, w] for name in names},
-                {name: stated_error(case.cameras[name], errors[rows[name], :, w]) for name in names},
-            )
-            for w in range(len(ERROR_SOURCES))
-        ],
-        axis=-1,
-    )
+    distance, best = best_along(case, names)
+    coordinates["distance"] = distance
+    values["best_camera"] = np.stack(best, axis=-1)
+    values["judged_uncertainty"] = [judged_uncertainty(one, distance) for one in case.cameras.values()]
     causes = {}
     for name, camera in case.cameras.items():
-        used = nominal["usable"].values[rows[name]]
+        used = _within(usable_intervals(camera, case.criteria, case.distance), case.distance)
         causes[name] = largest_cause(camera, case.distance[used] if used.any() else case.distance)
     values["cause"] = [
         "" if one is None else input_words(definition, name, one.parameter) for name, one in causes.items()

@@ -245,9 +245,3 @@ def _error_arrays(evaluations: Sequence[DepthEvaluation]) -> tuple[dict[str, NDA
         "failed_fraction_error": over_error_sources("failed_fraction_error"),
         "converged": np.stack([one.converged for one in evaluations]),
     }, part_names
-
-
-def depth_as_declared(definition: StudyDefinition) -> xr.Dataset:
-    """/depth of the study as declared, without its sweep."""
-    arrays, _ = _depth_arrays(_tables(definition.case, definition.case.distance))
-    return dataset("depth", arrays, {})

@@ -140,4 +140,4 @@ def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefiniti
         for name, empty in (("distance", math.nan), ("error", math.nan), ("nearer", "")):
             rows = [[getattr(one, name) for one in row] + [empty] * (most - len(row)) for row in crossed]
             values[f"design_crossover_{name}"] = np.array(rows).reshape(*shape, most)
-    return over_designs("decision", values, {"design_place": places, "distance": definition.case.distance}, axes)
+    return over_designs("decision", values, {"design_place": places, "design_distance": definition.case.distance}, axes)

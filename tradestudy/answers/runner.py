@@ -126,7 +126,7 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
     if (causes := disparity_causes_group(definition)) is not None:
         groups["/disparity_causes"] = causes
     groups["/datasheet"] = datasheet_group(definition)
-    decided = [decision_group(definition, asked.readings, groups["/depth"], steps.progress)]
+    decided = [decision_group(definition, asked.readings, steps.progress)]
     if file.sweep:
         decided.append(design_verdicts(definition, asked.designs, tables))
     steps.progress("decision", 1.0)

@@ -282,7 +282,7 @@ def _is_same(one: float, other: float) -> bool:
 def _edges(tree: xr.DataTree, found: Sequence[Winner]) -> Iterator[Edge]:
     """Where the best camera switches; the error is that of the root or, without one, the gap between two distances."""
     depth = nominal(tree)
-    every = np.asarray(depth["distance"].values, dtype=np.float64)
+    every = np.asarray(group(tree, "decision")["distance"].values, dtype=np.float64)
     is_declared = nominal_is_declared(tree)  # else the curves belong to another design than the decision
     exact = [*_crossovers(tree), *(_ends_of_use(tree, depth) if is_declared else ())]
     for (_, place, before), (_, _, after) in itertools.pairwise(found):

@@ -242,7 +242,7 @@ def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: Fl
 @lru_cache(maxsize=1024)
 def _intervals(camera: DepthCamera, criteria: UsableCriteria, distances: bytes) -> tuple[Interval, ...]:
     """The usable intervals, cached because tables, data sheets, requirements and verdicts ask for them."""
-    distance = _sought(camera, np.frombuffer(distances))
+    distance = sought(camera, np.frombuffer(distances))
     limits = evaluate_limits(camera, criteria, distance)
     ends = usable_ends(camera, criteria, distance, limits)
     found = {
@@ -267,8 +267,8 @@ def _intervals(camera: DepthCamera, criteria: UsableCriteria, distances: bytes) 
     return tuple(intervals)
 
 
-def _sought(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Distances [m] at which the ends of the usable range are bracketed, within the range of the given ones."""
+def sought(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """The given distances [m] and those between them at which ends of the usable range are bracketed, increasing."""
     first, last = distance[0], distance[-1]
     if not first < last:
         return distance

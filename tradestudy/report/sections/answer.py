@@ -60,6 +60,7 @@ from tradestudy.wording import DECLARED_VALUE, distance, limit_words, listed, sp
 
 _MOST_REASONS = 3
 _FEW_OTHERS = 2  # cameras that miss a requirement, each with its reason; more would push the figure off the page
+_CLOSE = 0.1  # relative difference of two distances, across which the causes of errors hardly change
 _FEW_QUESTIONS = 2  # that stand beside the cameras; more would hide the requirements below them
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
 _DECLARED: Final = " (study as declared)"
@@ -348,19 +349,21 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     """The uncertainty at both ends of a range, absolute and relative, and what decides it."""
     depth, places = best.cameras[camera], (start, end)
     known = np.isfinite(depth.uncertainty)
-    logs = (np.log(best.distance[known]), np.log(depth.uncertainty[known]))  # interpolated along a smooth curve
+    logs = (np.log(best.of_curves[known]), np.log(depth.uncertainty[known]))  # interpolated along a smooth curve
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
+    ends_at = [best.nearest(place) for place in places]
+    is_there = bool(np.all(np.abs(np.log(best.distance[ends_at] / places)) < _CLOSE))
+    where = "" if is_there else " and at the nearest distances of the study"
     off = ""
     if depth.worst is not None:
-        values = [depth.worst[best.nearest(place)] for place in places]
+        values = depth.worst[ends_at]
         most = [length(max(s, one)) if np.isfinite(s) else "∞" for s, one in zip(values, ends, strict=True)]
-        off = f" on the axis, up to ±{most[0]} and ±{most[1]} at the places computed off it"
-    ends_at = [best.nearest(place) for place in places]
+        off = f" on the axis, up to ±{most[0]} and ±{most[1]} at the places computed off it{where}"
     first, last = (part_words(depth.parts[index] or "nothing") for index in ends_at)
     cause = first if first == last else f"{first} at the near end and {last} at the far end"
     mostly = all(depth.largest_shares[index] > 0.5 for index in ends_at)
-    return f"±{near} to ±{far}{off}, {'mostly' if mostly else 'the largest part'} from {cause}"
+    return f"±{near} to ±{far}{off}, {'mostly' if mostly else 'the largest part'} from {cause}{where[4:]}"
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:

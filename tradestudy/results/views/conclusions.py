@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import answer_title, candidates, reported_winners, solved_questions
 from tradestudy.results.views.depth import (
     at_the_bound,
@@ -40,6 +39,7 @@ from tradestudy.units import FRACTION, pretty, significant
 from tradestudy.wording import counted, distance, limit_words, listed, plain_span, with_unit_symbols
 
 _SEVERAL: Final = 2
+_ROUNDING: Final = 1e-6  # of a ratio of uncertainties
 _ASSUMED: Final = ", assumed "
 
 
@@ -64,9 +64,7 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
     def nobody(near: float, far: float) -> str:
         if nominal_is_declared(tree) and any(start <= math.sqrt(near * far) <= end for start, end in usable):
             return "no depth uncertainty has a bound"
-        none = f"no {'candidate' if candidates(tree) else 'camera'} is usable"
-        between = any(near < start and end < far for start, end in usable)  # distances too few to show it
-        return f"at the distances of the study, {none}" if between else none
+        return f"no {'candidate' if candidates(tree) else 'camera'} is usable"
 
     return tuple(
         BestRange(
@@ -205,19 +203,19 @@ def never_usable(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
 
 def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
     """Titles of the candidates that are usable but nowhere best, and how many times as uncertain each is at least."""
-    if not has(tree, "decision", "best_camera") or not has(tree, "depth", "usable_near"):
+    if not has(tree, "decision", "judged_uncertainty") or not has(tree, "depth", "usable_near"):
         return
     if not nominal_is_declared(tree):
         return
-    depth, titles = nominal(tree), camera_titles(tree)
-    places = np.asarray(depth["distance"].values, dtype=np.float64)
+    depth, decision, titles = nominal(tree), group(tree, "decision"), camera_titles(tree)
+    places = np.asarray(decision["distance"].values, dtype=np.float64)
     best = {title for one in best_ranges(tree) for title in one.cameras}
     among = candidates(tree) or tuple(map(str, depth["camera"].values))
-    uncertainty, judged = {}, judged_uncertainty(depth)
+    uncertainty = {}
     for name in among:
         inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, name)]
         usable = np.any([np.zeros(places.shape, dtype=np.bool_), *inside], axis=0)
-        uncertainty[name] = np.where(usable, judged.sel(camera=name).values, np.inf)
+        uncertainty[name] = np.where(usable, decision["judged_uncertainty"].sel(camera=name).values, np.inf)
     smallest = np.min(list(uncertainty.values()), axis=0)
     for name in among:
         known = np.isfinite(uncertainty[name])
@@ -228,7 +226,8 @@ def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
 def never_best_words(tree: xr.DataTree) -> Iterator[str]:
     """The candidates that are usable but nowhere best, in words; within rounding of the best, without a factor."""
     for title, ratio in never_best(tree):
-        factor = significant(ratio, 2)
+        step = 10.0 ** (math.floor(math.log10(ratio)) - 1)  # of the second digit
+        factor = significant(step * math.floor(ratio / step * (1.0 + _ROUNDING)), 2)  # "at least": never rounded up
         why = f" (at least {factor} times as uncertain)" if factor != "1" else ""
         yield f"{title} is best nowhere{why}"
 

@@ -218,12 +218,12 @@ _UNKNOWN: Final = {"place": np.nan, "conformity": np.nan, "rests_on": "", "rests
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraDepth:
-    """One camera of one design, over the computed distances.
+    """One camera of one design, over the distances of the study.
 
     Parameters
     ----------
     uncertainty
-        The depth uncertainty that judges it [m]; see `judged_uncertainty`.
+        The depth uncertainty that judges it [m], at the distances of the curves; see `judged_uncertainty`.
     parts, largest_shares
         The part with the largest share of its variance, if known, and this share.
     broken
@@ -255,7 +255,9 @@ class BestCameras:
     candidates
         As given by `candidates`.
     distance
-        The computed distances [m].
+        The distances of the study [m].
+    of_curves
+        Distances of the curves of uncertainty [m].
     limits
         Names of the limits of the usable range.
     cameras
@@ -266,6 +268,7 @@ class BestCameras:
     titles: Mapping[str, str]
     candidates: tuple[str, ...]
     distance: FloatArray
+    of_curves: FloatArray
     limits: tuple[str, ...]
     cameras: Mapping[str, CameraDepth]
 
@@ -275,18 +278,21 @@ class BestCameras:
         return tuple(worth_reporting(self.ranges))
 
     def nearest(self, place: float) -> int:
-        """Index of the computed distance nearest to a place [m]."""
+        """Index of the distance of the study nearest to a place [m]."""
         return int(np.argmin(np.abs(self.distance - place)))
 
 
 def best_cameras(tree: xr.DataTree) -> BestCameras:
     """The best camera along the distance in the study as declared."""
     depth = nominal(tree)
-    cameras = camera_depths(depth)[0] if nominal_is_declared(tree) else {}
+    curves = group(tree, "decision")["judged_uncertainty"]
+    of_cameras = camera_depths(depth)[0] if nominal_is_declared(tree) else {}
+    cameras = {key: replace(one, uncertainty=curves.sel(camera=key).values) for key, one in of_cameras.items()}
     if cameras and has(tree, "depth_field", "depth_uncertainty"):
         off = judged_uncertainty(group(tree, "depth_field")).max(("field", "corner"))
         cameras = {key: replace(one, worst=off.sel(camera=key).values) for key, one in cameras.items()}
-    return BestCameras(ranges=tuple(winners(tree)), cameras=cameras, **_shared(tree, depth))
+    places = np.asarray(curves["distance"].values, dtype=np.float64)
+    return BestCameras(ranges=tuple(winners(tree)), cameras=cameras, of_curves=places, **_shared(tree, depth))
 
 
 def best_cameras_of_designs(tree: xr.DataTree) -> Sequence[BestCameras | None]:
@@ -294,7 +300,7 @@ def best_cameras_of_designs(tree: xr.DataTree) -> Sequence[BestCameras | None]:
     if not has(tree, "decision", "design_best_camera_along"):
         return [None for _ in design_places(tree)]
     depth, decision = group(tree, "depth"), group(tree, "decision")
-    best = by_design(depth, decision["design_best_camera_along"], "distance")
+    best = by_design(depth, decision["design_best_camera_along"], "design_distance")
     ends = [by_design(depth, depth[name], "camera", "interval") for name in ("usable_near", "usable_far")]
     if "design_crossover_distance" in decision:
         ends.append(by_design(depth, decision["design_crossover_distance"], "design_crossing"))
@@ -304,6 +310,7 @@ def best_cameras_of_designs(tree: xr.DataTree) -> Sequence[BestCameras | None]:
         BestCameras(
             ranges=tuple(merged_ranges(names, shared["distance"], changes[np.isfinite(changes)])),
             cameras=cameras,
+            of_curves=shared["distance"],
             **shared,
         )
         for names, changes, cameras in zip(best.tolist(), every, camera_depths(depth), strict=True)
