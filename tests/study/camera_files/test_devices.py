@@ -158,3 +158,27 @@ def test_values_of_a_plenoptic_file_that_pictures_ignore_are_warned_of(tmp_path:
     devices.plenoptic(tmp_path / "r12.js", distortions_inverse=bent)
     (warned,) = [one for one in tradestudy.load(path).warnings if "not modelled" in one]
     assert "distortion of the main lens (radial (-0.0002, 0.0, 0.0))" in warned
+
+
+def test_the_main_lens_of_a_plenoptic_file_is_at_the_origin(tmp_path: Path) -> None:
+    path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
+    pose = devices._pose("0")
+    lens = {"f": "49.89", "aperture": "4"}
+    devices.plenoptic(tmp_path / "r12.js", main_lens={**lens, "pose": {**pose, "translation": [["0"], ["0"], ["0"]]}})
+    assert "main_lens" not in tradestudy.load(path).imported[0]
+    devices.plenoptic(tmp_path / "r12.js", main_lens={**lens, "pose": {**pose, "translation": [["0", "0", "1.5"]]}})
+    assert "main_lens.pose.translation: the main lens must be at the origin; subtract" in refusal(path)
+    turned = {"translation": [["0", "0", "0"]], "rotation": [["0", "-1", "0"], ["1", "0", "0"], ["0", "0", "1"]]}
+    devices.plenoptic(tmp_path / "r12.js", main_lens={**lens, "pose": turned})
+    assert "main_lens.pose.rotation: a rotated main lens is not supported" in refusal(path)
+
+
+def test_what_a_plenoptic_file_states_and_is_not_used_is_printed(tmp_path: Path) -> None:
+    path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
+    turned = {**devices._pose("-57.18"), "rotation": [["0", "-1", "0"], ["1", "0", "0"], ["0", "0", "1"]]}
+    sensor = {"scale": "0.0055", "width": "4080", "height": "3068", "pose": turned}
+    devices.plenoptic(tmp_path / "r12.js", sensor=sensor)
+    loaded = tradestudy.load(path)
+    assert "the file's mode, keplerian, is not used" in loaded.imported[0]
+    assert "microlens array: its tilt and shift relative to the main lens are not used" in loaded.imported[0]
+    assert [one for one in loaded.warnings if "the rotation of the sensor by 90" in one]

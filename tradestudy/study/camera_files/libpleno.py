@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal
 
 import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedPlenoptic
 from tradestudy.study.camera_files.located import CameraFile, Format, Located, Request
+from tradestudy.study.camera_files.pairs import rotation_of
 from tradestudy.units import ANGLE, LENGTH, pretty
 
 _DISTORTIONS: Final = ("distortions", "distortions_inverse", "invdistortions")
@@ -17,6 +18,10 @@ _LAYOUTS: Final[dict[str, Literal["square", "hexagonal"]]] = {"0": "square", "1"
 _MODES: Final = {"0": "unfocused", "1": "keplerian", "2": "galilean"}
 IGNORED: Final = "values that pictures ignore"
 """Name of the convention that lists values that change pictures and are not used."""
+ARRAY_POSE: Final = "pose of the array"
+"""Name of the convention that states that the pose of the microlens array is not used, but for its distance."""
+RELAY: Final = "relay"
+"""Name of the convention that states the relay, and a mode of the file that contradicts it."""
 _SAME: Final = 1e-3  # of a microlens pitch, across and down
 
 
@@ -51,20 +56,19 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     scale, width, height = sensor.need("scale"), sensor.need("width"), sensor.need("height")
     focal_length, aperture = lens.need("f"), lens.need("aperture")
     _refuse_distortion_along_axis(top)
+    _refuse_moved_lens(lens)
     scaling = top.find("scaling")
     disagrees = mode is not None and mode_text != relay
     conventions = (
         Convention(name="format", says="libpleno camera", key=top.key),
         Convention(
-            name="relay",
+            name=RELAY,
             says=f"{relay}: microlens focal length {pretty(lengths[0], LENGTH)}, gap {pretty(gap, LENGTH)}"
             + (f"; the file's mode, {mode_text}, is not used" if disagrees else ""),
             key=focal_lengths.key,
         ),
-        Convention(
-            name="pose of the array", says="its tilt and shift relative to the main lens are not used", key=mesh.key
-        ),
-        *_ignored(top, mesh),
+        Convention(name=ARRAY_POSE, says="its tilt and shift relative to the main lens are not used", key=mesh.key),
+        *_ignored(top, {"microlens array": mesh, "sensor": sensor}),
         unit,
     )
     return ImportedPlenoptic(
@@ -116,18 +120,36 @@ def _refuse_distortion_along_axis(top: Located) -> None:
         distortion.use()  # `_ignored` names the rest
 
 
-def _ignored(top: Located, mesh: Located) -> Iterator[Convention]:
-    """The values of this camera that would change its pictures and are not used: distortion, and a rotated array."""
+def _refuse_moved_lens(lens: Located) -> None:
+    """Refuse a main lens elsewhere than at the origin, from which the poses of array and sensor are measured."""
+    if (pose := lens.find("pose")) is None:
+        return
+    moved, turned = pose.find("translation"), pose.find("rotation")
+    if moved is not None and any(moved.numbers(3)):
+        raise moved.fail(
+            "the main lens must be at the origin; subtract its translation from those of mla and sensor, and write 0"
+        )
+    if turned is not None and not np.array_equal(np.reshape(turned.numbers(9), (3, 3)), np.eye(3)):
+        raise turned.fail(
+            "a rotated main lens is not supported; express the poses of mla and sensor in its frame, and write the "
+            "identity matrix"
+        )
+    pose.use()
+
+
+def _ignored(top: Located, posed: Mapping[str, Located]) -> Iterator[Convention]:
+    """The values of this camera that would change its pictures and are not used: distortion, and rotated parts."""
     found: list[str] = []
     for distortion in [top.need(name) for name in _DISTORTIONS if top.find(name) is not None]:
         parts = [(name, distortion.find(name)) for name in ("radial", "tangential")]
         given = [f"{name} {part.numbers()}" for name, part in parts if part is not None and any(part.numbers())]
         if given and not found:  # its inverse says the same
             found.append(f"the distortion of the main lens ({', '.join(given)})")
-    if (rotation := mesh.need("pose").find("rotation")) is not None:
-        cosine = (np.trace(np.reshape(rotation.numbers(9), (3, 3))) - 1.0) / 2.0
-        if cosine < 1.0:
-            found.append(f"the rotation of the microlens array by {pretty(math.acos(max(cosine, -1.0)), ANGLE)}")
+    for part, value in posed.items():
+        if (rotation := value.need("pose").find("rotation")) is not None:
+            cosine = (np.trace(rotation_of(rotation, rotation.numbers(9))) - 1.0) / 2.0
+            if cosine < 1.0:
+                found.append(f"the rotation of the {part} by {pretty(math.acos(max(cosine, -1.0)), ANGLE)}")
     if found:
         yield Convention(name=IGNORED, says=" and ".join(found), key=top.key)
 
