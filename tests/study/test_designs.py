@@ -90,9 +90,17 @@ def test_one_feasible_design_and_all_feasible_designs_are_described() -> None:
 def test_without_a_feasible_design_the_nearest_one_is_named_with_the_requirement_it_misses() -> None:
     margins = grid((-50, -60), (-40, -30), (-20, -25))
     margins[2, 0] = (10.0, -4.0)
-    assert feasible_words(tree(0, margins)) == (
+    assert feasible_words(tree((margins > 0.0) * 1, margins)) == (
         "None of 6 designs meets both requirements. Rig with baseline 200 mm and focal length 4 mm comes closest: it "
         "misses “far enough” (worst 2 %)"
+    )
+
+
+def test_every_requirement_that_the_nearest_design_misses_is_named_worst_missed_first() -> None:
+    margins = grid((-50, -60), (-40, -30), (-20, -25))
+    margins[2, 0] = (-4.0, -10.0)
+    assert feasible_words(tree(0, margins)).endswith(
+        "it misses “far enough” (worst 2 %) and “close enough” (worst 1 %)"
     )
 
 

@@ -68,8 +68,8 @@ class Feasible:
         Number of feasible designs, and of all designs.
     best
         The feasible design whose smallest margin is largest; if none is feasible, the one among all designs.
-    tightest, tightest_reason
-        The requirement with that margin, in the words of the study, and the worst value of that design.
+    misses
+        The requirements that this design misses, in the words of the study, and its worst values; worst missed first.
     region
         Values of each parameter among the feasible designs, in words; empty where none is feasible.
     required, wishes
@@ -85,8 +85,7 @@ class Feasible:
     count: int
     designs: int
     best: Design
-    tightest: str
-    tightest_reason: str
+    misses: tuple[tuple[str, str], ...]
     region: str
     required: int
     wishes: int
@@ -157,9 +156,8 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     first = np.where(every, least, np.where(every.any(), -np.inf, least))
     best = np.unravel_index(int(np.argmax(first)), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
-    # Unmet requirements come first: because of its guard band, an unmet one can have the larger margin.
-    among = margins[best] if met[best].all() else np.where(met[best], np.inf, margins[best])
-    tightest = int(np.flatnonzero(must)[int(np.argmin(among))])
+    worst_first = [int(k) for k in np.argsort(margins[best], kind="stable") if not met[best][k]]
+    reasons = data["design_reason"].transpose(*axes, "requirement").values[best][must]
     return Feasible(
         count=int(every.sum()),
         designs=int(every.size),
@@ -168,8 +166,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
             words=design_words(tree, {axis: value_words(data[axis], value) for axis, value in values.items()}),
             margin=float(least[best]) / 100.0,
         ),
-        tightest=str(data["says"].values[tightest]),
-        tightest_reason=str(data["design_reason"].transpose(*axes, "requirement").values[(*best, tightest)]),
+        misses=tuple((str(data["says"].values[must][k]), str(reasons[k])) for k in worst_first),
         region=_region_words(tree, data, axes, every),
         required=int(must.sum()),
         wishes=int((~must).sum()),
@@ -276,7 +273,7 @@ def feasible_words(tree: xr.DataTree) -> str:
     if not found.count:
         return (
             f"None of {found.designs} designs meets {what}. {found.best.words} comes closest: it misses "
-            f"“{found.tightest}” ({found.tightest_reason})"
+            f"{listed([f'“{says}” ({reason})' for says, reason in found.misses])}"
         )
     if found.count == found.designs:
         return f"Every design meets {what}: {found.region}. {_largest(found, share)}"
