@@ -215,7 +215,8 @@ def measured(calibrated_webcams):
         ),
         (
             {"sensor": Sensor(columns=1280, rows=720, pixel_pitch=3e-6)},
-            "declared sensor 1280 × 720 px, corners say .* left .*cameras.rig.sensor.pixels",
+            r"declared sensor 1280 × 720 px, corners say that the left and right optical axes meet it at \(\d+, "
+            r"\d+\) and \(\d+, \d+\) px; correct cameras.rig.sensor.pixels or use another corner file$",
         ),
     ],
 )

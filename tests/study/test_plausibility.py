@@ -61,6 +61,13 @@ def test_implausible_values_cause_a_warning_at_their_place_only(path: str, said:
     assert said.replace("\N{NO-BREAK SPACE}", " ") in line.replace("\N{NO-BREAK SPACE}", " ")
 
 
+def test_a_basis_of_a_list_silences_warnings_about_its_values() -> None:
+    lengths, path = "[500 um, 550 mm, 600 um]", "raytrix-r5.microlenses.focal_lengths"
+    assert len(tradestudy.load(ROBOT, [f"{path}={lengths}"]).warnings) == 1
+    assert tradestudy.load(ROBOT, [f"{path}={{value: {lengths}, basis: datasheet}}"]).warnings == ()
+    assert len(tradestudy.load(ROBOT, [f"{path}={{value: {lengths}, note: as drawn}}"]).warnings) == 1
+
+
 def test_a_focal_length_in_the_wrong_unit_is_warned_about() -> None:
     (reported,) = tradestudy.load(
         ROBOT, ["stereo-75mm.lenses.focal_length=2.65 m", "stereo-75mm.focus_distance=autofocus"]
@@ -271,6 +278,9 @@ def test_a_principal_point_far_from_the_middle_is_warned_about_with_its_likely_c
     ):
         assert TWICE in said[0]
         assert "another resolution, or the picture be cropped" in said[0]
+    alike = warnings(exchanged.replace("320., 0., 800., 240.", "322., 0., 800., 241.", 1))[0]
+    assert "camera 1 and camera 2: the principal points (322, 241) and (320, 240) px lie far from the middle" in alike
+    assert alike.count("probably exchanged") == 1
     for x, number in ((320.0 + 0.11 * 640, 0), (320.0 + 0.13 * 640, 1)):
         moved = STEREO.replace("320., 0., 800., 240.", f"{x}, 0., 800., 240.", 1)
         assert len(warnings(moved)) == number

@@ -27,7 +27,7 @@ from tradestudy.study.camera_files.pairs import (
     off_centre,
 )
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import OUTSIDE, Path, ScalarEntry, dotted, walk
+from tradestudy.study.document import OUTSIDE, Document, Path, ScalarEntry, dotted, walk
 from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.units import (
     ANGLE,
@@ -169,7 +169,7 @@ def _contradictory(definition: StudyDefinition) -> Iterator[Problem]:
             "px"
         )
         chosen = one.path == ("principal_distance",) and (entry is not None or in_pixels)
-        if chosen or (isinstance(entry, ScalarEntry) and _has_basis(entry)):
+        if chosen or _has_basis(definition.document, path):
             continue
         what = f"{one.what}: {one.stated}, but {one.implied}; {one.consequence or f'used: {one.used}'}"
         yield definition.document.problem(path, what)
@@ -178,7 +178,7 @@ def _contradictory(definition: StudyDefinition) -> Iterator[Problem]:
 def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
     for path, entry in walk(definition.document.root, ()):
         keys = [step for step in path if isinstance(step, str)]
-        if not isinstance(entry, ScalarEntry) or entry.value is None or _has_basis(entry):
+        if not isinstance(entry, ScalarEntry) or entry.value is None or _has_basis(definition.document, path):
             continue
         for usual in _USUAL:
             if usual.key not in keys[-1:] or (usual.below and usual.below not in keys):
@@ -204,8 +204,10 @@ def _meant(text: str, usual: _Range) -> str:
     return f"; did you mean {fits[0]}?" if len(fits) == 1 else ""
 
 
-def _has_basis(entry: ScalarEntry) -> bool:
-    return entry.annotation is not None and entry.annotation.basis is not None
+def _has_basis(document: Document, path: Path) -> bool:
+    """Whether a basis is stated for a value or for the list that contains it."""
+    notes = (document.annotations.get(path[:count]) for count in range(1, len(path) + 1))
+    return any(note is not None and note.basis is not None for note in notes)
 
 
 def _light(definition: StudyDefinition) -> Iterator[Problem]:
@@ -213,7 +215,7 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
     picture = None if definition.file.scene is None else definition.file.scene.picture
     path = ("scene", "picture", "light", "electrons")
     declared = definition.document.entry(path)
-    if picture is None or not isinstance(declared, ScalarEntry) or _has_basis(declared):
+    if picture is None or not isinstance(declared, ScalarEntry) or _has_basis(definition.document, path):
         return
     found = {}
     for name, camera in definition.case.cameras.items():
@@ -260,12 +262,12 @@ def _off_centre(definition: StudyDefinition) -> Iterator[Problem]:
     for name, camera in definition.file.cameras.items():
         geometry, sensor = getattr(camera, "geometry", None), getattr(camera, "sensor", None)
         parts = {side: getattr(geometry, side, None) for side in ("left", "right")} | {name: geometry}
-        for side, part in parts.items():
-            if PICTURE_SIZE in camera.read_as or not isinstance(part, CalibratedCameraPart):
-                continue
-            if isinstance(sensor, SensorPart) and (says := off_centre(side, part.principal_point, sensor.pixels)):
-                path = ("cameras", name, "sensor", "pixels")
-                yield definition.document.problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
+        if PICTURE_SIZE in camera.read_as or not isinstance(sensor, SensorPart):
+            continue
+        centres = {side: one.principal_point for side, one in parts.items() if isinstance(one, CalibratedCameraPart)}
+        if says := off_centre({side: (centre, sensor.pixels) for side, centre in centres.items()}):
+            path = ("cameras", name, "sensor", "pixels")
+            yield definition.document.problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
 
 
 def _not_inherited(definition: StudyDefinition) -> Iterator[Problem]:
@@ -311,7 +313,7 @@ def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
     for path, entry in walk(definition.document.root, ()):
         relative = path[:1] == ("accuracy",) and path[-1] != "time_limit"
         relative |= path[-1:] in (("below_relative",), ("relative_uncertainty",)) or path[:1] + path[2:] == _OF_QUESTION
-        if relative and isinstance(entry, ScalarEntry) and not _has_basis(entry):
+        if relative and isinstance(entry, ScalarEntry) and not _has_basis(definition.document, path):
             yield from (definition.document.problem(path, what + _SILENCED) for what in _large(entry.text))
     if definition.tolerance is not None:
         for what in _large(definition.tolerance):

@@ -49,6 +49,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_families import ANGLES
 from tradestudy.optics.lens_model import slopes
 from tradestudy.units import significant
+from tradestudy.wording import listed
 
 _NODES: Final = (33, 25)  # nodes across and down
 _OUTSIDE: Final = -1.0  # px from the edge, for nodes that show no point or whose point has no image
@@ -213,14 +214,18 @@ def _contradictions(
                 f"{_with_spread(float(found) * per_unit, float(spread) * per_unit)}{label}; "
                 f"correct cameras.{name}.{key} or use {instead}"
             )
+    size = np.array([rig.sensor.columns, rig.sensor.rows])
+    far: dict[str, str] = {}
     for side, own, drawn in zip(("left", "right"), cameras_of(best), cameras_of(draws), strict=True):
-        size = np.array([rig.sensor.columns, rig.sensor.rows])
         centre, spread = own[2:4], drawn[:, 2:4].std(axis=0)
         if np.any(np.abs(centre - (size - 1) / 2.0) > np.maximum(CENTRE_LIMIT * size, _DEVIATIONS * spread)):
-            yield (
-                f"declared sensor {size[0]} × {size[1]} px, {says} that the {side} optical axis meets it at "
-                f"({centre[0]:.0f}, {centre[1]:.0f}) px; correct cameras.{name}.sensor.pixels or use {instead}"
-            )
+            far[side] = f"({centre[0]:.0f}, {centre[1]:.0f})"
+    if far:
+        axes = "optical axis meets" if len(far) == 1 else "optical axes meet"
+        yield (
+            f"declared sensor {size[0]} × {size[1]} px, {says} that the {listed(list(far))} {axes} it at "
+            f"{listed(list(far.values()))} px; correct cameras.{name}.sensor.pixels or use {instead}"
+        )
 
 
 def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -58,9 +58,8 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         says = f"{significant(noise, 2)} px, by a fit of the lens model {fitted_words(request.fitted_lens)}"
         unusual = (*unusual, Convention(name=UNUSUAL_NOISE, says=says, key=top.key))
     centres = {side: own[2:4] for side, own in zip(("left", "right"), cameras_of(shared), strict=True)}
-    far = [off_centre(side, (float(x), float(y)), request.pixels) for side, (x, y) in centres.items()]
-    if any(far):
-        unusual = (*unusual, Convention(name=OFF_CENTRE, says="; ".join(filter(None, far)), key=top.key))
+    if far := off_centre({side: ((float(x), float(y)), request.pixels) for side, (x, y) in centres.items()}):
+        unusual = (*unusual, Convention(name=OFF_CENTRE, says=far, key=top.key))
     return ImportedCorners(
         file=files[0].name,
         focal_length=float(np.mean([own[:2] * lens.at(own[4:]).scale_on_axis for own in cameras_of(shared)])),

@@ -240,7 +240,7 @@ def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> 
     if isinstance(found, ImportedCamera):
         doubts = {
             UNUSUAL_MATRIX: unusual_matrix(found),
-            OFF_CENTRE: off_centre(found.name, found.centre, found.pixels),
+            OFF_CENTRE: off_centre({found.name: (found.centre, found.pixels)}),
         }
         for name, says in doubts.items():
             if says:

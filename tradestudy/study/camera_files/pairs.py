@@ -25,6 +25,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_families import FAMILIES
 from tradestudy.study.camera_files.located import PIXEL_ORIGIN, Located
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
+from tradestudy.wording import listed
 
 _ORTHOGONALITY: Final = 5e-4  # allows for files with four digits
 _INEXACT: Final = 1e-5  # files with six digits stay below
@@ -199,8 +200,11 @@ def paired(
     )
     if not is_usual(baseline) and (says := _by_units(baseline, metre)):
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says + otherwise, key=key))
-    for name, words in _DOUBTS.items():
-        if says := "; ".join(filter(None, map(words, (first, second)))):
+    pair = (first, second)
+    doubts = {name: "; ".join(filter(None, map(words, pair))) for name, words in _DOUBTS.items()}
+    doubts[OFF_CENTRE] = off_centre({one.name: (one.centre, one.pixels) for one in pair})
+    for name, says in doubts.items():
+        if says:
             conventions = (*conventions, Convention(name=name, says=says, key=key))
     if first.pixels is not None or second.pixels is not None:
         conventions = (*conventions, size_convention(first if first.pixels is not None else second, is_vertical))
@@ -377,23 +381,35 @@ def unusual_matrix(camera: ImportedCamera) -> str:
     return f"{camera.name}: {', and '.join(doubts)}" if doubts else ""
 
 
-def off_centre(name: str, centre: tuple[float, float], pixels: tuple[int, int] | None) -> str:
-    """How far the principal point [px] of a camera is from the middle of its picture, with the likely cause, in words.
+def off_centre(cameras: Mapping[str, tuple[tuple[float, float], tuple[int, int] | None]]) -> str:
+    """How far the principal points [px] of cameras are from the middle of their pictures, with the likely cause.
 
-    Empty if it is at most 12 % of the width and of the height away, or the size of the picture is unknown.
+    In words, those alike together. Left out are cameras whose point is at most 12 % of the width and of the height
+    away, or whose picture has an unknown size.
     """
-    if pixels is None or _is_central(centre, pixels):
-        return ""
-    (x, y), (columns, rows) = centre, pixels
-    is_inside = -0.5 <= x <= columns - 0.5 and -0.5 <= y <= rows - 0.5
-    place = "far from the middle of" if is_inside else "outside"
-    cause = "the size may be that of another resolution, or the picture be cropped"
-    if _is_central(centre, pixels[::-1]):
-        cause = "width and height are probably exchanged"
-    return (
-        f"{name}: the principal point ({x:g}, {y:g}) px lies {place} the picture of "
-        f"{columns} × {rows} px, whose middle is ({(columns - 1) / 2:g}, {(rows - 1) / 2:g}) px; {cause}"
+    alike: dict[str, dict[str, str]] = {}
+    for name, (centre, pixels) in cameras.items():
+        if pixels is None or _is_central(centre, pixels):
+            continue
+        (x, y), (columns, rows) = centre, pixels
+        is_inside = -0.5 <= x <= columns - 0.5 and -0.5 <= y <= rows - 0.5
+        place = "far from the middle of" if is_inside else "outside"
+        cause = "the size may be that of another resolution, or the picture be cropped"
+        if _is_central(centre, pixels[::-1]):
+            cause = "width and height are probably exchanged"
+        where = (
+            f"{place} the picture of {columns} × {rows} px, whose middle is "
+            f"({(columns - 1) / 2:g}, {(rows - 1) / 2:g}) px; {cause}"
+        )
+        alike.setdefault(where, {})[name] = f"({x:g}, {y:g})"
+    return "; ".join(
+        f"{listed(list(points))}: the principal {_points(list(dict.fromkeys(points.values())))} {where}"
+        for where, points in alike.items()
     )
+
+
+def _points(distinct: list[str]) -> str:
+    return f"point {distinct[0]} px lies" if len(distinct) == 1 else f"points {listed(distinct)} px lie"
 
 
 def _is_central(centre: tuple[float, float], pixels: tuple[int, int]) -> bool:
@@ -403,9 +419,8 @@ def _is_central(centre: tuple[float, float], pixels: tuple[int, int]) -> bool:
 _DOUBTS: Final[Mapping[str, Callable[[ImportedCamera], str]]] = {
     FOLDING_LENS: _folding,
     UNUSUAL_MATRIX: unusual_matrix,
-    OFF_CENTRE: lambda camera: off_centre(camera.name, camera.centre, camera.pixels),
 }
-"""What may be wrong with each camera of a pair, in words, by the name of its convention."""
+"""What may be wrong with one camera of a pair, in words, by the name of its convention."""
 
 
 def _turned(camera: ImportedCamera, at: Located) -> ImportedCamera:
