@@ -97,18 +97,20 @@ class TestCheck:
         assert line.startswith(f"--set:1:1: {path.removesuffix('.baseline')}: ")
         assert all(f"'{name}'" in line for name in ("rig", "array", "near"))
 
-    def test_loads_nothing_heavy(self) -> None:
+    @pytest.mark.parametrize(("command", "more"), [("check", ["scipy"]), ("plan", ["scipy.fft", "scipy.spatial"])])
+    def test_loads_nothing_heavy(self, command: str, more: list[str]) -> None:
         script = (
-            "import sys; sys.argv = ['tradestudy', 'check', sys.argv[1]]\n"
+            "import sys; sys.argv, heavy = sys.argv[1:4], sys.argv[4:]\n"
             "from tradestudy import cli\n"
             "try: cli.main()\n"
             "except SystemExit as end: assert end.code == 0\n"
-            # Not jinja2, which pint loads wherever dask is installed; of ours, only the report does.
-            "heavy = 'xarray', 'pandas', 'matplotlib', 'scipy', 'emcee', 'typst', 'tradestudy.report'\n"
             "print(*[name for name in heavy if name in sys.modules])"
         )
-        done = subprocess.run([sys.executable, "-c", script, str(RIGHT)], capture_output=True, text=True, check=True)
-        assert done.stdout.splitlines()[1:] == [""]
+        # Not jinja2, which pint loads wherever dask is installed; of ours, only the report does.
+        heavy = ["xarray", "pandas", "matplotlib", "emcee", "typst", "tradestudy.report", *more]
+        words = [sys.executable, "-c", script, "tradestudy", command, str(RIGHT), *heavy]
+        done = subprocess.run(words, capture_output=True, text=True, check=True)
+        assert done.stdout.splitlines()[-1] == ""
 
 
 class TestRun:

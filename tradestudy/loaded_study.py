@@ -194,7 +194,7 @@ class Study:
             If even the most complete models exceed a tolerance, or the run would take far longer than its
             time limit.
         """
-        from tradestudy.answers.trade_off import refuse_words
+        from tradestudy.answers.trade_criteria import refuse_words
         from tradestudy.models.plan import plan_of
 
         refuse_words(self.definition)

@@ -15,12 +15,17 @@ import tradestudy
 from tests.campaigns.depth_cases import base_study
 from tests.campaigns.depth_regret import run, shift_of_ends
 from tradestudy.accuracy import Quantity
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.depth.evaluation import depth_uncertainty, evaluate_depth
+from tradestudy.depth.linear import scaled_noise
 from tradestudy.effects import Change, Changes, Models, SimulationProblem, Slot, choose
 from tradestudy.errors import StudyError
+from tradestudy.models import depth_variant
 from tradestudy.models.choice import choose_models
 from tradestudy.models.depth_problem import depth_problems
 from tradestudy.models.depth_variant import DepthVariant
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
@@ -82,6 +87,22 @@ def test_effects_on_noise_matter_little_where_noise_is_small(tmp_path: Path, yaw
     )
     assert moved.uncertainty[1] == pytest.approx(change, rel=0.02)
     assert variant.moved_noise({}, DIFFRACTION)[1] == pytest.approx(DIFFRACTION, rel=1e-3)
+
+
+def test_models_that_give_the_same_noise_are_computed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    variant, noises = rig(tmp_path, 0.02), []
+
+    def counted(camera: DepthCamera, distance: FloatArray, place: FieldPosition, scale: FloatArray, more: float) -> Any:
+        noises.append(scale)
+        return scaled_noise(camera, distance, place, scale, more)
+
+    monkeypatch.setattr(depth_variant, "scaled_noise", counted)
+    for calibration in ("off", "linear", "exact"):  # the error of this rig is declared: only these change anything
+        for diffraction in ("off", "fresnel", "kirchhoff"):
+            models = {"calibration": calibration, "main_lens_diffraction": diffraction}
+            variant.moved(models)
+            variant.moved_noise(models)
+    assert len(noises) == 2  # with and without calibration errors
 
 
 def test_the_question_decides_whether_diffraction_is_simulated(tmp_path: Path) -> None:

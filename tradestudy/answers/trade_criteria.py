@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import AttributesPart
 from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus
+from tradestudy.errors import Problem, StudyError
 from tradestudy.optics.thin_lens import image_distance
 from tradestudy.optics.triangulation import foreshortening_ratio, hidden_strip_width
-from tradestudy.study.definition import Case
+from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.schema.requirements import DERIVED as DIMENSIONS
 from tradestudy.study.schema.requirements import criterion_dimension, is_number
 from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, parse, pretty, significant
@@ -249,3 +250,36 @@ def criterion_of(case: Case, camera: str, name: str) -> Attribute:
     if dimension is None or not is_number(text):
         return Attribute(text=text, basis="")
     return Attribute(text=text, number=parse(text, dimension), basis="")
+
+
+def refuse_words(definition: StudyDefinition) -> None:
+    """Refuse, before anything is computed, to weigh a derived criterion that has no number for some camera.
+
+    Raises
+    ------
+    StudyError
+        At every such criterion.
+    """
+    part, case = definition.file.trade_off, definition.case
+    if part is None:
+        return
+    problems: list[Problem] = []
+    for name, one in part.criteria.items():
+        if one.quantity is None:
+            problems += _words(definition, case, name, definition.file.ranked)
+    if problems:
+        raise StudyError(problems)
+
+
+def _words(definition: StudyDefinition, case: Case, name: str, ranked: Sequence[str]) -> list[Problem]:
+    path = ("trade_off", "criteria", name)
+    found = {camera: criterion_of(case, camera, name) for camera in ranked}
+    return [
+        definition.document.locate(path).problem(
+            path,
+            f"{camera!r} has no number for this criterion ({one.text}); leave the criterion out, or list candidates "
+            "without this camera",
+        )
+        for camera, one in found.items()
+        if math.isnan(one.number)
+    ]

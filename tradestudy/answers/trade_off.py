@@ -19,7 +19,6 @@ from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.depth.evaluation import distribution, judged_at
 from tradestudy.depth.table import judged_uncertainty_error
 from tradestudy.depth.usable import usable_intervals
-from tradestudy.errors import Problem, StudyError
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case, StudyDefinition
@@ -125,39 +124,6 @@ def value_scales(definition: StudyDefinition) -> tuple[ValueScale, ...]:
         dimension = weighed_dimension(name, one.quantity, attributes.values())
         scales.append(ValueScale(worst=parse(one.worst, dimension), best=parse(one.best, dimension)))
     return tuple(scales)
-
-
-def refuse_words(definition: StudyDefinition) -> None:
-    """Refuse, before anything is computed, to weigh a derived criterion that has no number for some camera.
-
-    Raises
-    ------
-    StudyError
-        At every such criterion.
-    """
-    part, case = definition.file.trade_off, definition.case
-    if part is None:
-        return
-    problems: list[Problem] = []
-    for name, one in part.criteria.items():
-        if one.quantity is None:
-            problems += _words(definition, case, name, definition.file.ranked)
-    if problems:
-        raise StudyError(problems)
-
-
-def _words(definition: StudyDefinition, case: Case, name: str, ranked: Sequence[str]) -> list[Problem]:
-    path = ("trade_off", "criteria", name)
-    found = {camera: criterion_of(case, camera, name) for camera in ranked}
-    return [
-        definition.document.locate(path).problem(
-            path,
-            f"{camera!r} has no number for this criterion ({one.text}); leave the criterion out, or list candidates "
-            "without this camera",
-        )
-        for camera, one in found.items()
-        if math.isnan(one.number)
-    ]
 
 
 STEP = "trade-off"

@@ -17,7 +17,6 @@ from tradestudy.depth.usable import Boundary, all_met, evaluate_limits, usable_e
 from tradestudy.effects import OFF, Models
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, PictureDisparityError, WeighedPicture
-from tradestudy.models.light_spot import change_by_exact_paths, places_to_try, tried_change
 from tradestudy.models.off_axis import closed_form_of, moved_off_axis
 from tradestudy.models.variants import (
     missed_by_the_line,
@@ -56,25 +55,6 @@ class Moved:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Replaced:
-    """A camera's results by a set of models, everywhere.
-
-    Parameters
-    ----------
-    factor
-        The bound of the disparity error over the reference's.
-    beside
-        Standard deviation by calibration over that by noise of the reference.
-    half_width
-        Half widths of depth by all errors [m].
-    """
-
-    factor: FloatArray
-    beside: FloatArray
-    half_width: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class DepthVariant:
     """A camera under one reading or in one design.
 
@@ -107,7 +87,7 @@ class DepthVariant:
     error_sources: tuple[str, ...] = ("both",)
     only_in: tuple[str, ...] = ()
     _errors_px: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False)
-    _replaced: dict[frozenset[tuple[str, str]], Replaced] = field(default_factory=dict, init=False)
+    _half_widths: dict[tuple[bytes, bytes], FloatArray] = field(default_factory=dict, init=False)
 
     @cached_property
     def reference(self) -> DepthCamera:
@@ -238,11 +218,17 @@ class DepthVariant:
         return np.where(np.isnan(found), 1.0, found)
 
     def _half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
-        """Half widths of depth everywhere, or radii about the truth if larger.
+        """Half widths of depth everywhere, or radii about the truth if larger; kept, as many models give the same.
 
         `factor` multiplies the bound of the disparity error; `beside` is the standard deviation by calibration over
         that by noise.
         """
+        key = factor.tobytes(), beside.tobytes()
+        if key not in self._half_widths:
+            self._half_widths[key] = self._new_half_width(factor, beside)
+        return self._half_widths[key]
+
+    def _new_half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
         noise = factor if self.law is None else self.law.matcher.change(self.disparity_error_px({}), factor)
         scale, false_matches = np.hypot(noise, beside), false_match_share(self.reference)
         return scaled_noise(self.reference, self._everywhere, 0.0, scale, false_matches).judged
@@ -275,24 +261,16 @@ class DepthVariant:
         missed
             A further relative error of the uncertainty, in either direction, which moves ends of usable ranges.
         """
-        replaced, off = self._with(models), models.get("calibration") == OFF
-        factor, new = replaced.factor, replaced.half_width
+        factor, off = self._factor(models), models.get("calibration") == OFF
+        beside = np.zeros(factor.shape) if off else self._calibration_over_noise
+        new = self._half_width(factor, beside)
         if np.any(more_noise):
             factor = factor * np.where(new >= self._whole, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
-            new = self._half_width(factor, replaced.beside)
+            new = self._half_width(factor, beside)
         return Moved(
             uncertainty=self._split(_relative(new, self._whole))[0],
             ends=self._shift_of_ends(factor, new, missed, off=off),
         )
-
-    def _with(self, models: Models) -> Replaced:
-        """What a set of models gives everywhere; kept, since trials change only what they add."""
-        key = frozenset(models.items())
-        if key not in self._replaced:
-            factor, off = self._factor(models), models.get("calibration") == OFF
-            beside = np.zeros(factor.shape) if off else self._calibration_over_noise
-            self._replaced[key] = Replaced(factor=factor, beside=beside, half_width=self._half_width(factor, beside))
-        return self._replaced[key]
 
     def moved_noise(self, models: Models, more_noise: float | FloatArray = 0.0) -> FloatArray:
         """Signed relative change of the uncertainty by noise alone at the places; parameters as in `moved`."""
@@ -370,6 +348,8 @@ class DepthVariant:
     @cached_property
     def by_exact_paths(self) -> tuple[FloatArray, FloatArray]:
         """Relative change of Fresnel's disparity error by Kirchhoff's paths at either lens, by a rule with a margin."""
+        from tradestudy.models.light_spot import change_by_exact_paths  # imported here: few studies simulate light
+
         law = self.law
         assert law is not None  # as above
         return change_by_exact_paths(
@@ -383,6 +363,8 @@ class DepthVariant:
 
     def tried_by_exact_paths(self) -> tuple[float, float]:
         """The largest relative changes of disparity error and uncertainty by Kirchhoff's transfer, at a few places."""
+        from tradestudy.models.light_spot import places_to_try, tried_change  # as above
+
         law = self.law
         assert law is not None  # as above
         by_rule, share = (self._split(one)[0] for one in (np.sum(self.by_exact_paths, axis=0), self.noise_share))
