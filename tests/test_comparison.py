@@ -352,6 +352,23 @@ def test_changes_where_the_camera_is_usable_come_first() -> None:
     assert found.where.endswith("(+10 %)")
 
 
+def test_the_clauses_of_an_answer_that_did_not_change_are_not_repeated() -> None:
+    def asked(end: str, declared: str, value: float) -> xr.DataTree:
+        found = tree()
+        answer = f"Left pair: met from {end} on; Right pair: met nowhere between 50 mm and 90 mm; declared: {declared}"
+        solved = {"solved_says": ["Which baseline?"], "solved_answer": [answer], "solved_value": [value]}
+        more = dataset("decision", solved | {"solved_error": [0.0]}, {"question": ["baseline"]})
+        found["decision"] = xr.DataTree(found["decision"].to_dataset().merge(more))
+        return found
+
+    (said,) = [
+        one
+        for one in compared(asked("53 mm", "60 mm", 0.053), asked("61 mm", "6 cm", 0.061)).conclusions
+        if one.what.startswith("Question")
+    ]
+    assert said.change == "Left pair: met from 53 mm on → Left pair: met from 61 mm on"
+
+
 @pytest.mark.parametrize(
     ("one", "other", "alike"),
     [
@@ -363,6 +380,13 @@ def test_changes_where_the_camera_is_usable_come_first() -> None:
         ("infinity", "infinity", True),
         ("infinity", "1 m", False),
         ("[1, 2]", "[1, 2, 3]", False),
+        ("0.01 deg", "0.01°", True),
+        ("[{'yaw': '0.01 deg', 'at': '1 m'}]", "[{'yaw': '0.01°', 'at': '1000 mm'}]", True),
+        ("[{'yaw': '0.01 deg', 'at': '1 m'}]", "[{'yaw': '0.02°', 'at': '1000 mm'}]", False),
+        ("{'pixels': '2000 px', 'wavelength': '550 nm'}", "{'pixels': '2000 px', 'wavelength': '550.1 nm'}", False),
+        ("5 %", "0.05", True),
+        ("7 ppm/K", "7e-6 1/K", True),
+        ("20 degC", "293.15 K", True),
     ],
 )
 def test_rounding_does_not_make_inputs_differ(one: str, other: str, alike: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
@@ -11,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.comparison.comparison import Comparison, Difference, Run, common_cameras, titles_of
+from tradestudy.comparison.comparison import Comparison, Difference, Run, are_alike, common_cameras, titles_of
 from tradestudy.comparison.conclusions import (
     best_is_compared,
     common_range,
@@ -30,17 +29,13 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.overlay import FEW, overlay_drawing
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import group, has
-from tradestudy.units import ANGLE, DURATION, ELECTRONS, FRACTION, LENGTH, PIXELS, UnitError, parse
 from tradestudy.wording import counted, in_words, listed, span
 
 __all__ = ["Comparison", "Difference", "compare_runs"]
 
 NOT_SET: Final = "not set"
-_ROUNDING: Final = 1e-12  # relative, of values converted from calibration files
 _NAMES: Final = ("study", "title", "question")
-_NUMBER: Final = re.compile(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?")
 _QUANTITY: Final = re.compile(r"([+-]?[\d.]+(?:e[+-]?\d+)?)\s*([^\W\d]+|%)")
-_DIMENSIONS: Final = (LENGTH, ANGLE, FRACTION, PIXELS, ELECTRONS, DURATION)
 
 
 def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
@@ -61,7 +56,7 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     titles, found = titles_of(runs), []
     for path in paths:
         texts = [str(one[path]) if path in one else NOT_SET for one in declared]
-        if not all(_are_alike(texts[0], text) for text in texts[1:]):
+        if not all(are_alike(texts[0], text) for text in texts[1:]):
             named = {} if path.startswith("scene.") else titles  # no key of a scene is the name of a camera
             what = " › ".join(named.get(part, in_words(part)) for part in path.split("."))
             what = path_words(runs[0].tree, path) if path.startswith("cameras.") else what
@@ -69,33 +64,10 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     return tuple(found), len(paths)
 
 
-def _are_alike(one: str, other: str) -> bool:
-    """Whether two values mean the same, up to rounding relative to the largest number of a list or to 1 rad."""
-    meanings = [[_meaning(part) for part in _parts(text)] for text in (one, other)]
-    if [what for what, _ in meanings[0]] != [what for what, _ in meanings[1]]:
-        return False
-    numbers = [[number for _, number in meaning] for meaning in meanings]
-    largest = max((abs(number) for number in (*numbers[0], *numbers[1]) if math.isfinite(number)), default=0.0)
-    scale = max(largest, 1.0) if meanings[0][0][0] == ANGLE.name else largest
-    return all(a == b or abs(a - b) <= _ROUNDING * scale for a, b in zip(*numbers, strict=True))
-
-
 def _parts(text: str) -> list[str]:
     """The values of a list, or the only one."""
     is_list = text.startswith("[") and text.endswith("]") and "{" not in text  # parts are shown as they are
     return [one.strip("' ") for one in text[1:-1].split(",")] if is_list else [text]
-
-
-def _meaning(text: str) -> tuple[str, float]:
-    """The meaning of a value for comparisons: its dimension and SI value if it is a quantity, else the text itself."""
-    if _NUMBER.fullmatch(text):
-        return "", float(text)
-    for dimension in _DIMENSIONS:
-        try:
-            return dimension.name, parse(text, dimension)
-        except UnitError:
-            continue
-    return text, 0.0
 
 
 def _shown(text: str, titles: Mapping[str, str]) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -13,6 +15,24 @@ from tradestudy.errors import escaped
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Paragraph, Picture, Report, Table
 from tradestudy.results.views.groups import camera_titles
+from tradestudy.units import (
+    ANGLE,
+    DATA,
+    DURATION,
+    ELECTRONS,
+    EXPANSION,
+    FRACTION,
+    INVERSE_LENGTH,
+    LENGTH,
+    MASS,
+    PIXELS,
+    POWER,
+    PRESSURE,
+    SOLID_ANGLE,
+    TEMPERATURE,
+    UnitError,
+    parse,
+)
 from tradestudy.wording import counted
 
 ARROW = " → "
@@ -74,6 +94,42 @@ def common_cameras(runs: Sequence[Run], group: str) -> tuple[str, ...]:
         return ()
     keys = [[str(key) for key in run.tree[group].to_dataset()["camera"].values] for run in runs]
     return tuple(key for key in keys[0] if all(key in others for others in keys[1:]))
+
+
+_ROUNDING: Final = 1e-12  # relative, of values converted from calibration files
+_NUMBER: Final = re.compile(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?")
+_MARKS: Final = re.compile(r"([][{},:])")  # of lists and parts
+_DIMENSIONS: Final = (
+    LENGTH, ANGLE, FRACTION, PIXELS, ELECTRONS, DURATION, EXPANSION, INVERSE_LENGTH, TEMPERATURE, PRESSURE, MASS,
+    POWER, DATA, SOLID_ANGLE,
+)  # fmt: skip
+
+
+def are_alike(one: str, other: str) -> bool:
+    """Whether two declared values mean the same, such as 0.01 deg and 0.01°.
+
+    Numbers may differ by rounding, relative to the largest of their dimension in a list or part, or to 1 rad.
+    """
+    meanings = [[_meaning(part.strip("' ")) for part in _MARKS.split(text)] for text in (one, other)]
+    if [what for what, _ in meanings[0]] != [what for what, _ in meanings[1]]:
+        return False
+    scales = {ANGLE.name: 1.0}
+    for what, number in (*meanings[0], *meanings[1]):
+        scales[what] = max(scales.get(what, 0.0), abs(number) if math.isfinite(number) else 0.0)
+    pairs = zip(*meanings, strict=True)
+    return all(a == b or abs(a - b) <= _ROUNDING * scales[what] for (what, a), (_, b) in pairs)
+
+
+def _meaning(text: str) -> tuple[str, float]:
+    """The meaning of a value for comparisons: its dimension and SI value if it is a quantity, else the text itself."""
+    if _NUMBER.fullmatch(text):
+        return FRACTION.name, float(text)
+    for dimension in _DIMENSIONS:
+        try:
+            return dimension.name, parse(text, dimension)
+        except UnitError:
+            continue
+    return text, 0.0
 
 
 _MOST_LINES: Final = 10

@@ -11,7 +11,15 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.comparison.comparison import ARROW, Difference, Run, common_cameras, same_or_each, titles_of
+from tradestudy.comparison.comparison import (
+    ARROW,
+    Difference,
+    Run,
+    are_alike,
+    common_cameras,
+    same_or_each,
+    titles_of,
+)
 from tradestudy.comparison.results import ROUNDING, SURE, left_out_share
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import answer_title, reported_winners, tied
@@ -174,9 +182,18 @@ def compare_questions(runs: Sequence[Run]) -> Answers:
             for value, error in zip(values[1:], errors[1:], strict=True)
             if not (np.isnan(value) and np.isnan(values[0]))
         ):
-            answers = tuple(str(one["solved_answer"]) for one in ones)
+            answers = _changed_clauses([str(one["solved_answer"]) for one in ones])
             changed.append(Difference(what=f'Question "{says}"', values=answers))
     return Answers(changed=tuple(changed), unchanged=len(shared) - len(changed))
+
+
+def _changed_clauses(answers: Sequence[str]) -> tuple[str, ...]:
+    """Answers to one question without the clauses, such as those of one camera, that are alike in all of them."""
+    clauses = [one.split("; ") for one in answers]
+    if len({len(one) for one in clauses}) > 1:
+        return tuple(answers)
+    changed = [k for k, first in enumerate(clauses[0]) if not all(are_alike(first, one[k]) for one in clauses)]
+    return tuple("; ".join(one[k] for k in changed) or "; ".join(one) for one in clauses)
 
 
 NOBODY = "no usable camera"
