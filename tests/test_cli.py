@@ -113,6 +113,27 @@ class TestCheck:
         assert done.stdout.splitlines()[-1] == ""
 
 
+class TestDask:
+    SCRIPT = (
+        "import sys; sys.argv = sys.argv[1:]\n"
+        "from tradestudy import cli\n"
+        "try: cli.main()\n"
+        "except SystemExit: pass\n"
+        "import xarray; xarray.Dataset({'a': ('x', [1.0])}) + 1.0\n"
+        "print('dask' in sys.modules, sys.modules.get('dask'))"
+    )
+
+    def test_is_loaded_only_where_it_is_asked_for(self, tmp_path: Path) -> None:
+        pytest.importorskip("dask")
+        words = [sys.executable, "-c", self.SCRIPT, "tradestudy"]
+        done = subprocess.run([*words, "check", str(RIGHT)], capture_output=True, text=True, check=True)
+        assert done.stdout.splitlines()[-1] == "True None"
+        run = ["run", str(RIGHT), "--out", str(tmp_path), "--dask", "nowhere"]
+        done = subprocess.run([*words, *run], capture_output=True, text=True, check=True)
+        assert "not the address of a Dask scheduler" in done.stderr
+        assert "True <module 'dask'" in done.stdout
+
+
 class TestRun:
     def test_passes_on_what_was_asked(self, ran: dict[str, Any], tmp_path: Path) -> None:
         result = invoke("run", RIGHT, "--out", tmp_path / "here", "--fresh", "--no-pdf", "--set", "rig.baseline=90 mm")

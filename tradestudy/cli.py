@@ -113,6 +113,8 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(20_000, 20, 20)  # most objects live until the end: collect garbage rarely
     atexit.register(gc.freeze)  # and not at exit, where it takes half a second
+    # Hidden until --dask needs it: xarray would import it for every run, only to ask whether arrays are dask's.
+    sys.modules["dask"] = None  # type: ignore[assignment]
     try:
         app()
     except KeyboardInterrupt:  # before a command has begun
@@ -512,6 +514,7 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Ite
         yield Threads(threads)
         return
     assert dask is not None
+    sys.modules.pop("dask", None)  # which main() hides
     cluster = DaskCluster(dask)
     cluster.check()  # before anything is computed or written
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the run itself reports every lost worker
