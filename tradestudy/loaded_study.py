@@ -202,13 +202,16 @@ class Study:
         return plan_of(self.definition)
 
     def _refuse_pictures(self) -> None:
-        """Refuse pictures that a run would refuse; see `refuse_pictures` and `refuse_large_picture`."""
+        """Refuse pictures that a run would refuse; see `refuse_pictures` and `refuse_picture`."""
         scene, spot = self.file.scene, self.file.light_spot
         if spot is not None and spot.methods:
-            from tradestudy.models.spot_images import compared_models, refuse_large_picture
+            from tradestudy.answers.claims import compared_spots
+            from tradestudy.models.light_trial import refuse_picture
+            from tradestudy.models.spot_images import compared_models
 
-            for method in spot.methods:
-                refuse_large_picture(spot, compared_models(spot, method))
+            claimed = compared_spots(self.definition)
+            for asked, method in dict.fromkeys([*((spot, method) for method in spot.methods), *claimed]):
+                refuse_picture(asked, compared_models(asked, method))
         if self.file.depth_loop is not None or (scene is not None and scene.image is not None):
             from tradestudy.answers.scene import refuse_pictures
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -42,7 +42,7 @@ from tradestudy.study.schema.claims import (
     UncertaintyRatioClaim,
     claim_dimension,
 )
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, MethodName
 from tradestudy.study.schema.wave_optics import listed as listed_f_numbers
 from tradestudy.units import FRACTION, LENGTH, PIXELS, Dimension, parse, pretty, significant
 from tradestudy.wording import in_words, listed, with_article
@@ -127,6 +127,16 @@ def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot
             if isinstance(claim, ImageDifferenceClaim):
                 return image_difference(image, reference)
             return lit_pixels(image, claim.above) / lit_pixels(reference, claim.above)
+
+
+def compared_spots(definition: StudyDefinition) -> Iterator[tuple[LightSpotPart, MethodName]]:
+    """The light spots, and the methods for their pictures, that claims compare under the readings that they name."""
+    claims = definition.file.claims
+    for key, name in claims_in_order(claims, ["", *definition.readings]):  # "" is the study as declared
+        file = definition.readings.get(name, definition).file
+        claim = file.claims[key]
+        if isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
+            yield from ((_present(file.light_spot), method) for method in (claim.method, claim.reference))
 
 
 def wave_claim_words(claim: WaveClaim) -> str:

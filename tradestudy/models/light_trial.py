@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -18,23 +18,39 @@ import scipy.fft
 import scipy.special
 
 from tradestudy.errors import TradestudyError
-from tradestudy.models.spot_images import RAYS, SpotModels, legs, light_path, light_source, picture_of
+from tradestudy.models.spot_images import (
+    RAYS,
+    SpotModels,
+    legs,
+    light_path,
+    light_source,
+    picture_of,
+    refuse_large_picture,
+    without_comparison,
+)
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.chain.accuracy import ChainAccuracy, relative_change
 from tradestudy.optics.chain.arriving_light import blur_radius, point_wave
-from tradestudy.optics.chain.exact_rays import forward_tracer
-from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
+from tradestudy.optics.chain.exact_rays import exact_ray_image, forward_tracer
+from tradestudy.optics.chain.image import (
+    microlenses_alone,
+    nearest_microlens,
+    phase_follows_source,
+    refuse_change_by_phase,
+    with_fixed_phase,
+)
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_points import AskedSpot, Spot
 from tradestudy.optics.propagation.lens import PointSource
-from tradestudy.study.schema.wave_optics import LightSpotPart
+from tradestudy.study.schema.wave_optics import LOOSEST_PICTURE, LightSpotPart
 
 TOLERANCE: Final = 2e-3  # of the images of points
 # Neighbouring points of a disc share most of their numerical error; at these settings, the rest is below `TOLERANCE` of
 # the picture.
 _COARSE, _SPARSE = 5e-2, 0.5
+_FEWER_RAYS: Final = 3.0  # times the tolerance: of their errors, two pictures by the same rays share seven eighths
 _RAYS: Final = 2**15  # per point; disc and pixels average out their errors
 _AROUND: Final = 3  # points that represent a disc with its centre
 _PARTS: Final = 3  # along a pixel; odd, so that one of them is at its centre
@@ -184,6 +200,41 @@ def _on_circle(middle: PointSource, radius: float, count: int) -> list[PointSour
     ]
 
 
+def refuse_picture(part: LightSpotPart, models: SpotModels) -> None:
+    """Refuse a picture that does not fit into memory, or whose microlenses seem to follow the source too far.
+
+    Microlenses follow it too far if fixed ones change the light of a few points, or the picture by exact rays, by more
+    than the tolerance: points miss edges of the disc, rays miss diffraction, so the larger change counts. Both can be
+    too small; therefore `picture_of` compares the pictures themselves.
+
+    Raises
+    ------
+    OutOfRangeError
+        If parabolic microlenses change the picture by more than the tolerance of the models, by either estimate.
+    UnaffordableError
+        If `refuse_large_picture` raises it.
+    """
+    refuse_large_picture(part, models)
+    path, source = light_path(part), light_source(part)
+    if not phase_follows_source(path, source, legs(models.method)):
+        return
+    refuse_change_by_phase(path, LightTrial(part).change_by_fixed_phase(models), models.tolerance)
+    if not part.spot.coherent:
+        change = _change_of_rays(without_comparison(part), models.tolerance, as_point=models.point)
+        refuse_change_by_phase(path, change, models.tolerance)
+
+
+@lru_cache(maxsize=8)
+def _change_of_rays(part: LightSpotPart, tolerance: float, *, as_point: bool) -> float:
+    """Relative L2 change of the picture by exact rays if the phase of the microlenses is fixed."""
+    path, source = light_path(part), light_source(part)
+    accuracy = ChainAccuracy(tolerance=min(LOOSEST_PICTURE, _FEWER_RAYS * tolerance))
+    if as_point and isinstance(source, DiscSource):
+        source = source.centre
+    found, fixed = (exact_ray_image(one, source, accuracy=accuracy) for one in (path, with_fixed_phase(path)))
+    return relative_change(found.pixels, fixed.pixels)
+
+
 class LightTrial:
     """Images of a few points of a spot, each computed once."""
 
@@ -214,16 +265,24 @@ class LightTrial:
         place = divmod(number, len(self._probes[0].points))
         try:
             radius = self._spread(place[0], complete)
-            ours, whole = (
-                _on_pixels(
-                    _spread_out(self._light(place, one, pair=models.separate), radius, point=one.point),
-                    integrated=one.integrated,
-                )
-                for one in (models, complete)
-            )
+            ours, whole = (self._pixels(place, one, radius, pair=models.separate) for one in (models, complete))
         except TradestudyError:
             return math.inf, 1.0
         return float(np.sum((ours - whole) ** 2)), float(np.sum(whole**2))
+
+    def change_by_fixed_phase(self, models: SpotModels) -> float:
+        """Relative L2 change of the points' pixels if the phase of the microlenses is fixed."""
+        lenses = self._part.microlenses.model_copy(update={"lens_phase": "parabolic"})
+        fixed = LightTrial(self._part.model_copy(update={"microlenses": lenses}))
+        radii = [self._spread(index, models) for index in range(len(self._probes))]
+        places = [(index, number) for index, one in enumerate(self._probes) for number in range(len(one.points))]
+        found, parabolic = (
+            np.concatenate(
+                [trial._pixels(place, models, radii[place[0]], pair=models.separate).ravel() for place in places]
+            )
+            for trial in (self, fixed)
+        )
+        return relative_change(found, parabolic)
 
     def _as_point(self, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
         """As `squares`, for a disc that models treat as a point: its centre against points that represent the disc."""
@@ -268,6 +327,11 @@ class LightTrial:
         (a, b), (c, d) = second - first, third - first
         inscribed = 3.0 * math.sqrt(3.0) / 4.0 * _OUT**2  # the triangle of the points, for a circle of radius 1
         return math.sqrt(abs(a * d - b * c) / 2.0 / inscribed)
+
+    def _pixels(self, place: tuple[int, int], models: SpotModels, radius: float, *, pair: bool) -> FloatArray:
+        """Pixels of one point of one probe, whose light a disc of a radius spreads."""
+        light = _spread_out(self._light(place, models, pair=pair), radius, point=models.point)
+        return _on_pixels(light, integrated=models.integrated)
 
     def _light(self, place: tuple[int, int], models: SpotModels, *, pair: bool) -> FloatArray:
         """Light of one point of one probe on parts of pixels."""

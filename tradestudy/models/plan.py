@@ -119,9 +119,9 @@ def plan_of(definition: StudyDefinition) -> Plan:
     plan = Plan(definition=applied, accuracy=accuracy, problems=problems, work=work_of(applied))
     if (spot := definition.file.light_spot) is not None:
         from tradestudy.models.light_spot import NAME, spot_models
-        from tradestudy.models.spot_images import refuse_large_picture
+        from tradestudy.models.light_trial import refuse_picture
 
-        refuse_large_picture(spot, spot_models(plan.models(NAME)))
+        refuse_picture(spot, spot_models(plan.models(NAME)))
     seconds = math.fsum(one.seconds for one in plan.work)
     if seconds > _CERTAINLY_TOO_LONG * accuracy.time_limit:
         raise UnaffordableError(

@@ -120,21 +120,27 @@ def refuse_following_microlenses(
     OutOfRangeError
         If the two images differ by more than the tolerance.
     """
-    lenses = path.microlenses
-    if not _follows(path, source, legs):
-        return
-    fixed = replace(path, microlenses=replace(lenses, lens_phase="parabolic", focus_distance=None))
-    change = relative_change(found.pixels, image(fixed).pixels)
+    if phase_follows_source(path, source, legs):
+        refuse_change_by_phase(path, relative_change(found.pixels, image(with_fixed_phase(path)).pixels), tolerance)
+
+
+def with_fixed_phase(path: LightPath) -> LightPath:
+    """The path with parabolic microlenses, whose phase is the same for every source."""
+    return replace(path, microlenses=replace(path.microlenses, lens_phase="parabolic", focus_distance=None))
+
+
+def refuse_change_by_phase(path: LightPath, change: float, tolerance: float) -> None:
+    """Refuse microlenses whose image differs from that of fixed ones by a change (relative L2) above the tolerance."""
     if change > tolerance:
         raise OutOfRangeError(
-            f"{lenses.lens_phase} microlenses, whose phase follows the source",
-            value=f"an image that differs by {change:.2g} from that of parabolic microlenses, which are fixed",
+            f"{path.microlenses.lens_phase} microlenses, whose phase follows the source",
+            value=f"an image that differs by about {change:.2g} from that of parabolic microlenses, which are fixed",
             limit=f"a difference ≤ {tolerance:g}, the tolerance of the image",
             remedy="use the parabolic lens phase for the microlenses, with a pupil for their aberrations",
         )
 
 
-def _follows(path: LightPath, source: PointSource | DiscSource, legs: Legs) -> bool:
+def phase_follows_source(path: LightPath, source: PointSource | DiscSource, legs: Legs) -> bool:
     """Whether the phase of the microlenses, as far as the second leg uses it, is computed for this source."""
     waves = legs.to_detector in ("kirchhoff", "boundary_wave")  # for paraxial rays and Fresnel, all phases are the same
     if path.microlenses.lens_phase == "perfect":

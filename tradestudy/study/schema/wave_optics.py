@@ -291,7 +291,7 @@ class SpotMicrolensesPart(Part):
     lens_phase: LensPhaseName = Field(
         description="Phase that each microlens adds; see light_spot.main_lens.lens_phase for the meaning of the names. "
         "Only `parabolic` is the same for every source; a picture by Kirchhoff's integral is refused if another phase "
-        "changes it by more than its tolerance, as near focus."
+        "changes it by more than its tolerance, as near focus, or seems to by an estimate before the run."
     )
 
     @model_validator(mode="after")
