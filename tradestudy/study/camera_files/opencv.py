@@ -63,7 +63,18 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     alone = [top for top in tops if top not in pairs and top.find(*_MATRIX) is not None]
     if not pairs and len(alone) == 1 and len(tops) == 1:
         return _camera(alone[0], "camera", _MATRIX, _DISTORTION, request)
-    extrinsic = next((top for top in tops if top.find(*_TRANSLATION) is not None), None)
+    moving = [top for top in tops if top.find(*_TRANSLATION) is not None]
+    if len(moving) > 1:
+        raise (
+            moving[1]
+            .need(*_TRANSLATION)
+            .fail(
+                "two files contain T; only one, from the first camera to the second, is expected. If each file gives "
+                "the pose of its own camera, as R₁, T₁ and R₂, T₂, replace them by R = R₂ R₁ᵀ and T = T₂ − R T₁ in one "
+                "file"
+            )
+        )
+    extrinsic = next(iter(moving), None)
     if extrinsic is None:
         raise tops[-1].fail(
             "two cameras need R and T; give a stereo calibration, or two camera files and one with R and T"
@@ -75,7 +86,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if pairs:
         _refuse_one_distortion(pairs[0])
         first, second = (
-            _camera(pairs[0], f"camera {side + 1}", _names(_MATRIX, side), _names(_DISTORTION, side), request)
+            _camera(pairs[0], f"camera {side + 1}", _names(_MATRIX, side), _names(_DISTORTION, side), request, side)
             for side in (0, 1)
         )
     elif len(alone) == 2:
@@ -189,7 +200,12 @@ def _names(names: Sequence[str], side: int) -> tuple[str, ...]:
 
 
 def _camera(
-    top: Located, name: str, matrices: Sequence[str], distortions: Sequence[str], request: Request
+    top: Located,
+    name: str,
+    matrices: Sequence[str],
+    distortions: Sequence[str],
+    request: Request,
+    side: int | None = None,
 ) -> ImportedCamera:
     """One camera of a file, under any of its possible keys."""
     matrix = top.need(*matrices)
@@ -197,13 +213,14 @@ def _camera(
     distortion, size = top.find(*distortions), _size(top)
     pixels = request.pixels if size is None else (size[0].count(), size[1].count())
     across, down = (cx, cy) if pixels is None else (max(cx, pixels[0] - cx), max(cy, pixels[1] - cy))
-    if distortion is None and _stated_kind(top, request) == "fisheye":
+    kind = _stated_kind(top, request, side)
+    if distortion is None and kind == "fisheye":
         raise top.fail(
             "a fisheye lens is declared, but no distortion coefficients are given under any of the known keys, such as "
             "distortion_coefficients, or D1 and D2 of a pair; rename their key, or write zeros"
         )
     slope = math.hypot(across / fx, down / fy)
-    model, coefficients = ("rational", {}) if distortion is None else _lens(top, distortion, slope, request)
+    model, coefficients = ("rational", {}) if distortion is None else _lens(distortion, slope, kind)
     return checked_camera(
         name,
         pinhole,
@@ -221,12 +238,9 @@ def _camera(
 _LENS_WORDS: Final = {"rational": "pinhole, OpenCV's order k1 k2 p1 p2 k3 …", "kannala-brandt": "fisheye, k1 to k4"}
 
 
-def _lens(
-    top: Located, distortion: Located, slope: float, request: Request
-) -> tuple[LensModelName, Mapping[str, float]]:
+def _lens(distortion: Located, slope: float, kind: str) -> tuple[LensModelName, Mapping[str, float]]:
     """Lens model and coefficients; ``slope`` is that of the farthest corner of the picture, by a pinhole."""
     numbers = _matrix(distortion, 4, 5, 8, 12, 14)
-    kind = _stated_kind(top, request)
     if not kind and len(numbers) == 4 and slope > _WIDE:
         raise distortion.fail(
             "4 coefficients are k1 to k4 of a fisheye lens, or k1 k2 p1 p2 of a pinhole; in a picture as wide as this "
@@ -240,12 +254,16 @@ def _lens(
     return "rational", dict(zip(_ORDER, numbers, strict=False))
 
 
-def _stated_kind(top: Located, request: Request) -> str:
-    """``fisheye`` or ``pinhole``, as the study or the file says; empty if neither does."""
+def _stated_kind(top: Located, request: Request, side: int | None) -> str:
+    """``fisheye`` or ``pinhole``, as the study or the file says of one of two cameras, or of all; else empty."""
     said = ""
-    if (flag := top.find("fisheye_model", "fisheye")) is not None:
+
+    def own(*names: str) -> tuple[str, ...]:
+        return names if side is None else (*names, *_names(names, side))
+
+    if (flag := top.find(*own("fisheye_model", "fisheye"))) is not None:
         said = "fisheye" if flag.text().lower() in ("1", "1.", "true") else "pinhole"
-    names: tuple[str, ...] = ("distortion_model", "camera_model", "lens_model", "model_type", "calibration_model")
+    names = own("distortion_model", "camera_model", "lens_model", "model_type", "calibration_model")
     if (kind := top.find("type")) is not None and isinstance(kind.entry, ScalarEntry):  # may also be that of a file
         names = (*names, "type") if kind.entry.text.lower() in _FISHEYE_NAMES else names
     if (named := next(filter(None, map(top.find, names)), None)) is not None:

@@ -20,6 +20,8 @@ _CORNER_LINE: Final = re.compile(
 )
 """Names of columns, possibly below a title, or numbers below names that are commented out."""
 _OPENCV_HEAD: Final = re.compile(r"%YAML[: ]1\.[0-2][^\n]*")
+_STORAGE_ATTRIBUTES: Final = ("type_id",)
+"""Attributes of OpenCV's XML that only say how a value is stored."""
 _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
@@ -61,7 +63,10 @@ def _yaml(path: Path, text: str, *, tags: bool = False) -> Entry:
 
 
 def _xml(path: Path, text: str) -> Entry:
-    """OpenCV's XML: elements as keys, text as values; document type definitions are refused."""
+    """OpenCV's XML: elements as keys, text as values; document type definitions are refused.
+
+    An attribute ``unit`` of an element ``T`` becomes the key ``T_unit`` beside it, but for attributes of storage.
+    """
     builder = _XmlBuilder(path)
     try:
         builder.parser.Parse(text.encode(), True)
@@ -102,14 +107,23 @@ class _XmlBuilder:
         """Refuse definitions, which could expand without end or read other files."""
         raise self.fail("definitions of document types and entities are not allowed; remove them")
 
-    def start(self, name: str, _attributes: Mapping[str, str]) -> None:
+    def start(self, name: str, attributes: Mapping[str, str]) -> None:
         """Open an element."""
         self.count += 1
         if self.count > MOST_VALUES:
             raise self.fail(f"the file contains more than {MOST_VALUES} values")
         if len(self.open) >= DEEPEST:
             raise self.fail(f"values are nested more than {DEEPEST} levels deep")
-        self.open.append((self.place, name, {}, [], []))
+        stated = {key: value for key, value in attributes.items() if key not in _STORAGE_ATTRIBUTES}
+        own: dict[str, Member] = {}
+        if self.open and name == "_" and stated:
+            raise self.fail(f"the attribute {next(iter(stated))} of a list's element is not supported; remove it")
+        beside, prefix = (self.open[-1][2], f"{name}_") if self.open else (own, "")
+        for key, value in stated.items():
+            if prefix + key in beside:
+                raise self.fail(f"the attribute {key} and another value are both called {prefix}{key}; remove one")
+            beside[prefix + key] = Member(self.place, self.value(self.place, value.strip()))
+        self.open.append((self.place, name, own, [], []))
 
     def characters(self, text: str) -> None:
         """Collect the text of an element."""
@@ -120,6 +134,10 @@ class _XmlBuilder:
         """Close an element: a mapping if it has elements, a list if these are ``_`` or its text has spaces."""
         place, name, members, items, texts = self.open.pop()
         entry: Entry
+        if (items and members) or ((items or members) and "".join(texts).strip()):
+            raise CameraFileError(
+                place.problem((name,), "elements, list elements (_) and text are mixed; separate them")
+            )
         if items:
             entry = ListEntry(place=place, items=tuple(items))
         elif members:

@@ -1,0 +1,190 @@
+"""Keys beside those that a format needs: used, named as not used, or refused if they change what is read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tests.study.camera_files import devices, written
+from tests.study.camera_files.test_import import calibrated, refusal
+from tests.study.camera_files.written import study
+
+IN_MM = "from: rig.yml, length_unit: mm"
+LENGTH = 1e3 * float(np.linalg.norm(written.T))  # mm
+
+
+def with_lines(folder: Path, lines: str, said: str = IN_MM) -> Path:
+    """A study of the OpenCV rig with more lines in its file."""
+    file = written.opencv(folder / "rig.yml")
+    file.write_text(f"{file.read_text()}{lines}\n")
+    return study(folder, rig=said)
+
+
+def unused(path: Path) -> str:
+    """The keys that are named as not used; empty if there are none."""
+    return tradestudy.load(path).imported[0].partition("; not used: ")[2]
+
+
+@pytest.mark.parametrize(
+    ("attribute", "said"),
+    [
+        (('<T type_id="opencv-matrix">', '<T type_id="opencv-matrix" unit="cm">'), "rig.T_unit: cm is not the unit in"),
+        (("<opencv_storage>", '<opencv_storage unit="in">'), "rig.unit: in is not the unit in which lengths are read"),
+        (("<T ", '<T scale="2" '), "rig.T_scale: this key looks like a scale"),
+        (("<M1 ", '<M1 unit="mm" '), "rig.M1_unit: mm is not the unit in which this is read, px"),
+        (("<D1 ", '<D1 model="equidistant" '), "contradicts the lens model that is read, pinhole"),
+        (("<T ", '<T_unit>mm</T_unit><T unit="mm" '), "both called T_unit"),
+        (("<rows>3</rows>", "mm<rows>3</rows>"), "elements, list elements (_) and text are mixed"),
+    ],
+)
+def test_attributes_of_xml_are_treated_like_keys(tmp_path: Path, attribute: tuple[str, str], said: str) -> None:
+    file = written.opencv(tmp_path / "rig.xml")
+    file.write_text(file.read_text().replace(*attribute, 1))
+    assert said in refusal(study(tmp_path, rig="from: rig.xml, length_unit: mm"))
+
+
+def test_harmless_attributes_of_xml_are_used_or_named(tmp_path: Path) -> None:
+    file = written.opencv(tmp_path / "rig.xml")
+    before = calibrated(study(tmp_path, rig="from: rig.xml, length_unit: mm"))
+    file.write_text(file.read_text().replace("<T ", '<T unit="mm" by="me" ', 1))
+    path = study(tmp_path, rig="from: rig.xml")
+    assert calibrated(path) == before
+    assert "length unit mm, by T_unit of the file" in tradestudy.load(path).imported[0]
+    assert unused(path) == "T_by"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"baseline: {LENGTH:.3f}",
+        "baseline: 60",  # nominal
+        f"stereo: {{baseline_m: {LENGTH / 1e3:.5f}}}",
+        f"Baseline: {LENGTH:.2f} mm",
+        "distortion_model1: plumb_bob\ndistortion_model2: plumb_bob",
+        "T_scale: 1",
+        "left_units: mm",
+        "Unit: millimeters",
+        "K_unit: px",
+        "is_fisheye: false",
+        "rvec: [0.004, -0.013, 0.0021]",
+        "imageSize: [640, 480]",
+        "yaw_deg: -0.745",
+        "camera1: left",
+        f"P2: [880, 0, 320, {-880 * LENGTH}, 0, 880, 240, 0, 0, 0, 1, 0]",
+        "fx1: 882.5",
+    ],
+)
+def test_second_values_that_agree_are_accepted(tmp_path: Path, line: str) -> None:
+    path = with_lines(tmp_path, line)
+    assert unused(path) in ("", "T_scale", "camera1")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("baseline: 120", "baseline: 120 mm contradicts the baseline that is read, 60.1 mm"),
+        ("baseline: 0.0601", "60.1 µm contradicts the baseline"),
+        ("rig: {baseline_mm: 65}", "rig.baseline_mm: 65 mm contradicts"),
+        ("Tx: -120", "120 mm contradicts"),
+        ("T_scale: 2.0", "this key looks like a scale"),
+        ("scale_factor: 1000", "this key looks like a scale"),
+        ("scaleOfLengths: 25", "this key looks like a scale"),
+        ("translation_scale: half", "this key looks like a scale"),
+        ("calibration: {length: {Unit: m}}", "m is not the unit in which lengths are read, mm"),
+        ("meta: {units: {length: m}}", "m is not the unit in which lengths are read, mm"),
+        ("left_camera: 2", "give pair: [2, 1] beside from: if camera 2 is the left one"),
+        ("camera1: right", "give pair: [2, 1] beside from: if camera 2 is the left one"),
+        ("alpha_c1: 0.01", "looks like a part of the lens model"),
+        ("P2: [880, 0, 320, -105600, 0, 880, 240, 0, 0, 0, 1, 0]", "120 mm contradicts the baseline"),
+        ("yaw_deg: 2", "contradicts the one that is read"),
+        ("left_units: inches", "inches is not the unit"),
+        ("T_unit: squares", "squares is not the unit"),
+        ("T_unit: px", "px is not the unit"),
+        ("angle_unit: deg", "deg is not the unit in which this is read, rad"),
+        ("focal_unit: mm", "mm is not the unit in which this is read, px"),
+        ("unit_of_length: 0.01", "0.01 is not the unit"),
+        ("lens: {projection: equidistant}", "contradicts the lens model that is read, pinhole"),
+        ("models: [pinhole, Kannala-Brandt]", "Kannala-Brandt contradicts the lens model"),
+        ("is_fisheye: true", "true contradicts the lens model"),
+        ("distortion_type: wavy", "the lens model 'wavy' is unknown"),
+        ("rectified: true", "read as that of raw pictures"),
+        ("images_undistorted: 1", "read as that of raw pictures"),
+        ("rotation_of_pictures: 180", "rotation or reflection of the pictures"),
+        ("flip: horizontal", "rotation or reflection of the pictures"),
+        ("convention: camera to world", "looks like a convention"),
+        ("matrices_transposed: 1", "looks like a convention"),
+        ("pixel_origin: 1", "looks like a convention"),
+        ("rvec: [0.23, -0.745, 0.12]", "contradicts the one that is read"),  # in degrees
+        ("euler: {rotation: [0.1, 0.0, 0.0]}", "contradicts the one that is read"),
+        ("imageSize: [1280, 960]", "contradicts the size that is read, 640 × 480 px"),
+        ("fx1: 441.25", "contradicts the camera matrix that is read"),
+    ],
+)
+def test_keys_that_change_the_meaning_are_refused(tmp_path: Path, line: str, said: str) -> None:
+    message = refusal(with_lines(tmp_path, line))
+    assert said in message.replace("\N{NO-BREAK SPACE}", " ")
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "baseline_uncertainty: 0.1",
+        "time_unit: s",
+        "unit_serial: A17",
+        "camera: D435",
+        "rms_unit: px",
+        "note: fisheye rig",
+        "square_size: 25",
+        "timeshift: 0.01",
+        "left_camera: 1",
+    ],
+)
+def test_other_keys_are_named(tmp_path: Path, line: str) -> None:
+    assert unused(with_lines(tmp_path, line)) == line.partition(":")[0]
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"units": "inch"},
+        {"T_scale": 2.0},
+        {"rectified": True},
+        {"projection": "equisolid"},
+        {"extra": {"baseline": 777.0}},
+    ],
+)
+def test_every_format_refuses_keys_that_change_the_meaning(tmp_path: Path, more: dict[str, object]) -> None:
+    left, _ = written.camera_info_pair(tmp_path)
+    r1, _, p1, _ = written.rectified()
+    written.camera_info(left, written.K1, written.D1, r1, p1, **more)
+    written.camchain(tmp_path / "chain.yaml", **more)
+    devices.cameramodels(tmp_path, **more)
+    device = devices.device(tmp_path / "oak.json")
+    device.write_text(json.dumps({**json.loads(device.read_text()), **more}))
+    for files in ("[left.yaml, right.yaml]", "chain.yaml", "[left.cameramodel, right.cameramodel]", "oak.json"):
+        refusal(study(tmp_path, rig=f"from: {files}"))
+
+
+def test_a_pair_of_fisheye_lenses_may_be_named_for_each_side(tmp_path: Path) -> None:
+    lens = np.array([[0.01, -0.002, 0.001, 0.0]])
+    file = written.opencv(tmp_path / "rig.yml", D1=lens, D2=lens)
+    file.write_text(file.read_text() + "distortion_model1: equidistant\ndistortion_model2: equidistant\n")
+    path = study(tmp_path, rig=IN_MM)
+    assert not unused(path)
+    assert "fisheye" in tradestudy.load(path).imported[0]
+    assert "contradicts lens_model: pinhole" in refusal(study(tmp_path, rig=f"{IN_MM}, lens_model: pinhole"))
+
+
+def test_two_files_with_poses_of_their_own_are_refused(tmp_path: Path) -> None:
+    for name, k, moved in (("left", written.K1, [0.0, 0.0, 500.0]), ("right", written.K2, [-60.0, 0.0, 500.0])):
+        file = written.opencv(tmp_path / f"{name}.yml", T=np.array(moved)[:, None], camera_matrix=k)
+        lines = file.read_text().replace("M1:", "A1:").replace("M2:", "A2:").replace("D1:", "B1:").replace("D2:", "B2:")
+        file.write_text(lines)
+    said = refusal(study(tmp_path, rig="from: [left.yml, right.yml], length_unit: mm"))
+    assert "right.yml" in said
+    assert "two files contain T" in said

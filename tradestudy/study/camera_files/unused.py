@@ -1,0 +1,403 @@
+"""Unused keys of calibration files: refused if they would change the meaning of what is read, else listed."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedCorners, ImportedRig
+from tradestudy.study.camera_files.located import UNUSED, CameraFile, Located, Request
+from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, dotted
+from tradestudy.units import ANGLE, LENGTH, UnitError, parse, pretty
+
+_LENS: Final = re.compile(
+    r"distor|dist_?coef|^dist(_?[0-9lr]|_left|_right)?$|^d_?([0-9lr]|left|right)?$|radial|tangential|^xi_?[0-9lr]?$"
+    r"|^tau|^alpha_?c|prism|fisheye|skew|(?-i:^[kp][1-6]$)",
+    re.IGNORECASE,
+)
+_OTHER_MATRIX: Final = re.compile(r"^(new|optimal)|[_0-9]new$", re.IGNORECASE)
+_SCALE: Final = re.compile(
+    r"^(image|img|picture)?_?(scale|scaling)(_?factor|_?percent)?(_?[xy])?$|^(re|down)_?(scal|sampl|siz)(e|ed|ing)|^binning|^zoom",
+    re.IGNORECASE,
+)
+_PART: Final = re.compile(
+    r"^(valid)?_?(pix)?_?roi_?([0-9lr]|left|right)?$|^crop|_crop$|^[xy]_?offset$|^offset_?[xy]$", re.IGNORECASE
+)
+_SIZE: Final = re.compile(
+    r"(image|img|picture|frame|video)_?(width|height|size|resolution)_?(px|pixels?)?_?([0-9lr]|left|right)?",
+    re.IGNORECASE,
+)
+_PINHOLE: Final = re.compile(r"(f|c)_?(x|y)_?([0-9lr]|left|right)?", re.IGNORECASE)
+_WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+_UNIT_WORDS: Final = {"unit", "units"}
+_NOT_OF_LENGTHS: Final = {
+    "time", "timestamp", "temperature", "rate", "frequency", "exposure", "id", "serial", "name", "number", "version",
+    "error", "rms", "noise",
+}  # fmt: skip
+"""Words of keys whose unit does not concern what is read, or that name a device as unit."""
+_IN_PIXELS: Final = {
+    "focal", "fx", "fy", "cx", "cy", "k", "m", "camera", "matrix", "intrinsic", "intrinsics", "principal",
+}  # fmt: skip
+_IN_RADIANS: Final = {"r", "rotation", "angle", "angles", "om", "rvec"}
+_LENGTHS: Final = {"t", "translation", "baseline", "length", "lengths", "world", "distance", "distances"}
+_NAMED_UNITS: Final = {"px": ("px", "pixel", "pixels"), "rad": ("rad", "radian", "radians")}
+_SCALES: Final = {"scale", "scaling", "scaled", "resize", "resized", "binning", "zoom", "decimation", "subsampling"}
+_UNSET: Final = ("", "0", "0.", "0.0", "false", "no", "off", "none", "null", "normal", "auto")
+_SET: Final = ("1", "1.", "1.0", "true", "yes", "on")
+_TURNED: Final = {"flip", "flipped", "mirror", "mirrored", "rotate", "rotated", "rotation", "orientation"}
+_CONVENTIONS: Final = {
+    "convention", "conventions", "handedness", "inverse", "inverted", "transposed", "direction", "origin", "degrees",
+    "coordinate", "coordinates", "based",
+}  # fmt: skip
+_ROTATIONS: Final = {"rotation", "rot", "euler", "rpy", "quaternion", "quat", "om", "rvec", "roll", "pitch", "yaw"}
+_TRANSLATIONS: Final = {"translation", "tvec", "baseline", "tx"}
+_ELSEWHERE: Final = re.compile("rectif|imu|housing|spec|body|board|target|cameraData", re.IGNORECASE)
+"""Parts of files with rotations or translations of something else than the pair."""
+_SPREAD: Final = {"error", "errors", "uncertainty", "std", "stddev", "sigma", "deviation", "tolerance", "covariance"}
+_AGREES: Final = 0.01
+"""Relative difference up to which a second value, such as a nominal baseline, says the same."""
+_ANGLE_AGREES: Final = 1e-3  # rad
+_LENSES: Final[Mapping[str, tuple[str, ...]]] = {
+    **dict.fromkeys(("pinhole", "perspective"), ("rational", "kannala-brandt", "fov")),
+    **dict.fromkeys(
+        ("plumbbob", "radtan", "brown", "brownconrady", "rational", "rationalpolynomial", "radialtangential"),
+        ("rational",),
+    ),
+    **dict.fromkeys(("fisheye", "equidistant", "kannalabrandt", "kannalabrandt4", "kb", "kb4"), ("kannala-brandt",)),
+    **dict.fromkeys(("fov", "atan"), ("fov",)),
+    **dict.fromkeys(("omni", "omnidirectional", "mei", "unified", "ucm"), ("omni",)),
+    **dict.fromkeys(("ds", "doublesphere"), ("double-sphere",)),
+    "eucm": ("eucm",),
+    "stereographic": ("stereographic",),
+    **dict.fromkeys(("lonlat", "equirectangular", "spherical"), ("longitude-latitude",)),
+    **dict.fromkeys(("ftheta", "division", "equisolid", "orthographic", "scaramuzza", "ocam", "cylindrical"), ()),
+}
+"""Lens models as read that agree with a name; letters and digits of the name."""
+_SHOWN_LENSES: Final = {"rational": "pinhole", "kannala-brandt": "fisheye (Kannala–Brandt)"}
+_FLAG_WORDS: Final = {"is", "use", "fisheye", "model", "lens", "camera", "left", "right", "0", "1", "2", "l", "r"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reading:
+    """What was read, and how."""
+
+    request: Request
+    found: Imported
+
+    @property
+    def cameras(self) -> tuple[ImportedCamera, ...]:
+        if isinstance(self.found, ImportedRig):
+            return self.found.left, self.found.right
+        return (self.found,) if isinstance(self.found, ImportedCamera) else ()
+
+    @property
+    def pixels(self) -> tuple[int, int] | None:
+        camera = self.found.left if isinstance(self.found, ImportedRig) else self.found
+        return None if isinstance(camera, ImportedCorners) else camera.pixels
+
+    @property
+    def unit(self) -> str:
+        """Unit of lengths of the files; empty if no length was read."""
+        return next((one.says.split(",")[0] for one in self.found.conventions if one.name == "length unit"), "")
+
+    @property
+    def is_raw(self) -> bool:
+        return self.request.pictures == "raw"
+
+
+def unused_keys(files: Sequence[CameraFile], request: Request, found: Imported) -> Iterator[Convention]:
+    """The keys that are not used, in words; none if all are.
+
+    A second value of what was read, such as a baseline beside T, counts as used if it agrees.
+
+    Parameters
+    ----------
+    files
+        Files whose values have been read.
+    request
+        How they were read: rectified pictures have no distortion, and no other camera matrix than that of their file.
+    found
+        What was read.
+
+    Raises
+    ------
+    CameraFileError
+        Nothing in a file is used; or a key would change the meaning of what was read: it looks like a part of the lens
+        model, another camera matrix, a scale other than 1, a part of the picture, another unit or convention, or
+        contradicts the lens model, the baseline, the rotation, or the size and the matrix of the pictures.
+    """
+    reading = _Reading(request=request, found=found)
+    for value in [value for file in files for value in file.unused()]:
+        if not value.path:
+            raise value.fail("nothing in this file is needed beside the other files; remove it from from:")
+        for part in _parts(value):
+            if problem := next(
+                filter(None, (check(part, _words_of(part.path[-1:]), reading) for check in _CHECKS)), ""
+            ):
+                raise part.fail(problem)
+    if unused := [value for file in files for value in file.unused()]:
+        names = dict.fromkeys(dotted(value.path) for value in unused)
+        yield Convention(name=UNUSED, says=", ".join(names), key=unused[0].key)
+
+
+def _parts(value: Located) -> Iterator[Located]:
+    """A value and all values below it that have keys."""
+    if isinstance(value.path[-1], str):
+        yield value
+    entry = value.entry
+    below: list[tuple[str | int, Entry]] = []
+    if isinstance(entry, MappingEntry):
+        below = [(key, member.entry) for key, member in entry.members.items()]
+    elif isinstance(entry, ListEntry):
+        below = [*enumerate(entry.items)]
+    for key, inner in below:
+        yield from _parts(Located(file=value.file, entry=inner, path=(*value.path, key)))
+
+
+def _words_of(path: Path) -> tuple[str, ...]:
+    """Words of keys, which underscores or capitals separate, in small letters."""
+    return tuple(word.lower() for key in path for word in _WORD.findall(str(key)))
+
+
+def _numbers_in(entry: Entry) -> Iterator[float]:
+    if isinstance(entry, MappingEntry):
+        below = [member.entry for key, member in entry.members.items() if key not in ("rows", "cols", "sizes")]
+    elif isinstance(entry, ListEntry):
+        below = [*entry.items]
+    else:
+        try:
+            yield 0.0 if entry.value is None or isinstance(entry.value, bool) else float(entry.value)
+        except (ValueError, OverflowError):  # a text
+            return
+        return
+    for one in below:
+        yield from _numbers_in(one)
+
+
+def _texts(value: Located) -> tuple[str, ...]:
+    """A single value, or those of a list, as texts; none for a mapping."""
+    entries = value.entry.items if isinstance(value.entry, ListEntry) else (value.entry,)
+    return tuple(one.text.strip() for one in entries if not isinstance(one, ListEntry | MappingEntry))
+
+
+def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading) -> str:
+    """Keys of lens models, other matrices, scales and parts of the picture."""
+    key, numbers, pixels = value.last, {*_numbers_in(value.entry)}, reading.pixels
+    sides = {0.0, *map(float, pixels or ())}
+    corner = {float(side - 1) for side in pixels or ()}
+    if reading.is_raw and _LENS.search(key) and any(numbers):
+        return (
+            "this key looks like a part of the lens model, but no such key is known here; rename it as the format "
+            "names it, or remove it if it does not belong to these pictures"
+        )
+    if reading.is_raw and _OTHER_MATRIX.search(key) and any(numbers):
+        return (
+            "this key looks like the camera matrix of undistorted pictures, but is not used; remove it or, if depth is "
+            "measured in undistorted pictures, write it as the camera matrix, and zeros as distortion"
+        )
+    if _SCALE.search(key) and not numbers <= {100.0 if "percent" in key.lower() else 1.0, *sides}:
+        return (
+            "this key looks like a scale of the pictures, but is not used; remove it if the camera matrix holds for "
+            "the pictures in which depth is measured; if not, first multiply fx, fy, cx, cy and the size by the scale"
+        )
+    if _PART.search(key) and not numbers <= sides | corner:
+        return (
+            "this key looks like a part of the picture, but is not used; remove it if the pictures in which depth is "
+            "measured are not cropped to it; if they are, first subtract its corner from cx and cy, and write its size "
+            "as that of the pictures"
+        )
+    return ""
+
+
+def _scales(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
+    if not _SCALES & {*words} or isinstance(value.entry, MappingEntry):
+        return ""
+    neutral = {0.0, 100.0 if "percent" in words else 1.0, *map(float, reading.pixels or ())}
+    unread = [text for text in _texts(value) if not _is_number(text) and text.lower() not in (*_UNSET, *_SET, "full")]
+    if not unread and {*_numbers_in(value.entry)} <= neutral:
+        return ""
+    return "this key looks like a scale, but is not used; multiply the values that it scales by it, and remove it"
+
+
+def _units(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
+    words = (*_words_of(value.path[-2:-1]), *words)  # as in units: {length: m} and baseline: {unit: m}
+    if not _UNIT_WORDS & {*words} or _NOT_OF_LENGTHS & {*words}:
+        return ""
+    others = {*words} - _UNIT_WORDS - {"of"}
+    metre = parse(f"1 {reading.unit}", LENGTH) if reading.unit else None
+    for text in filter(None, _texts(value)):
+        kind = next((name for name, forms in _NAMED_UNITS.items() if text.lower() in forms), "")
+        length = _metres_of(text)
+        expected = "px" if others & _IN_PIXELS else "rad" if others & _IN_RADIANS else reading.unit
+        if expected == reading.unit:  # of lengths, or of something in the pictures
+            agrees = length is not None and metre is not None and math.isclose(length, metre)
+            harmless = (length is not None and metre is None) or bool(kind and others and not others & _LENGTHS)
+        else:
+            agrees, harmless = kind == expected, False
+        if not (agrees or harmless):
+            what = "lengths are" if expected == reading.unit else "this is"
+            wrong = f"the unit in which {what} read, {expected}" if expected else "a known unit"
+            return f"{text[:40]} is not {wrong}; convert the values, and remove this key"
+        if agrees:
+            value.use()
+    return ""
+
+
+def _metres_of(text: str) -> float | None:
+    """A unit of length, or a number that stands for one, in metres; None for any other text."""
+    for one in (text, text.lower()):
+        with suppress(UnitError):
+            return parse(f"1 {one}", LENGTH)
+    return float(text) if _is_number(text) else None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _lens_models(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
+    """Lens models named under any key, and flags such as ``is_fisheye``."""
+    read = {camera.lens_model for camera in reading.cameras}
+    if not reading.is_raw or not read:
+        return ""
+    shown = " and ".join(_SHOWN_LENSES.get(one, one) for one in sorted(read))
+    contradicts = f"contradicts the lens model that is read, {shown}; correct it, or remove it"
+    is_flag = "fisheye" in words and {*words} <= _FLAG_WORDS
+    for text in _texts(value):
+        if is_flag and text.lower() in (*_SET, *_UNSET):
+            if (text.lower() in _SET) != (read == {"kannala-brandt"}):
+                return f"{text} {contradicts}"
+            value.use()
+            continue
+        letters = re.sub("[^a-z0-9]", "", text.lower()).removeprefix("opencv").removeprefix("cv")
+        if letters in _LENSES:
+            if not read <= {*_LENSES[letters]}:
+                return f"{text[:40]} {contradicts}"
+            value.use()
+        elif {"distortion", "projection"} & {*words} and {"model", "type"} & {*words} and text:
+            return f"the lens model '{text[:40]}' is unknown, and {shown} is read; correct it, or remove it"
+    return ""
+
+
+def _prepared(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
+    """Flags of rectified, turned or mirrored pictures, and of conventions other than those of the format."""
+    if isinstance(value.entry, ListEntry | MappingEntry):
+        return ""
+    text = value.entry.text.strip().lower()
+    if {"rectified", "undistorted"} & {*words} and text in _SET and reading.is_raw:
+        return (
+            "the calibration is read as that of raw pictures; remove this key or, if depth is measured in rectified "
+            "pictures, give pictures: rectified beside from: where the format allows it"
+        )
+    if text in _UNSET or (_is_number(text) and float(text) == 0.0):
+        return ""
+    if _TURNED & {*words}:
+        return (
+            "this key looks like a rotation or reflection of the pictures, but is not used; calibrate the pictures in "
+            "which depth is measured, or remove this key if these are neither rotated nor reflected"
+        )
+    if _CONVENTIONS & {*words}:
+        return (
+            "this key looks like a convention, but the file is read by the conventions of its format; convert the "
+            "values to those, and remove this key"
+        )
+    return ""
+
+
+def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
+    """A baseline, translation or rotation beside the one that is read."""
+    rig, numbers = reading.found, [*_numbers_in(value.entry)]
+    is_elsewhere = any(_ELSEWHERE.search(step) for step in value.path if isinstance(step, str))
+    if not isinstance(rig, ImportedRig) or is_elsewhere or (_SPREAD | _UNIT_WORDS) & {*words}:
+        return ""
+    if value.last == "P2" and len(numbers) == 12 and numbers[0] > 0.0:  # by stereoRectify, P₂ = K′ [1, t]
+        numbers, words = [math.hypot(numbers[3], numbers[7]) / numbers[0]], ("baseline",)
+    if _TRANSLATIONS & {*words}:
+        metre = parse(f"1 {next(filter(_is_unit, words), reading.unit)}", LENGTH)
+        lengths = [number * metre for number in numbers]
+        with suppress(UnitError):
+            lengths = lengths or [parse(text, LENGTH) for text in _texts(value)]
+        given, baseline = math.hypot(*lengths), math.hypot(*rig.translation)
+        if len(lengths) not in (1, 3) or not any(lengths):
+            return ""
+        if abs(given - baseline) > _AGREES * baseline:
+            return (
+                f"{pretty(given, LENGTH)} contradicts the baseline that is read, {pretty(baseline, LENGTH)}; correct "
+                "the wrong one, or its unit"
+            )
+        value.use()
+    elif _ROTATIONS & {*words} and any(numbers):
+        angles = [*_angles_of(numbers)]
+        trace = np.trace(np.array(rig.rotation))
+        read = math.acos(min(max((float(trace) - 1.0) / 2.0, -1.0), 1.0))
+        if {"deg", "degree"} & {*words}:
+            angles = [math.radians(angle) for angle in angles]
+        if not angles or min(angles) == 0.0:
+            return ""
+        is_part = len(numbers) == 1  # of several angles, such as the yaw
+        differ = min(max(angle - read, 0.0) if is_part else abs(angle - read) for angle in angles)
+        if differ > _ANGLE_AGREES + _AGREES * read:
+            return (
+                f"a rotation by {pretty(min(angles), ANGLE)} contradicts the one that is read, by "
+                f"{pretty(read, ANGLE)}; correct the wrong one, or remove this key if it describes something else"
+            )
+        value.use()
+    return ""
+
+
+def _is_unit(word: str) -> bool:
+    return word in ("m", "cm", "mm", "um")
+
+
+def _angles_of(numbers: Sequence[float]) -> Iterator[float]:
+    """Angles of the rotations that a matrix, a rotation vector or angles [rad], or a quaternion may mean."""
+    if len(numbers) == 9:
+        yield math.acos(min(max((numbers[0] + numbers[4] + numbers[8] - 1.0) / 2.0, -1.0), 1.0))
+    elif len(numbers) in (1, 3):
+        yield math.hypot(*numbers)
+    elif len(numbers) == 4:
+        for real in (numbers[0], numbers[3]):
+            yield 2.0 * math.acos(min(abs(real), 1.0))
+
+
+def _sides(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
+    """Keys that name the second camera as the left one, or the first as the right one."""
+    texts = [text.lower() for text in _texts(value)]
+    named = {*words} - {"camera", "cam", "id", "index", "number"}
+    wrong = (({"1"}, "right"), ({"2"}, "left"), ({"left"}, "2"))
+    if reading.request.pair or not any(named == key and texts == [text] for key, text in wrong):
+        return ""
+    return (
+        "the first camera of the file is read as the left one; give pair: [2, 1] beside from: if camera 2 is the left "
+        "one, or remove this key"
+    )
+
+
+def _second_values(value: Located, _words: tuple[str, ...], reading: _Reading) -> str:
+    """A size of the pictures, focal length or principal point beside the one that is read."""
+    numbers = {*_numbers_in(value.entry)}
+    if reading.pixels is not None and _SIZE.fullmatch(value.last):
+        if not numbers <= {*map(float, reading.pixels)}:
+            return f"this contradicts the size that is read, {reading.pixels[0]} × {reading.pixels[1]} px; correct one"
+        value.use()
+    if reading.is_raw and reading.cameras and _PINHOLE.fullmatch(value.last):
+        read = [one for camera in reading.cameras for one in (*camera.focal_lengths, *camera.centre)]
+        for number in numbers:
+            if not any(math.isclose(number, one, rel_tol=1e-3) for one in read):
+                return f"{number:g} contradicts the camera matrix that is read; correct one, or remove this key"
+        value.use()
+    return ""
+
+
+_CHECKS: Final[tuple[Callable[[Located, tuple[str, ...], _Reading], str], ...]] = (
+    _units, _lens_models, _prepared, _changes_pictures, _scales, _poses, _sides, _second_values,
+)  # fmt: skip
