@@ -13,6 +13,7 @@ from tests.analysis.plain_depths import CENTRAL, of_rig
 from tests.imaging.test_picture import CLOSED, SETTINGS, hand_lens
 from tests.study.conftest import STUDIES
 from tradestudy.answers import runner
+from tradestudy.answers.decision import decide_pair
 from tradestudy.answers.depth import depth_at_places_group
 from tradestudy.answers.disparity_causes import compute_kirchhoff_pictures
 from tradestudy.cameras.calibration import Calibration, Propagation
@@ -132,6 +133,18 @@ def test_a_declared_error_at_five_metres_ignores_the_picture() -> None:
         assert camera == pictured.case.cameras[name]
     assert "stereo" in {camera.family for camera in plain.case.cameras.values()}
     assert np.isfinite(evaluate_depth(plain.case.cameras["stereo-printed"], five).uncertainty).all()
+
+
+def test_two_distances_do_not_hide_two_crossings_between_them() -> None:
+    """The wider of two lenses is more certain in focus, and less certain where it is blurred on both sides of it."""
+    few, many = (load_definition(STUDIES / "close_range.yaml", (f"scene.distances.points={n}",)) for n in (2, 153))
+    pair, nowhere = ("pair-f9.8", "pair-f5.6"), np.array([])
+    found, dense = (decide_pair(one.case, pair, nowhere).crossings["both"] for one in (few, many))
+    assert [one.nearer for one in found] == ["pair-f9.8", "pair-f5.6"]
+    assert [one.distance for one in found] == pytest.approx([one.distance for one in dense], rel=1e-6)
+    there = np.array([one.distance for one in found])
+    first, second = (evaluate_depth(few.case.cameras[name], there).judged[BOTH] for name in pair)
+    assert first == pytest.approx(second, rel=1e-4)
 
 
 def test_results_contain_the_error_and_its_own_error(study: StudyDefinition) -> None:

@@ -14,7 +14,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.depth.evaluation import ERROR_SOURCES, Reading, distribution, finite, imaged
 from tradestudy.depth.linear import linearised_depth
-from tradestudy.depth.table import distribution_between, judged_uncertainty, judged_uncertainty_error, narrow_features
+from tradestudy.depth.table import distribution_between, judged_uncertainty, judged_uncertainty_error
 from tradestudy.depth.usable import (
     END_OF_STUDY,
     Interval,
@@ -73,7 +73,7 @@ def largest_cause(camera: DepthCamera, distance: FloatArray, field: FieldPositio
     return Cause(parameter=largest, share=named[largest])
 
 
-_OFFSET: Final = 1e-9  # relative offset for looking just nearer and just farther than a distance
+_OFFSET: Final = 2e-7  # relative offset for looking just nearer and just farther than a distance, such as a crossing
 _ROUNDING: Final = 2e-7  # relative difference of two uncertainties that interpolation may cause; a lead must exceed it
 _CROSSED_TO: Final = 1e-7  # relative accuracy of a crossing
 _CHANGED_TO: Final = 1e-5  # relative accuracy of a distance where the best camera changes
@@ -285,7 +285,7 @@ def _changes(case: Case, pair: tuple[str, str], error_source: str, places: Mappi
 def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Crossing, ...]:
     """Where the lead passes from one camera to the other, between distances where it is significant."""
     first, second = (case.cameras[name] for name in pair)
-    distance = np.union1d(case.distance, [*narrow_features(first), *narrow_features(second)])
+    distance = np.union1d(sought(first, case.distance), sought(second, case.distance))
     ratios = _log_ratios(first, second, distance, error_source)
     lead = _sure_lead(ratios)
     decided = np.flatnonzero(lead)
@@ -344,8 +344,10 @@ def decision_group(
     values["judged_uncertainty"] = [judged_uncertainty(one, distance) for one in case.cameras.values()]
     causes = {}
     for name, camera in case.cameras.items():
-        used = _within(usable_intervals(camera, case.criteria, case.distance), case.distance)
-        causes[name] = largest_cause(camera, case.distance[used] if used.any() else case.distance)
+        intervals = usable_intervals(camera, case.criteria, case.distance)
+        grids = (case.distance, sought(camera, case.distance))  # the denser one where the study's shows no usable place
+        used = (one[_within(intervals, one)] for one in grids)
+        causes[name] = largest_cause(camera, next((one for one in used if one.size), case.distance))
     values["cause"] = [
         "" if one is None else input_words(definition, name, one.parameter) for name, one in causes.items()
     ]
