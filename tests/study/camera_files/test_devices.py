@@ -180,5 +180,5 @@ def test_what_a_plenoptic_file_states_and_is_not_used_is_printed(tmp_path: Path)
     devices.plenoptic(tmp_path / "r12.js", sensor=sensor)
     loaded = tradestudy.load(path)
     assert "the file's mode, keplerian, is not used" in loaded.imported[0]
-    assert "microlens array: its tilt and shift relative to the main lens are not used" in loaded.imported[0]
+    assert "tilt and shift of array and sensor relative to the main lens are not used" in loaded.imported[0]
     assert [one for one in loaded.warnings if "the rotation of the sensor by 90" in one]

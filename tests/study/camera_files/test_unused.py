@@ -121,6 +121,8 @@ def test_second_values_that_agree_are_accepted(tmp_path: Path, line: str) -> Non
         ("rvec: [0.23, -0.745, 0.12]", "contradicts the one that is read"),  # in degrees
         ("euler: {rotation: [0.1, 0.0, 0.0]}", "contradicts the one that is read"),
         ("imageSize: [1280, 960]", "contradicts the size that is read, 640 × 480 px"),
+        ("calibration_resolution: [1280, 960]", "contradicts the size that is read"),
+        ("coefficient_order: k1 k2 k3 p1 p2", "looks like a convention"),
         ("fx1: 441.25", "contradicts the camera matrix that is read"),
     ],
 )
@@ -188,3 +190,30 @@ def test_two_files_with_poses_of_their_own_are_refused(tmp_path: Path) -> None:
     said = refusal(study(tmp_path, rig="from: [left.yml, right.yml], length_unit: mm"))
     assert "right.yml" in said
     assert "two files contain T" in said
+
+
+@pytest.mark.parametrize(("key", "unit"), [("T", "m"), ("M1", "mm")])
+def test_keys_inside_a_matrix_are_not_overlooked(tmp_path: Path, key: str, unit: str) -> None:
+    file = written.opencv(tmp_path / "rig.yml")
+    file.write_text(file.read_text().replace(f"{key}: !!opencv-matrix\n", f"{key}: !!opencv-matrix\n   unit: {unit}\n"))
+    assert f"rig.{key}.unit: {unit} is not the unit in which" in refusal(study(tmp_path, rig=IN_MM))
+
+
+def test_transforms_of_kalibr_that_contradict_the_chain_are_refused(tmp_path: Path) -> None:
+    chain = written.camchain(tmp_path / "chain.yaml").read_text()
+    lines = [json.loads(line.partition(": ")[2]) for line in chain.splitlines()]
+    body = np.linalg.inv(np.array([[0.0, 1, 0, 0.1], [0, 0, 1, 0.2], [1, 0, 0, 0.3], [0, 0, 0, 1]]))
+    right = np.array(lines[1]["T_cn_cnm1"]) @ body
+    path = study(tmp_path, rig="from: chain.yaml")
+    for shift, agrees in ((0.0, True), (0.01, False)):
+        right[0, 3] += shift
+        for camera, transform in zip(lines, (body, right), strict=True):
+            camera["T_cam_imu"] = transform.tolist()
+        (tmp_path / "chain.yaml").write_text("\n".join(f"cam{n}: {json.dumps(one)}" for n, one in enumerate(lines)))
+        if agrees:
+            assert "T_cam_imu" not in unused(path)
+        else:
+            assert (
+                "by T_cam_imu, the second camera is 0.01 (of a baseline of 0.0601) and 0° from where T_cn_cnm1 places"
+                in refusal(path)
+            )

@@ -130,7 +130,7 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
         "translation": "translation ",
         "rectification": "rectification ",
         libpleno.RELAY: "",
-        libpleno.ARRAY_POSE: "microlens array: ",
+        libpleno.ARRAY_POSE: "",
         "scaling of depth": "",
         "uncertainty": "",
         "pictures": "pictures ",

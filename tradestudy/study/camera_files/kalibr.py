@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -41,6 +41,11 @@ _TO_BODY, _FROM_BODY = "T_imu_cam", "T_cam_imu"
 """Transforms of every camera into the frame of the inertial sensor and out of it, as OpenVINS and Kalibr write them."""
 
 
+_Relation = tuple[FloatArray, FloatArray, Located]
+_AGREES_IN_BASELINE: Final = 0.01
+_AGREES_IN_ANGLE: Final = 1e-3  # rad
+
+
 def recognises(file: CameraFile) -> bool:
     """Whether a file has cameras cam0, cam1 … with camera models."""
     first = file.top.find("cam0")
@@ -70,7 +75,12 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     first, second = pair
     if first == second:
         raise top.fail(f"pair: {first} occurs twice; two cameras are expected")
-    rotation, translation, where = _by_body(top, first, second) or _between(top, names, pair)
+    is_chain = any(top.need(name).find(_TRANSFORM) is not None for name in (first, second))
+    relations = [*([_between(top, names, pair)] if is_chain else []), *_by_body(top, first, second)]
+    relations = relations or [_between(top, names, pair)]
+    rotation, translation, where = relations[0]
+    for other in relations[1:]:
+        _refuse_contradiction(relations[0], other)
     metre, unit = request.metres(where, stated="m", why="the definition of Kalibr's camchain")
     conventions = (
         Convention(name="format", says="Kalibr camchain", key=where.key),
@@ -103,10 +113,8 @@ _DIRECTIONS: Final = {
 }
 
 
-def _by_body(top: Located, first: str, second: str) -> tuple[FloatArray, FloatArray, Located] | None:
-    """Rotation and translation by way of the inertial sensor; None if the file has the transforms of a chain."""
-    if any(top.need(name).find(_TRANSFORM) is not None for name in (first, second)):
-        return None
+def _by_body(top: Located, first: str, second: str) -> Iterator[_Relation]:
+    """Rotations and translations by way of the inertial sensor."""
     for key in (_TO_BODY, _FROM_BODY):
         values = [top.need(name).find(key) for name in (first, second)]
         if values[0] is None or values[1] is None:
@@ -115,8 +123,18 @@ def _by_body(top: Located, first: str, second: str) -> tuple[FloatArray, FloatAr
         total = inverse(steps[1]) @ steps[0] if key == _TO_BODY else steps[1] @ inverse(steps[0])
         if np.array_equal(steps[0], steps[1]):
             raise values[1].fail(f"{key} is the same for {first} and {second}, so both are at one place; correct it")
-        return total[:3, :3], total[:3, 3], values[1]
-    return None
+        yield total[:3, :3], total[:3, 3], values[1]
+
+
+def _refuse_contradiction(read: _Relation, other: _Relation) -> None:
+    """Refuse a second relation of two cameras that differs by more than 1 mrad, or 1 % of the baseline."""
+    baseline, moved = (float(np.linalg.norm(one)) for one in (read[1], other[1] - read[1]))
+    turned = float(np.linalg.norm(other[0] - read[0], 2))
+    if moved > _AGREES_IN_BASELINE * baseline or turned > _AGREES_IN_ANGLE:
+        raise other[2].fail(
+            f"by {other[2].last}, the second camera is {moved:.3g} (of a baseline of {baseline:.3g}) and "
+            f"{np.degrees(turned):.2g}° from where {read[2].last} places it; remove the wrong transforms"
+        )
 
 
 def _transform(value: Located) -> FloatArray:

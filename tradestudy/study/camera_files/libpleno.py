@@ -46,7 +46,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         raise plane.fail("the sensor lies in front of the microlens array; it must lie behind the array")
     lengths = tuple(length * metre for length in focal_lengths.numbers())
     relay, mode = _relay(focal_lengths, lengths, gap), top.find("mode")
-    mode_text = "" if mode is None else _MODES.get(mode.text(), "unknown")
+    mode_text = "" if mode is None else _MODES.get(mode.text(), mode.text()[:20].lower())
     pitch, geometry = mesh.need("pitch"), mesh.need("geometry")
     pitches = pitch.numbers(1, 2)
     if abs(pitches[0] - pitches[-1]) > _SAME * pitches[0]:
@@ -67,7 +67,11 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             + (f"; the file's mode, {mode_text}, is not used" if disagrees else ""),
             key=focal_lengths.key,
         ),
-        Convention(name=ARRAY_POSE, says="its tilt and shift relative to the main lens are not used", key=mesh.key),
+        Convention(
+            name=ARRAY_POSE,
+            says="tilt and shift of array and sensor relative to the main lens are not used",
+            key=mesh.key,
+        ),
         *_ignored(top, {"microlens array": mesh, "sensor": sensor}),
         unit,
     )
@@ -134,7 +138,6 @@ def _refuse_moved_lens(lens: Located) -> None:
             "a rotated main lens is not supported; express the poses of mla and sensor in its frame, and write the "
             "identity matrix"
         )
-    pose.use()
 
 
 def _ignored(top: Located, posed: Mapping[str, Located]) -> Iterator[Convention]:

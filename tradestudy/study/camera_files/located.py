@@ -148,6 +148,12 @@ class Located:
         """Note that the whole value has been used."""
         self.file.used.add(self.path)
 
+    def use_matrix(self) -> None:
+        """Note that a matrix has been used: the numbers, and how they are stored, but no other key beside them."""
+        for name in ("rows", "cols", "sizes", "dt", "data"):
+            if self.has(name):
+                self.file.used.add((*self.path, name))
+
     def items(self) -> Iterator[Located]:
         """The items of a list.
 

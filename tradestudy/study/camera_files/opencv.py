@@ -291,7 +291,7 @@ def _size(top: Located) -> tuple[Located, Located] | None:
         return None
     data = both.find("data")  # of a matrix with both numbers
     if isinstance(both.entry, ListEntry) or data is not None:
-        both.use()
+        both.use_matrix()
         return (data or both).pair()
     return both.need("width"), both.need("height")
 
@@ -309,7 +309,7 @@ def _matrix(value: Located, *counts: int) -> tuple[float, ...]:
     if math.prod(extent.count() for extent in extents) != len(numbers):
         announced = " × ".join(extent.text() for extent in extents)
         raise value.fail(f"{announced} elements are declared, but {len(numbers)} are given")
-    value.use()
+    value.use_matrix()
     return numbers
 
 

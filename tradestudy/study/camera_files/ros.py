@@ -226,7 +226,7 @@ def _rectification(top: Located) -> np.ndarray:
 def _numbers(value: Located, *counts: int) -> tuple[float, ...]:
     """A matrix in the form of files or of messages."""
     numbers = (value if isinstance(value.entry, ListEntry) else value.need("data")).numbers(*counts)
-    value.use()
+    value.use_matrix()
     return numbers
 
 

@@ -30,7 +30,8 @@ _PART: Final = re.compile(
     r"^(valid)?_?(pix)?_?roi_?([0-9lr]|left|right)?$|^crop|_crop$|^[xy]_?offset$|^offset_?[xy]$", re.IGNORECASE
 )
 _SIZE: Final = re.compile(
-    r"(image|img|picture|frame|video)_?(width|height|size|resolution)_?(px|pixels?)?_?([0-9lr]|left|right)?",
+    r"(resolution|(full|orig|original|native|calib|calibration|calibrated|image|img|picture|frame|video)_?"
+    r"(image|img|picture|frame)?_?(width|height|size|resolution))_?(px|pixels?)?_?([0-9lr]|left|right)?",
     re.IGNORECASE,
 )
 _PINHOLE: Final = re.compile(r"(f|c)_?(x|y)_?([0-9lr]|left|right)?", re.IGNORECASE)
@@ -53,7 +54,7 @@ _SET: Final = ("1", "1.", "1.0", "true", "yes", "on")
 _TURNED: Final = {"flip", "flipped", "mirror", "mirrored", "rotate", "rotated", "rotation", "orientation"}
 _CONVENTIONS: Final = {
     "convention", "conventions", "handedness", "inverse", "inverted", "transposed", "direction", "origin", "degrees",
-    "coordinate", "coordinates", "based",
+    "coordinate", "coordinates", "based", "order",
 }  # fmt: skip
 _ROTATIONS: Final = {"rotation", "rot", "euler", "rpy", "quaternion", "quat", "om", "rvec", "roll", "pitch", "yaw"}
 _TRANSLATIONS: Final = {"translation", "tvec", "baseline", "tx"}
