@@ -20,7 +20,7 @@ from tradestudy.execution.executor import heard_by
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text
-from tradestudy.results.views.conclusions import terminal_lines
+from tradestudy.results.views.terminal import terminal_lines
 from tradestudy.study.document import Value
 
 pytestmark = pytest.mark.usefixtures("only_rays")

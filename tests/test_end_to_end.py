@@ -114,8 +114,8 @@ def test_a_run_prints_its_conclusions_and_fails_if_strict_and_missed(headline_ru
     assert done.returncode == 3, done.stderr
     *reported, last = done.stdout.splitlines()
     assert last == "Report: reports/plenoptic-vs-stereo/report.html"
-    assert reported[0].startswith("Best: ")
-    assert len(reported) <= 5
+    assert reported[-1].startswith("Best: ")
+    assert len(reported) <= 6
     assert "close-range" in done.stderr.splitlines()[-1]
 
 
@@ -187,7 +187,7 @@ def test_the_first_page_of_a_camera_choice_is_silent_on_laws_of_diffraction(run_
     answer.feed(body[: body.index('id="cameras"')])
     first = pypdfium2.PdfDocument(run_folder / "report.pdf")[0].get_textpage().get_text_range()
     for text in (" ".join(answer.text), first):
-        assert "Which camera for which distance" in text
+        assert "on the yaw of the 8 mm stereo rig" in " ".join(text.split())
         assert "yaw" in text
         assert not re.search("kirchhoff|fresnel|boundary wave|diffraction", text, re.IGNORECASE)
 

@@ -55,7 +55,7 @@ class Result:
                     missed.append(f"{name}: its calibration did not converge ({why})")
         return missed
 
-    def lines(self, most: int = 5) -> tuple[str, ...]:
+    def lines(self, most: int = 6) -> tuple[str, ...]:
         """Return the conclusions as lines for a terminal.
 
         Parameters
@@ -68,7 +68,7 @@ class Result:
         tuple of str
             The best cameras, the verdicts on requirements, and what these answers rest on.
         """
-        from tradestudy.results.views.conclusions import terminal_lines
+        from tradestudy.results.views.terminal import terminal_lines
 
         return tuple(terminal_lines(self.data, most))
 
@@ -147,7 +147,7 @@ class Result:
         dict
             The keys above.
         """
-        from tradestudy.results.views.conclusions import conclusions_as_json
+        from tradestudy.results.views.terminal import conclusions_as_json
 
         found = conclusions_as_json(self.data)
         return found if directory is None else {**found, "report": str(Path(directory) / "report.html")}

@@ -19,7 +19,7 @@ from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.depth.distribution import error_radius
 from tradestudy.depth.evaluation import distribution, evaluate_depth, model_error
 from tradestudy.report.page_data import curve_values
-from tradestudy.results.views.conclusions import terminal_lines
+from tradestudy.results.views.terminal import terminal_lines
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 

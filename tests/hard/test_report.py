@@ -10,7 +10,7 @@ import xarray as xr
 from tradestudy import api, figures
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Callout, Paragraph, Table, all_blocks, plain_text, spans
-from tradestudy.results.views.conclusions import conclusions_as_json, terminal_lines
+from tradestudy.results.views.terminal import conclusions_as_json, terminal_lines
 
 STUDY = Path(__file__).parents[2] / "studies" / "hard_cases.yaml"
 

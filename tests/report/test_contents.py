@@ -92,7 +92,7 @@ def test_a_camera_that_is_usable_nowhere_is_named_with_what_it_lacks(make_tree: 
 
 def test_the_answer_says_where_nothing_is_usable_and_why(tree: xr.DataTree) -> None:
     found = list(sentences(document_of(tree)))
-    assert found[0] == (
+    assert next(text for text in found if text.startswith("0.05")) == (
         "0.05 to 0.15 m: no camera is usable (Raytrix R5, Keplerian, Stereo 100 mm, f = 30.5 mm and Stereo 100 mm, "
         "65.24° across: too little overlap)."
     )
@@ -109,7 +109,7 @@ def test_usable_cameras_that_are_not_candidates_are_named(make_tree: Callable[..
     tree["depth"] = xr.DataTree(depth)
     tree["decision"].attrs["candidates"] = "r5, stereo-65deg"
     found = list(sentences(document_of(tree)))
-    assert found[0] == (
+    assert next(text for text in found if text.startswith("0.05")) == (
         "0.05 to 0.15 m: no candidate is usable (Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across: too little "
         "overlap); usable in at least part of this range, but not a candidate: Stereo 100 mm, f = 30.5 mm."
     )
@@ -128,7 +128,7 @@ def test_a_sliver_of_the_range_is_not_reported(make_tree: Callable[..., xr.DataT
     tree["depth"], tree["decision"] = xr.DataTree(depth), xr.DataTree(decision)
     assert [key for _, _, key in winners(tree)] == ["", "r5"]
     found = list(sentences(document_of(tree)))
-    assert re.match(r"0\.05 to 10 m: Raytrix R5, Keplerian, .*±", found[0])
+    assert any(re.match(r"0\.05 to 10 m: Raytrix R5, Keplerian, .*±", text) for text in found)
     alt = figures.build(tree)["whole_range"].alt
     assert re.search(r"Smallest uncertainty: Raytrix R5, Keplerian\b.* 0\.05 to 10\u00a0m\.", alt)
     # Even such a narrow range is reported, with more digits.
@@ -137,10 +137,8 @@ def test_a_sliver_of_the_range_is_not_reported(make_tree: Callable[..., xr.DataT
     tree["depth"] = xr.DataTree(depth.assign_coords(distance=narrow))
     decision["best_camera"][:] = np.where(narrow < 1.0001, "", "r5")[:, None]
     tree["decision"] = xr.DataTree(decision.assign_coords(distance=narrow))
-    assert [text.split(":")[0] for text in list(sentences(document_of(tree)))[:2]] == [
-        "1 to 1.0001 m",
-        "1.0001 to 1.0004 m",
-    ]
+    heads = [text.split(":")[0] for text in sentences(document_of(tree))]
+    assert [head for head in heads if head.startswith("1")] == ["1 to 1.0001 m", "1.0001 to 1.0004 m"]
 
 
 def test_equal_uncertainties_do_not_count_as_a_loss(make_tree: Callable[..., xr.DataTree]) -> None:

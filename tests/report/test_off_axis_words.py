@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.conclusions import never_usable, terminal_lines
+from tradestudy.results.views.conclusions import never_usable
 from tradestudy.results.views.depth import off_axis_words
+from tradestudy.results.views.terminal import terminal_lines
 
 MakeTree = Callable[..., xr.DataTree]
 RIG = "stereo-65deg"

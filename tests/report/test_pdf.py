@@ -53,7 +53,7 @@ def pages(printed: bytes) -> list[str]:
 def test_headings_appear_on_their_pages_in_order(pages: list[str]) -> None:
     assert "1 The answer" in pages[0]
     main, appendices = " ".join(pages[1:]).split(" Appendices ")[-2:]  # behind the contents, which name them too
-    names = ["Cameras", "Which camera each error source favours", "Claims", "Results"]
+    names = ["Camera by distance", "Cameras", "Which camera each error source favours", "Claims", "Results"]
     more = {
         "A": "Assumptions",
         "B": "Derived properties",

@@ -22,18 +22,11 @@ from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
 from tradestudy.report.document import plain_text
 from tradestudy.report.sections.answer import _stretches
-from tradestudy.results.views.conclusions import (
-    best_ranges,
-    conclusions_as_json,
-    measure_first,
-    never_best,
-    rests_on,
-    terminal_lines,
-    worths,
-)
+from tradestudy.results.views.conclusions import best_ranges, measure_first, never_best, rests_on, worths
 from tradestudy.results.views.decision import best_cameras
 from tradestudy.results.views.designs import parameter_words, path_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
+from tradestudy.results.views.terminal import conclusions_as_json, terminal_lines
 from tradestudy.units import LENGTH, pretty
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
@@ -94,11 +87,16 @@ def test_one_camera_is_usable_rather_than_best(swept: Result) -> None:
     tree = xr.DataTree.from_dict(
         {name: swept.data[name].to_dataset().sel(camera=["stereo-75mm"]) for name in ("cameras", "decision", "depth")}
     )
-    assert next(iter(terminal_lines(tree))) == "Usable: 75 mm stereo head from 0.3 to 4 m"
+    assert list(terminal_lines(tree))[-1] == "Usable: 75 mm stereo head from 0.3 to 4 m"
 
 
 def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on(swept: Result) -> None:
-    best, met, wish, weighed, rests = swept.lines()
+    answer, met, wish, weighed, rests, best = swept.lines()
+    assert re.fullmatch(
+        r"Take 75 mm stereo head with baseline from 53\.\d mm on \(the sweep ends at 150 mm\): 5 of 6 designs meet the "
+        r"requirement\.",
+        answer,
+    )
     assert re.fullmatch(
         r"Best, as declared: 75 mm stereo head from 0\.3 to 4 m; 50 mm stereo head is best nowhere \(at least 1\.4 "
         r"times as uncertain\); Raytrix R5 is best nowhere \(at least 18 times as uncertain\)",
@@ -177,8 +175,8 @@ def test_every_outcome_of_a_requirement_is_reported(swept: Result) -> None:
 
 
 def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
-    assert len(swept.lines()) == 5
-    *_, more, rests = terminal_lines(swept.data, 3)
+    assert len(swept.lines()) == 6
+    _, more, rests, _ = terminal_lines(swept.data, 4)
     assert re.search(r"\b3 more conclusions .*\b1 requirement not met", more)
     assert rests.startswith("Rests on (measure first)")
 
@@ -200,10 +198,10 @@ def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -
     cameras["perfect_calibration"][:] = [1.0, 0.0, 1.0]
     tree["cameras"] = xr.DataTree(cameras)
     titles = cameras["title"].values
-    *others, last = terminal_lines(tree)
+    *others, last, _ = terminal_lines(tree)
     assert last == f"Assumed perfect: the calibration of {titles[0]} and {titles[2]}"
     assert len(others) == 4
-    assert next(terminal_lines(tree, 1)).startswith("and ")  # a shorter answer still counts what it leaves out
+    assert list(terminal_lines(tree, 1))[1].startswith("and ")  # a shorter answer still counts what it leaves out
 
 
 def test_paths_are_written_in_words(swept: Result) -> None:
@@ -520,7 +518,8 @@ usable_range: {{blur: 1 px}}
 
 def test_few_distances_do_not_hide_that_a_camera_is_usable_between_them(tmp_path: Path) -> None:
     """A lens of f/2 at 655 mm is sharp to a pixel from 0.627 to 0.686 m, between two of four distances."""
-    (line, *_) = between(tmp_path, 4, {"pair": ("2", "60 mm")}).lines()
+    answer, *_, line = between(tmp_path, 4, {"pair": ("2", "60 mm")}).lines()
+    assert answer == "The pair is usable from 0.63 to 0.68 m."
     assert line.startswith("Usable: pair from 0.627 to 0.686 m; no camera is usable from 0.4 to 0.627 m and from 0.686")
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import tradestudy
 from tradestudy.cli import app
 from tradestudy.errors import StudyError
-from tradestudy.results.views.conclusions import terminal_lines
+from tradestudy.results.views.terminal import terminal_lines
 
 STUDIES = Path(__file__).parents[2] / "studies"
 ROBOT = STUDIES / "robot.yaml"

@@ -9,7 +9,7 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Appendices, Contents, PageBreak, Report, literal
-from tradestudy.report.sections.answer import describe_answer
+from tradestudy.report.sections.answer import describe_answer, describe_stretches
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.depth_numbers import describe_datasheet, describe_decision, list_depths
 from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
@@ -31,6 +31,7 @@ from tradestudy.report.sections.registers import (
 )
 from tradestudy.report.sections.results import describe_results, describe_verdicts
 from tradestudy.report.sections.trade_off import describe_trade_off, describe_value_of_information
+from tradestudy.results.views.headline import headline
 
 
 def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Report:
@@ -55,6 +56,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
     calibration = tuple(describe_calibration(tree, run, drawings))
     sections = (
         Contents(),
+        *describe_stretches(tree),
         *describe_cameras(tree),
         *describe_verdicts(tree),
         *describe_claims(tree),
@@ -91,5 +93,6 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
     return Report(
         title=str(tree.attrs.get("title", "")),
         subtitle=literal(str(tree.attrs.get("question", ""))),
+        headline=literal(headline(tree)),
         blocks=(*first_page, PageBreak(), *body) if first_page else body,
     )

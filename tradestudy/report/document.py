@@ -216,11 +216,12 @@ Block = Heading | Paragraph | Bullets | Callout | Table | Picture | Equation | C
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """A whole report."""
+    """A whole report, opened by its `headline`, the answer in one sentence."""
 
     title: str
     subtitle: str
     blocks: tuple[Block, ...]
+    headline: str = ""
     numbers: Mapping[str, str] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -72,6 +72,7 @@ def render_pdf(document: Report, pictures: Mapping[str, bytes]) -> bytes:
     content = {
         "title": printable(document.title),
         "subtitle": printable(document.subtitle),
+        "headline": printable(document.headline),
         "blocks": [_block(block, document.numbers) for block in document.blocks],
     }
     inputs: dict[str, object] = {"document": content}

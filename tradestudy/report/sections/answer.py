@@ -61,13 +61,12 @@ from tradestudy.wording import DECLARED_VALUE, distance, limit_words, listed, sp
 _MOST_REASONS = 3
 _FEW_OTHERS = 2  # cameras that miss a requirement, each with its reason; more would push the figure off the page
 _CLOSE = 0.1  # relative difference of two distances, across which the causes of errors hardly change
-_FEW_QUESTIONS = 2  # that stand beside the cameras; more would hide the requirements below them
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
 _DECLARED: Final = " (study as declared)"
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Say which camera to use at which distance, which requirements are met, and what decides and reverses that."""
+    """Say which requirements and designs are met, on what the answers rest, and what reverses them."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         yield from _requirements(requirement_conclusions(tree))  # of cameras that measure no depth
         if solved := tuple(_solved(tree)):
@@ -75,18 +74,11 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         return
     yield Heading(text="The answer", anchor="answer")
     designs, solved = tuple(_designs(tree)), tuple(_solved(tree))
-    beside, apart = (solved, ()) if len(solved) <= _FEW_QUESTIONS else ((), solved)
     if designs:
         yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
-    yield Callout(
-        title=_which(titles_in(tree, "depth")) + (_DECLARED if designs else ""),
-        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_best(tree), *_changes(tree), *beside)),),
-        tone="answer",
-        name="answer-cameras",
-    )
     yield from _requirements(requirement_conclusions(tree), _DECLARED if designs else "")
-    if apart:
-        yield Callout(title="Inverse questions", blocks=(Bullets(apart),), tone="answer")
+    if solved:
+        yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
     if measured := tuple(say("{sentence}.", sentence=sentence) for sentence in measured_words(tree, of_scene="")):
         yield Callout(title="Depth measured in rendered pictures", blocks=(Bullets(measured),))
     sentences = [
@@ -100,6 +92,19 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     if sentences:  # in one paragraph, so that the page has room for its figure
         yield Paragraph(tuple(span for text in sentences for span in (*text, Span(" "))))
     yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
+
+
+def describe_stretches(tree: xr.DataTree) -> Iterator[Block]:
+    """Say which camera to use from which distance to which, how uncertain it is there, and which cameras never lead."""
+    if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
+        return
+    yield Heading(text="Camera by distance", anchor="stretches")
+    yield Callout(
+        title=_which(titles_in(tree, "depth")) + (_DECLARED if any(_designs(tree)) else ""),
+        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_best(tree), *_changes(tree))),),
+        tone="answer",
+        name="answer-cameras",
+    )
 
 
 def describe_design(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -11,8 +10,6 @@ import xarray as xr
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
-    Bullets,
-    Callout,
     Column,
     Heading,
     Paragraph,
@@ -23,7 +20,7 @@ from tradestudy.report.document import (
     say,
 )
 from tradestudy.report.words import length, share
-from tradestudy.results.views.depth import by_first_criterion, sharp_ranges
+from tradestudy.results.views.depth import SharpCamera, by_first_criterion, sharp_cameras, sharp_ranges
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
 from tradestudy.wording import counted, listed
@@ -35,98 +32,21 @@ _SPOT = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    """What one camera keeps sharp by the first blur criterion, and at what expense."""
-
-    key: str
-    title: str
-    share: float
-    stretches: tuple[tuple[float, float], ...]
-    resolution: float
-    diffraction: float
-    images: int
-    moving_parts: str
-
-    @property
-    def keeps_all(self) -> bool:
-        return self.share >= 1.0 - 1e-9
-
-
 def describe_sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera keeps the scene sharp, at what resolution, with how many exposures and moving parts."""
     if not has(tree, "depth_of_field", "scene_share"):
         return
-    rows = sorted(_rows(tree), key=lambda row: (not row.keeps_all, -row.share, row.resolution))
+    rows = sharp_cameras(tree)
     yield Heading(text="What stays sharp", anchor="sharp-answer")
-    yield Callout(
-        title=say("Which camera keeps {scene} sharp", scene=_scene(tree)),
-        blocks=(Bullets(tuple(_findings(tree, rows))),),
-        tone="answer",
-    )
     yield _answer_table(tree, rows)
+    for finding in _diffraction_finding(tree):
+        yield Paragraph(finding)
     yield from pictures_of(drawings, "depth-of-field")
 
 
 def _scene(tree: xr.DataTree) -> str:
     data = group(tree, "depth_of_field")
     return f"{length(float(data.attrs['scene_near']))} to {length(float(data.attrs['scene_far']))}"
-
-
-def _rows(tree: xr.DataTree) -> Iterator[_Row]:
-    data = by_first_criterion(tree)
-    for key, title in camera_titles(tree).items():
-        one = data.sel(camera=key)
-        yield _Row(
-            key=key,
-            title=title,
-            share=float(one["scene_share"]),
-            stretches=sharp_ranges(one, "sharp"),
-            resolution=float(one["scene_resolution"]),
-            diffraction=float(one["scene_diffraction"]),
-            images=int(one["images"]),
-            moving_parts=_criterion(tree, key, "moving parts"),
-        )
-
-
-def _criterion(tree: xr.DataTree, key: str, name: str) -> str:
-    """The value of a trade criterion for one camera; a dash if the study does not ask for it."""
-    if not has(tree, "criteria", "value"):
-        return "—"
-    data = group(tree, "criteria")
-    known = name in data["criterion"].values and key in data["camera"].values
-    return str(data["value"].sel(camera=key, criterion=name).item()) if known else "—"
-
-
-def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
-    keep = [row for row in rows if row.keeps_all]
-    still = [row for row in keep if row.images == 1 and row.moving_parts in ("0", "—")]
-    if still:
-        yield say(
-            "**In one exposure and without a moving part: {best}**, resolving {size}{others}.",
-            best=still[0].title,
-            size=length(still[0].resolution),
-            others="; also " + "; ".join(f"{row.title} ({length(row.resolution)})" for row in still[1:])
-            if still[1:]
-            else "",
-        )
-    if keep and keep[0] not in still[:1]:
-        yield say(
-            "**Finest throughout: {best}**, resolving {size} with {images} and {parts}.",
-            best=keep[0].title,
-            size=length(keep[0].resolution),
-            images=counted(keep[0].images, "exposure"),
-            parts=f"{keep[0].moving_parts} moving part{'' if keep[0].moving_parts == '1' else 's'}",
-        )
-    if not keep:
-        yield say("**No camera keeps all of it sharp.**")
-    missing = [row for row in rows if not row.keeps_all]
-    if missing:
-        yield say(
-            "Not sharp throughout: {cameras}.",
-            cameras="; ".join(f"{row.title} ({share(row.share)} sharp)" for row in missing),
-        )
-    yield from _diffraction_finding(tree)
 
 
 def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
@@ -151,10 +71,10 @@ def _ends(found: tuple[tuple[float, float], ...]) -> str:
     return " and ".join(f"{length(near)} – {length(far)}" for near, far in found) or "nowhere"
 
 
-def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
+def _answer_table(tree: xr.DataTree, rows: Sequence[SharpCamera]) -> Table:
     first = by_first_criterion(tree)
 
-    def cells(row: _Row) -> tuple[Text, ...]:
+    def cells(row: SharpCamera) -> tuple[Text, ...]:
         sharp = share(row.share) if row.share > 0.0 else "none"
         return (
             row.title,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -112,6 +113,62 @@ def by_first_criterion(tree: xr.DataTree) -> xr.Dataset:
 def sharp_ranges(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ...]:
     """Ranges of distance [m] of one camera by one criterion, as (near, far): ``sharp``, ``slice`` or ``gap``."""
     return ranges_of(one[f"{name}_near"].values, one[f"{name}_far"].values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharpCamera:
+    """What one camera keeps sharp of the scene by the first blur criterion, and at what expense.
+
+    Parameters
+    ----------
+    share
+        Fraction of the scene's range of distance that is sharp.
+    stretches
+        Sharp ranges of distance, as (near, far) [m].
+    resolution, diffraction
+        Size of the smallest detail that the camera resolves throughout the scene, and largest diffraction width [m].
+    images, moving_parts
+        Number of exposures; the trade criterion "moving parts", a dash if the study does not ask for it.
+    """
+
+    key: str
+    title: str
+    share: float
+    stretches: tuple[tuple[float, float], ...]
+    resolution: float
+    diffraction: float
+    images: int
+    moving_parts: str
+
+    @property
+    def keeps_all(self) -> bool:
+        """Whether the whole scene is sharp."""
+        return self.share >= 1.0 - 1e-9
+
+
+def sharp_cameras(tree: xr.DataTree) -> tuple[SharpCamera, ...]:
+    """All cameras: first those that keep the whole scene sharp, the finest first; empty if the study does not ask."""
+    if not has(tree, "depth_of_field", "scene_share"):
+        return ()
+    data, moving = by_first_criterion(tree), {}
+    if has(tree, "criteria", "value") and "moving parts" in group(tree, "criteria")["criterion"].values:
+        values = group(tree, "criteria")["value"].sel(criterion="moving parts")
+        moving = dict(zip(map(str, values["camera"].values), map(str, values.values), strict=True))
+    rows = (
+        SharpCamera(
+            key=key,
+            title=title,
+            share=float(one["scene_share"]),
+            stretches=sharp_ranges(one, "sharp"),
+            resolution=float(one["scene_resolution"]),
+            diffraction=float(one["scene_diffraction"]),
+            images=int(one["images"]),
+            moving_parts=moving.get(key, "—"),
+        )
+        for key, title in camera_titles(tree).items()
+        for one in [data.sel(camera=key)]
+    )
+    return tuple(sorted(rows, key=lambda row: (not row.keeps_all, -row.share, row.resolution)))
 
 
 def least_broken(broken: npt.NDArray[np.bool_]) -> int:

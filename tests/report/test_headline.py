@@ -1,0 +1,73 @@
+"""The answer in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tradestudy import load
+from tradestudy.results.views.headline import headline
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+def changed(tree: xr.DataTree, best: Sequence[tuple[float, str]], *drop: str) -> xr.DataTree:
+    """The tree with other best cameras, each up to a distance [m], and without some groups."""
+    decision = tree["decision"].to_dataset().copy(deep=True)
+    places = decision["distance"].values
+    for end, names in reversed(best):
+        decision["best_camera"][{"distance": np.flatnonzero(places <= end)}] = names
+    if "crossover_distance" in decision:
+        decision["crossover_distance"][:] = np.nan
+    others = {name: node.to_dataset() for name, node in tree.children.items() if name not in (*drop, "decision")}
+    return xr.DataTree.from_dict({**others, "decision": decision})
+
+
+@pytest.mark.parametrize(
+    ("best", "says"),
+    [
+        ([(10.0, "r5")], "From 0.05 to 10 m take Raytrix R5, Keplerian"),
+        ([(10.0, "")], "No camera is usable from 0.05 to 10 m"),
+        ([(10.0, "r5, stereo-65deg")], "From 0.05 to 10 m take Raytrix R5, Keplerian or Stereo 100 mm, 65.24° across"),
+        ([(1.0, ""), (10.0, "r5")], "; elsewhere no camera is usable"),
+    ],
+)  # fmt: skip
+def test_it_names_who_is_best_where(
+    make_tree: Callable[..., xr.DataTree], best: Sequence[tuple[float, str]], says: str
+) -> None:
+    assert says in headline(changed(make_tree(), best, "requirements", "criteria", "depth_of_field"))
+
+
+def test_missed_requirements_are_counted(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    data = tree["requirements"].to_dataset().copy(deep=True)
+    data["met"][:] = 0
+    data["priority"][:] = "must"
+    tree["requirements"] = xr.DataTree(data)
+    assert headline(tree).endswith(("; neither requirement is met.", "requirements is met.", "” is not met."))
+
+
+def test_a_rounded_stretch_lies_within_the_true_one(make_tree: Callable[..., xr.DataTree]) -> None:
+    """0.1512 to 0.8288 m is written as 0.16 to 0.82 m: outside of it, nobody is usable."""
+    tree = make_tree()
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    depth["usable_near"][:], depth["usable_far"][:] = np.nan, np.nan
+    depth["usable_near"][{"interval": 0}], depth["usable_far"][{"interval": 0}] = 0.1512, 0.8288
+    tree["depth"] = xr.DataTree(depth)
+    places = tree["decision"]["distance"].values
+    near, far = places[places < 0.1512].max(), places[places < 0.8288].max()
+    found = headline(changed(tree, [(near, ""), (far, "r5"), (10.0, "")], "requirements", "criteria", "depth_of_field"))
+    assert found == "From 0.16 to 0.82 m take Raytrix R5, Keplerian; elsewhere no camera is usable."
+
+
+def test_a_sweep_names_the_number_that_decides() -> None:
+    """At 1 m, a yaw of 0.2° moves depth by a² φ/b = 34.9 mm with a baseline of 100 mm, whatever the focal length."""
+    swept = ["sweep.stereo.baseline=[60 mm, 100 mm, 140 mm]", "sweep.stereo.lenses.focal_length=[8 mm, 16 mm]"]
+    study = load(STUDIES / "stereo_design.yaml", ["scene.distances={from: 0.5 m, to: 2 m, points: 7}", *swept])
+    assert headline(study.run().data).endswith(
+        "; baseline decides and focal length hardly matters: at 100 mm, ±35 mm at 1 m."
+    )

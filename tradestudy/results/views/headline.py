@@ -1,0 +1,371 @@
+"""The answer of a study in one sentence, which opens its report, its lines on the terminal and its JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.light_methods import title_within_a_sentence
+from tradestudy.results import judged_uncertainty
+from tradestudy.results.views.conclusions import BestRange, best_ranges, never_best, question_words, rests_on
+from tradestudy.results.views.decision import solved_questions
+from tradestudy.results.views.depth import (
+    SharpCamera,
+    declared_place,
+    measured_numbers,
+    nominal,
+    sharp_cameras,
+    swept,
+    where_usable,
+)
+from tradestudy.results.views.designs import feasible_designs, margin_words, path_words, value_words
+from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
+from tradestudy.results.views.trade_off import candidates_by_rank
+from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers
+from tradestudy.units import FRACTION, LENGTH, display_unit, pretty, significant
+from tradestudy.wording import DECLARED_VALUE, counted, distance, fewest_digits, listed, plain_span, with_article
+
+_METRE: Final = 0.1  # a range of distances that reaches this far is written in metres, [m]
+_MOST_STRETCHES: Final = 5
+_FEW_DIGITS: Final = 2
+_HARDLY, _CLEARLY = 1.1, 1.5  # factors of the depth uncertainty over the values of a swept number
+_NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it gives the number
+
+
+def headline(tree: xr.DataTree) -> str:
+    """The answer in one sentence, with a full stop; empty where the results hold no answer."""
+    requirements = requirement_conclusions(tree)
+    ways = (_of_sweep, _of_light, _of_fresnel, _of_hard_cases, _of_pictures)
+    words = next(filter(None, (way(tree) for way in ways)), "")
+    if sharp := _of_sharpness(tree):
+        depth = _of_cameras(tree, requirements).replace("take ", "to measure depth, ", 1) if requirements else ""
+        words = "; ".join(filter(None, (sharp, depth)))
+    words = words or _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
+    words = words or _of_requirements(requirements) or next(_questions(tree), "")
+    return f"{words[0].upper()}{words[1:]}." if words else ""
+
+
+def _of_sweep(tree: xr.DataTree) -> str:
+    """Which designs meet the requirements."""
+    feasible = feasible_designs(tree)
+    if feasible is None:
+        return ""
+    what = {1: "the requirement", 2: "both requirements"}.get(
+        feasible.required, f"all {feasible.required} requirements"
+    )
+    if not feasible.count:
+        return f"none of {feasible.designs} designs meets {what}: {feasible.best.words} comes closest{_deciding(tree)}"
+    if feasible.count == feasible.designs:
+        return f"every design meets {what}: {feasible.region}"
+    counts = f"{feasible.count} of {feasible.designs} designs {'meets' if feasible.count == 1 else 'meet'} {what}"
+    if feasible.fills_region:
+        return f"take {feasible.region}: {counts}{_deciding(tree)}"
+    return f"{counts}: {feasible.region} (not every combination){_deciding(tree)}"
+
+
+def _deciding(tree: xr.DataTree) -> str:
+    """Which swept number decides a camera's depth uncertainty and which hardly matters, if one of several does."""
+    depth = group(tree, "depth")
+    axes = [axis for axis in swept(depth) if depth[axis].dtype.kind in "fiu" and depth[axis].size > 1]
+    if len(axes) < _NAMED or not has(tree, "decision", "design_best_camera"):
+        return ""
+    places = group(tree, "decision")["design_place"].values
+    owner = axes[0].removeprefix("cameras.").partition(".")[0]
+    if owner not in depth["camera"].values:
+        return ""
+    at = depth.sel(camera=owner).sel(distance=places[-1], method="nearest")
+    uncertainty = judged_uncertainty(at).transpose(*axes, ...)
+    factor = {axis: float((uncertainty.max(axis) / uncertainty.min(axis)).median()) for axis in axes}
+    idle = [axis for axis in axes if factor[axis] < _HARDLY]
+    busy = [axis for axis in axes if factor[axis] > _CLEARLY]
+    if not idle or len(idle) + len(busy) < len(axes):
+        return ""
+    middle = {axis: declared_place(depth[axis]) or depth[axis].size // 2 for axis in busy}
+    along = uncertainty.isel(middle).values
+    low, high = (pretty(float(end), LENGTH, digits=2) for end in (np.nanmin(along), np.nanmax(along)))
+    held = listed([value_words(depth[axis], depth[axis].values[k]) for axis, k in middle.items()])
+    names = [listed([path_words(tree, axis).partition(" of ")[0] for axis in some]) for some in (busy, idle)]
+    spread = low if low == high else f"{low} to {high}"
+    verbs = ["decides" if len(busy) == 1 else "decide", "hardly matters" if len(idle) == 1 else "hardly matter"]
+    where = distance(float(places[-1])).replace("\N{NO-BREAK SPACE}", " ")
+    return f"; {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: at {held}, ±{spread} at {where}"
+
+
+def _of_light(tree: xr.DataTree) -> str:
+    """How far pictures of a light spot by simpler methods differ from that by the most complete one."""
+    others = [one for one in light_numbers(tree) if one["method"] != one["reference"]]
+    if not others:
+        return ""
+    each = [
+        f"{pretty(one['difference'], FRACTION, digits=2)} ({title_within_a_sentence(one['method'])})" for one in others
+    ]
+    reference = title_within_a_sentence(others[0]["reference"])
+    return f"pictures of the light spot differ from that by {reference} by {listed(each)}"
+
+
+def _of_fresnel(tree: xr.DataTree) -> str:
+    """From which f-number on Fresnel's approximation suffices behind each lens."""
+    limits = fresnel_numbers(tree)
+    if not limits:
+        return ""
+    by_phase: dict[str, list[str]] = {}
+    for one in limits:
+        if one["f_number"] == 0.0:
+            where = f"at every f-number behind the {one['element'].lower()}"
+        elif math.isfinite(one["f_number"]):
+            where = (
+                f"from f/{significant(math.ceil(one['f_number'] * 10.0) / 10.0)} on behind the {one['element'].lower()}"
+            )
+        else:
+            where = f"at no f-number behind the {one['element'].lower()}"
+        by_phase.setdefault(one["lens_phase"], []).append(where)
+    phases: dict[str, list[str]] = {}
+    for phase, places in by_phase.items():
+        phases.setdefault(listed(places), []).append(phase)
+    each = "; ".join(f"with a {listed(names)} lens phase, {where}" for where, names in phases.items())
+    within = f"{pretty(limits[0]['limit'], FRACTION)} over {significant(limits[0]['window'])} Airy radii"
+    return f"Fresnel's approximation agrees with Kirchhoff's integral to {within}: {each}"
+
+
+def _of_hard_cases(tree: xr.DataTree) -> str:
+    counts = hard_case_numbers(tree)
+    return f"the program gets {counts['met']} of {counts['cases']} hard cases right" if counts else ""
+
+
+def _of_pictures(tree: xr.DataTree) -> str:
+    """Which camera measured the rendered scene best, and how; or how far planes deviate from predictions."""
+    rows = [row for row in measured_numbers(tree) if np.isfinite(row["spread"])]
+    scene = sorted(
+        (row for row in rows if row["of"] == "scene"), key=lambda row: math.hypot(row["spread"], row["bias"])
+    )
+    if scene:
+        first, *others = scene
+        words = (
+            f"{with_article(first['camera'])} measures the scene {'best, ' if others else ''}to {_spread_words(first)}"
+        )
+        return "; ".join(
+            [words, *(f"{with_article(row['camera'])}, to {_spread_words(row)}" for row in others[:_NAMED])]
+        )
+    ratios = [row["spread"] / row["predicted"] for row in rows if row["predicted"] > 0.0]
+    if not ratios:
+        return ""
+    low, high = (significant(end, 2) for end in (min(ratios), max(ratios)))
+    cameras = list(dict.fromkeys(with_article(row["camera"]) for row in rows))
+    return f"{listed(cameras)} measure planes with {low} to {high} times the predicted spread"
+
+
+def _spread_words(row: dict[str, Any]) -> str:
+    spread, bias = (pretty(abs(row[name]), LENGTH, digits=2) for name in ("spread", "bias"))
+    return f"±{spread}, {bias} too {'far' if row['bias'] > 0.0 else 'near'} on average"
+
+
+def _of_sharpness(tree: xr.DataTree) -> str:
+    """Which cameras keep the scene sharp: with the fewest exposures and moving parts, and with the finest detail."""
+    cameras = sharp_cameras(tree)
+    if not cameras:
+        return ""
+    attrs = group(tree, "depth_of_field").attrs
+    scene = plain_span(float(attrs["scene_near"]), float(attrs["scene_far"]))
+    keep = [one for one in cameras if one.keeps_all]
+    if not keep:
+        return (
+            f"no camera keeps {scene} sharp; {with_article(cameras[0].title)} keeps {_percent(cameras[0].share)} of it"
+        )
+    finest, simplest = keep[0], min(keep, key=lambda one: (one.images, one.moving_parts, one.resolution))
+    which = [with_article(simplest.title) + f" ({_expense(simplest)})"]
+    if finest.title != simplest.title:
+        which.append(f"for finer detail, {with_article(finest.title)} ({_expense(finest)})")
+    return f"to keep {scene} sharp, take {' or, '.join(which)}"
+
+
+def _expense(camera: SharpCamera) -> str:
+    parts = "" if camera.moving_parts == "—" else f", {counted(int(camera.moving_parts), 'moving part')}"
+    return f"{_length_up(camera.resolution)} in {counted(camera.images, 'exposure')}{parts}"
+
+
+def _percent(share: float) -> str:
+    return pretty(math.floor(share * 100.0) / 100.0, FRACTION, digits=2)
+
+
+def _length_up(value: float) -> str:
+    """A length [m], rounded up to two digits."""
+    return _worst(value, value)
+
+
+def _of_one_camera_asked(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]) -> str:
+    """The first question of a study that has one camera, no requirement, and questions."""
+    single = has(tree, "depth") and group(tree, "depth").sizes["camera"] == 1
+    return next(_questions(tree), "") if single and not requirements else ""
+
+
+def _questions(tree: xr.DataTree) -> Iterator[str]:
+    for says, answer in solved_questions(tree):
+        value, _, beside = answer.partition(DECLARED_VALUE)
+        declared = f" (declared: {beside.partition(';')[0]})" if beside else ""
+        yield f"{question_words(says)} {value.partition(';')[0]}{declared}"
+
+
+def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]) -> str:
+    """Which camera to take, by the requirements if they are met, and otherwise by its distance."""
+    must = [one for one in requirements if one.priority == "must"] or list(requirements)
+    deciding = {one.camera for one in must if one.met}
+    ranges = best_ranges(tree)
+    if must and all(one.met for one in must) and len(deciding) == 1 and len(camera_titles(tree)) > 1:
+        words = f"take {with_article(must[0].camera)}: {_requirement_words(must)}"
+        best = {title for one in ranges for title in one.cameras}
+        if best == deciding:
+            words += _lead_words(tree)
+        return words + _trade_off_words(tree, must[0].camera)
+    words = _stretch_words(tree, ranges)
+    if not words:
+        return ""
+    return words + _missed_words(must)
+
+
+def _missed_words(must: Sequence[RequirementConclusion]) -> str:
+    """Which requirements, or how many, are not met."""
+    missed = [one for one in must if one.met is not True]
+    if not missed:
+        return ""
+    if len(missed) == 1:
+        return f"; “{missed[0].says}” {'is not met' if missed[0].met is False else 'cannot be decided'}"
+    if len(missed) == len(must):
+        return f"; {'neither requirement' if len(missed) == _NAMED else f'none of the {len(must)} requirements'} is met"
+    return f"; {len(missed)} of {len(must)} requirements are not met"
+
+
+def _of_requirements(requirements: Sequence[RequirementConclusion]) -> str:
+    """The verdicts where no camera measures depth."""
+    if not requirements:
+        return ""
+    met = [one for one in requirements if one.met]
+    if len(met) == len(requirements):
+        return f"{with_article(met[0].camera)}: {_requirement_words(met)}"
+    return f"{len(met)} of {counted(len(requirements), 'requirement')} {'is' if len(met) == 1 else 'are'} met"
+
+
+def _requirement_words(met: Sequence[RequirementConclusion]) -> str:
+    """What a camera meets, and with what to spare in the tightest case."""
+    tightest = min(met, key=lambda one: one.margin)
+    alone = not any(other.met for other in tightest.others)
+    which = (
+        f"“{tightest.says}”"
+        if len(met) == 1
+        else {2: "both requirements"}.get(len(met), f"all {len(met)} requirements")
+    )
+    bound = ", on the lower bound of matching" if any(one.at_lower_bound for one in met) else ""
+    only = "it alone" if alone and len(met) == 1 and tightest.others else "it"
+    spare = f", {margin_words(tightest.margin)}" if np.isfinite(tightest.margin) else ""
+    return f"{only} meets {which} ({tightest.reason}{spare}{bound})"
+
+
+def _lead_words(tree: xr.DataTree) -> str:
+    """By how much the best camera leads, if all others are usable and best nowhere."""
+    factors = [factor for _, factor in never_best(tree)]
+    if not factors or (least := significant(min(factors), 2)) == "1":
+        return ""
+    return f"; every other camera is at least {least} times as uncertain"
+
+
+def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
+    """Which candidate ranks first if all criteria are weighed, if it is another one."""
+    ranked = candidates_by_rank(tree)
+    if not ranked or not taken or ranked[0].title == taken:
+        return ""
+    share = pretty(ranked[0].ranks[0], FRACTION, digits=2)
+    return f"; weighing all criteria, {with_article(ranked[0].title)} ranks first for {share} of the possible weights"
+
+
+def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
+    """Which camera to take from which distance to which."""
+    taken = [one for one in ranges if one.cameras]
+    if not ranges:
+        return ""
+    if not taken:
+        return f"no camera is usable from {' to '.join(_ends(ranges[0].near, ranges[-1].far))}"
+    if len(group(tree, "depth")["camera"]) == 1:
+        return _of_one_camera(tree, taken)
+    shown = taken
+    if len(taken) > _MOST_STRETCHES:  # the longest, in factors of distance
+        longest = sorted(taken, key=lambda one: one.far / one.near)[-3:]
+        shown = [one for one in taken if one in longest]
+    parts, last = [], math.nan
+    for number, one in enumerate(shown):
+        handed = number + 1 < len(shown) and shown[number + 1].near == one.far
+        near, far = _ends(one.near, one.far, nearest=handed)
+        begins = "" if one.near == last else f"from {near} "
+        parts.append(f"{begins}to {far} {'' if number else 'take '}{_camera_words(one.cameras)}")
+        last = one.far
+    words = ", ".join(parts)
+    if len(shown) < len(taken):
+        return f"{words}; the best camera changes {len(taken) - 1} times"
+    nowhere = any(not one.cameras for one in ranges)
+    return f"{words}; elsewhere no camera is usable" if nowhere else words + _lead_words(tree) * (len(taken) == 1)
+
+
+def _camera_words(titles: Sequence[str]) -> str:
+    return " or ".join(map(with_article, titles)) + (" (equally uncertain)" if len(titles) > 1 else "")
+
+
+def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
+    """The usable range of the only camera, and its uncertainty at both ends, at the worst place of the picture."""
+    depth = nominal(tree)
+    name = str(depth["camera"].values[0])
+    distances = np.asarray(depth["distance"].values, dtype=np.float64)
+    judged = judged_uncertainty(depth).sel(camera=name).values
+    if has(tree, "depth_field", "depth_uncertainty"):
+        off = judged_uncertainty(group(tree, "depth_field")).sel(camera=name).max(("field", "corner")).values
+        judged = np.fmax(judged, off)
+    inside = [k for k, place in enumerate(distances) for a, b in where_usable(depth, name) if a <= place <= b]
+    where = " and ".join(f"from {' to '.join(_ends(one.near, one.far))}" for one in taken)
+    known = [k for k in inside if np.isfinite(judged[k])]
+    title = with_article(camera_titles(tree)[name])
+    if not known:
+        return f"{title} is usable {where}"
+    worst = float(np.max(judged[known]))
+    values = [f"±{_worst(judged[k], worst)} at {distance(distances[k])}" for k in dict.fromkeys((known[0], known[-1]))]
+    causes = rests_on(tree)
+    limits = f"; {causes[0].partition(' of ')[0]} decides most of it" if causes else ""
+    return f"depth by {title} is usable {where}, with {listed(values)}{limits}".replace("\N{NO-BREAK SPACE}", " ")
+
+
+def _worst(uncertainty: float, largest: float) -> str:
+    """An uncertainty [m] in the unit that suits the largest one, rounded up to two digits."""
+    unit = display_unit(largest, LENGTH)
+    return f"{_rounded(uncertainty / unit.size, 2, up=True)}{unit.label}"
+
+
+def _ends(near: float, far: float, *, nearest: bool = False) -> tuple[str, str]:
+    """Both ends of a range of distances [m] in one unit, rounded inwards to as few digits as tell them apart.
+
+    The far end is rounded to the nearest value instead where another camera takes over, which is as certain there.
+    """
+    unit, size = ("m", 1.0) if far >= _METRE else ("mm", 1e-3)
+
+    def written(digits: int) -> tuple[str, str]:
+        last = significant(far / size, digits) if nearest else _rounded(far / size, digits, up=False)
+        return _rounded(near / size, digits, up=True), last
+
+    def apart(digits: int) -> bool:
+        first, last = written(digits)
+        return float(first) < float(last)
+
+    first, last = written(_FEW_DIGITS if apart(_FEW_DIGITS) else fewest_digits(apart))
+    return first, f"{last} {unit}"
+
+
+def _rounded(value: float, digits: int, *, up: bool) -> str:
+    """A positive number with so many significant digits, rounded up or down unless it is one of them already."""
+    if not 0.0 < value < math.inf:
+        return significant(value, digits)
+    step = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
+    steps = value / step
+    whole = (
+        round(steps) if math.isclose(steps, round(steps), rel_tol=1e-9) else (math.ceil if up else math.floor)(steps)
+    )
+    return significant(whole * step, digits)
