@@ -127,3 +127,8 @@ def test_large_tables_are_written_only_on_request(monkeypatch: pytest.MonkeyPatc
     (line,) = api.tables_left_out(Result(data=tree, run_record={}))
     assert line.endswith("written only with --large-tables: depth_by_camera_distance.csv (880 kB)")
     assert csv_tables.tables(tree).keys() == {"depth_by_camera_distance.csv"}
+
+
+def test_small_tables_are_not_estimated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csv_tables, "_size", lambda _table: pytest.fail("a table of few cells was estimated"))
+    assert csv_tables.large_tables(_swept(np.zeros((2, 3, 4)), np.zeros(4))) == {}

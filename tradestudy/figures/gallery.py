@@ -100,11 +100,12 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
 
 def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
+    measured = where_measured(depth)
     caption = (
         "Depth uncertainty (half the width of the central 68.27 % interval), bold where the camera is usable. "
         "Bars: usable distances."
     )
-    if larger := [camera.title for camera in shown if _is_judged_by_radius(depth, camera.key)]:
+    if larger := [camera.title for camera in shown if _is_judged_by_radius(measured, camera.key)]:
         caption += (
             f" Of {listed(larger)}, the error radius is drawn where it is larger than that: requirements and ranks are "
             "judged by the larger of both."
@@ -131,9 +132,8 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     )
 
 
-def _is_judged_by_radius(depth: xr.Dataset, camera: str) -> bool:
+def _is_judged_by_radius(measured: xr.Dataset, camera: str) -> bool:
     """Whether the error radius of a camera visibly exceeds its depth uncertainty anywhere."""
-    measured = where_measured(depth)
     half_width, radius = (of_camera(measured, name, camera) for name in JUDGED)
     return bool(np.any(radius > 1.01 * half_width))
 

@@ -17,7 +17,8 @@ from tradestudy.results.views.tables import Table, tables_of
 
 LARGE: Final = 50e6  # bytes from which a table is written only on request
 _ROWS: Final = 10_000  # formatted at a time, so that memory does not grow with the number of designs
-_SAMPLE: Final = 500  # rows from which the size of a table is estimated
+_FEW: Final = 100_000  # cells: a table of fewer comes nowhere near that size
+_SAMPLE: Final = 500  # rows from which the size of a larger table is estimated
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
@@ -37,7 +38,7 @@ def tables(tree: xr.DataTree, *, large: bool = True) -> Mapping[str, Iterator[by
 
 def large_tables(tree: xr.DataTree) -> dict[str, float]:
     """The files of tables above 50 MB, with their sizes in bytes, estimated from some of their rows."""
-    sizes = {f"{name}.csv": _size(table) for name, table in tables_of(tree).items()}
+    sizes = {f"{name}.csv": _size(one) for name, one in tables_of(tree).items() if _count_cells(one) > _FEW}
     return {name: size for name, size in sizes.items() if size > LARGE}
 
 
@@ -52,6 +53,10 @@ def _pieces(table: Table) -> Iterator[bytes]:
 
 def _shape(table: Table) -> tuple[int, ...]:
     return tuple(table.data.sizes[dim] for dim in table.dims)
+
+
+def _count_cells(table: Table) -> int:
+    return math.prod(_shape(table)) * (len(table.dims) + len(table.variables))
 
 
 def _same_in_every_design(table: Table) -> NDArray[np.bool_]:

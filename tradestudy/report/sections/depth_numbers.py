@@ -130,11 +130,11 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         depth["usable"],
         depth["converged"],
     )
-    titles = titles_in(tree, "depth")
-    for place in table_distances(tree):
+    titles, places = titles_in(tree, "depth"), table_distances(tree)
+    listed = [column.sel(distance=places, method="nearest").sel(camera=list(titles)) for column in shown_columns]
+    at_places = [column.transpose("distance", "camera", ...).values.tolist() for column in listed]
+    for place, *at in zip(places, *at_places, strict=True):
         rows.append((f"At {distance(float(place))}",))
-        here = (column.sel(distance=place, method="nearest").sel(camera=list(titles)) for column in shown_columns)
-        at = [column.transpose("camera", ...).values.tolist() for column in here]
         for title, u_here, u_error_here, r, r_error, steps, (low, high), judged, usable, converged in zip(
             titles.values(), *at, strict=True
         ):
