@@ -12,6 +12,7 @@ from tests.cameras.builders import r5, stereo, unfocused
 from tradestudy.answers.decision import decide_pair
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.depth import table
 from tradestudy.depth.evaluation import ERROR_SOURCES, distribution, imaged
 from tradestudy.depth.table import distribution_between, judged_uncertainty
 from tradestudy.study.definition import Case
@@ -48,6 +49,7 @@ def test_a_table_gives_what_is_computed_at_the_distances(seed: int) -> None:
         some = np.isfinite(own.judged)
         np.testing.assert_allclose(read.judged[some], own.judged[some], rtol=1e-6)
         np.testing.assert_allclose(read.quantile[:, some], own.quantile[:, some], rtol=1e-7)
+        np.testing.assert_allclose(read.failed_fraction, own.failed_fraction, atol=1e-6)
 
 
 def test_a_table_of_draws_adds_less_than_their_standard_error() -> None:
@@ -58,6 +60,32 @@ def test_a_table_of_draws_adds_less_than_their_standard_error() -> None:
     bounded = np.isfinite(own.judged)
     assert bounded.sum() > 20
     assert np.all(np.abs(read.judged - own.judged)[bounded] < own.judged_error[bounded])
+
+
+def test_failures_of_a_feature_narrower_than_the_nodes_are_computed_there() -> None:
+    """Around 81.23 mm, where the image lies on the microlenses, an R5 fails far more often than at the nodes around."""
+    array = of_rig("mla_distance", Normal(mean=0.0, standard_deviation=1e-6))
+    camera = r5(propagation=JUDGED, calibration=Calibration(groups=(array,)))
+    places = np.linspace(0.0805, 0.082, 301)
+    own = distribution(camera, places, "both").failed_fraction
+    assert own.max() > 0.4
+    np.testing.assert_allclose(distribution_between(camera, places).failed_fraction, own, atol=1e-7)
+
+
+def test_beside_distances_without_a_depth_draws_are_interpolated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rig sees nothing nearer than 83 mm; only there, between two nodes, is the distribution computed."""
+    exact = Propagation(model="exact", judged=(0.05, 0.5, 2.0, 10.0))
+    yaw = of_rig("yaw", Uniform(low=-4e-3, high=4e-3))
+    camera = stereo(calibration=Calibration(groups=(yaw,)), propagation=exact)
+    nearest = float(GRID[np.isfinite(distribution(camera, GRID, "both").judged)][0])
+    places = nearest * np.linspace(1.1, 1.3, 12)
+    own = distribution(camera, places, "both")
+    distribution_between(camera, places)  # makes the table
+    computed = []
+    monkeypatch.setattr(table, "distribution", lambda *asked: computed.append(asked))
+    read = distribution_between(camera, places)
+    assert np.all(np.abs(read.judged - own.judged) < own.judged_error)
+    assert not computed
 
 
 def test_beyond_the_range_of_the_study_and_without_one_depth_is_computed() -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tests.cameras.builders import r5, stereo
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.parts import Lens
+from tradestudy.depth.distribution import DepthDistribution
 from tradestudy.depth.usable import END_OF_STUDY, Interval, all_met, boundaries, evaluate_limits, usable_intervals
 
 GRID = np.geomspace(0.05, 10.0, 401)
@@ -76,7 +77,7 @@ def test_a_margin_that_jumps_is_followed_too(below: float, above: float) -> None
     def kept(points: np.ndarray) -> np.ndarray:
         return np.where(np.searchsorted(edges, points, side="right") % 2 == 1, above, below)
 
-    found = boundaries(kept, GRID, held=kept(GRID) > 0.0)
+    found = boundaries(kept, GRID, kept(GRID) > 0.0)
     assert [end.begins for end in found] == [True, False, True]
     np.testing.assert_allclose([end.distance for end in found], edges, rtol=1e-15)
 
@@ -120,6 +121,15 @@ def test_limits_requested_by_name_equal_those_of_all() -> None:
         for name in names:
             np.testing.assert_array_equal(found[name].value, everything[name].value)
             np.testing.assert_array_equal(found[name].met, everything[name].met)
+
+
+def test_limits_of_geometry_need_no_depth() -> None:
+    criteria = UsableCriteria(overlap=0.8, blur_px=2.0, relative_uncertainty=0.02, failed_fraction=0.01)
+
+    def depth(*_: object) -> DepthDistribution:
+        raise AssertionError("no depth was asked for")
+
+    assert set(evaluate_limits(stereo(), criteria, GRID, ["overlap", "focus"], depth=depth)) == {"overlap", "focus"}
 
 
 def test_overlap_ends_the_stereo_range_near_and_focus_far() -> None:

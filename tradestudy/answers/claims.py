@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -12,7 +13,7 @@ import xarray as xr
 from tradestudy.answers.decision import is_usable, readings_say
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
 from tradestudy.depth.table import judged_uncertainty
-from tradestudy.depth.usable import boundaries, evaluate_limits, margin
+from tradestudy.depth.usable import boundaries, evaluate_limits, kept_by, margin
 from tradestudy.execution.steps import Progress, mixed
 from tradestudy.light_methods import short_title
 from tradestudy.models.point_spreads import (
@@ -23,7 +24,7 @@ from tradestudy.models.point_spreads import (
     psf_differences,
 )
 from tradestudy.models.spot_images import image_difference, lit_pixels, spot_image
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.schema.claims import (
@@ -293,14 +294,12 @@ def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
     if not evaluate_limits(camera, case.criteria, case.distance[:1], (claim.limit,)):
         return math.nan
 
-    def holds(points: FloatArray) -> BoolArray:
-        return evaluate_limits(camera, case.criteria, points, (claim.limit,))[claim.limit].met
-
+    holds = partial(kept_by, camera, case.criteria, names=(claim.limit,))
     first, last = float(case.distance[0]), float(case.distance[-1])
-    if near and holds(case.distance[:1])[0]:
+    if near and holds(case.distance[:1])[0] >= 0.0:
         ends = boundaries(holds, np.geomspace(min(_NEAREST, first / 10.0), first, _POINTS))
         return next((end.distance for end in reversed(ends) if end.begins), 0.0)
-    if not near and holds(case.distance[-1:])[0]:
+    if not near and holds(case.distance[-1:])[0] >= 0.0:
         ends = boundaries(holds, np.geomspace(last, max(_FARTHEST, 10.0 * last), _POINTS))
         return next((end.distance for end in ends if not end.begins), math.inf)
     found = [end.distance for end in boundaries(holds, case.distance) if end.begins == near]

@@ -12,6 +12,7 @@ import xarray as xr
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
+from tradestudy.depth.distribution import DepthDistribution
 from tradestudy.depth.evaluation import ERROR_SOURCES, Reading, distribution, finite, imaged
 from tradestudy.depth.linear import linearised_depth
 from tradestudy.depth.table import distribution_between, judged_uncertainty, judged_uncertainty_error
@@ -239,11 +240,24 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
     )
 
 
-def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_source: str) -> FloatArray:
+def _depths(
+    cameras: tuple[DepthCamera, DepthCamera], distance: FloatArray, error_source: str
+) -> tuple[DepthDistribution, DepthDistribution]:
+    first, second = (distribution_between(camera, distance, error_source) for camera in cameras)
+    return first, second
+
+
+def _log_ratios(first: DepthDistribution, second: DepthDistribution) -> FloatArray:
     """ln(u₁/u₂) of each scramble; ±∞ where one is unbounded, NaN where both are; shape (scrambles, distances)."""
-    a, b = (distribution_between(camera, distance, error_source).judged_widths for camera in (first, second))
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
-        return np.asarray(np.log(a) - np.log(b))
+        return np.asarray(np.log(first.judged_widths) - np.log(second.judged_widths))
+
+
+def _below_one(first: DepthDistribution, second: DepthDistribution) -> FloatArray:
+    """Margin by which u₁/u₂ is below one; where both are unbounded, it counts as not below, whichever is the first."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
+        ratio = first.judged / second.judged
+    return margin(ratio < 1.0, ratio - 1.0)
 
 
 def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, error_source: str) -> list[str]:
@@ -284,20 +298,29 @@ def _changes(case: Case, pair: tuple[str, str], error_source: str, places: Mappi
 
 def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Crossing, ...]:
     """Where the lead passes from one camera to the other, between distances where it is significant."""
-    first, second = (case.cameras[name] for name in pair)
-    distance = np.union1d(sought(first, case.distance), sought(second, case.distance))
-    ratios = _log_ratios(first, second, distance, error_source)
+    cameras = case.cameras[pair[0]], case.cameras[pair[1]]
+    distance = np.union1d(*(sought(camera, case.distance) for camera in cameras))
+    depths = _depths(cameras, distance, error_source)
+    ratios, below_one = _log_ratios(*depths), _below_one(*depths)
     lead = _sure_lead(ratios)
     decided = np.flatnonzero(lead)
     turns = np.flatnonzero(lead[decided[1:]] != lead[decided[:-1]])
     found = []
     for before, after in zip(decided[turns], decided[turns + 1], strict=True):
-        grid = distance[before : after + 1]
-        place = _turn(first, second, grid, error_source, begins=lead[before] > 0)
-        if place is not None:
-            error = 0.0
+        between = slice(before, after + 1)
+        ends = boundaries(
+            lambda places: _below_one(*_depths(cameras, places, error_source)),
+            distance[between],
+            below_one[between],
+            to=_CROSSED_TO,
+        )
+        # Of several, the middle one.
+        passed = [end.distance for end in ends if end.begins == (lead[before] > 0)]
+        if passed:
+            place, error = passed[len(passed) // 2], 0.0
             if len(ratios) > 1:  # drawn: each scramble has a root of its own
-                error = scramble_error(_log_ratios(first, second, places_around(place), error_source), place)
+                around = _depths(cameras, places_around(place), error_source)
+                error = scramble_error(_log_ratios(*around), place)
             found.append(Crossing(distance=place, error=error, nearer=pair[0] if lead[before] < 0 else pair[1]))
     return tuple(found)
 
@@ -309,21 +332,6 @@ def _sure_lead(ratios: FloatArray) -> FloatArray:
         spread = np.std(ratios, axis=0, ddof=1) / math.sqrt(len(ratios)) if len(ratios) > 1 else np.zeros_like(mean)
     sure = np.isinf(mean) | (np.abs(mean) > np.maximum(_SURE * np.nan_to_num(spread), _ROUNDING))
     return np.where(sure & ~np.isnan(mean), np.sign(mean), 0.0)
-
-
-def _turn(
-    first: DepthCamera, second: DepthCamera, grid: FloatArray, error_source: str, *, begins: bool
-) -> float | None:
-    """Distance [m] between two significant leads where the ratio passes one; of several, the middle one."""
-
-    def below_one(points: FloatArray) -> FloatArray:
-        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
-            ratio = judged_uncertainty(first, points, error_source) / judged_uncertainty(second, points, error_source)
-        return margin(ratio < 1.0, ratio - 1.0)
-
-    # Where both intervals are unbounded, the ratio is undefined and counts as "not below one" for either camera.
-    ends = [end.distance for end in boundaries(below_one, grid, to=_CROSSED_TO) if end.begins == begins]
-    return ends[len(ends) // 2] if ends else None
 
 
 def decision_group(

@@ -14,12 +14,13 @@ from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.depth.distribution import DepthDistribution, standard_error
 from tradestudy.depth.evaluation import Reading, distribution, finite, imaged, model_error
-from tradestudy.optics.arrays import BoolArray, FloatArray, lagrange_weights
+from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray, lagrange_weights
 
 NODES_PER_FACTOR: Final = 64.0
 """Nodes of a table in a factor e of distance."""
@@ -34,6 +35,43 @@ _NEGLIGIBLE: Final = 1e-9  # error of a failed fraction
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _Curves:
+    """Values (…, nodes) at distances [m] that are evenly spaced in their logarithm."""
+
+    distance: FloatArray
+    values: FloatArray
+
+    def read(self, distance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Values at distances [m], how far a lower order is off, and the values used (…, distances, nodes).
+
+        NaN where a value used is infinite or unknown.
+        """
+        step = math.log(self.distance[-1] / self.distance[0]) / (self.distance.size - 1)
+        place = np.log(distance / self.distance[0]) / step
+        interval = np.clip(place.astype(int), 0, self.distance.size - 2)
+        first = self._first[interval]
+        inner = first + np.clip(interval - first - 1, 0, 2)
+        around = self.values[..., first[:, None] + np.arange(2 * _HALF_STENCIL)]
+        near = self.values[..., inner[:, None] + np.arange(2 * _HALF_STENCIL - 2)]
+        with np.errstate(invalid="ignore"):  # infinite values at a node: not known between nodes
+            read, lower = (
+                np.sum(values * lagrange_weights(np.arange(float(values.shape[-1])), place - start), axis=-1)
+                for values, start in ((around, first), (near, inner))
+            )
+            return read, np.abs(read - lower), around
+
+    @cached_property
+    def _first(self) -> IndexArray:
+        """First of the nodes used in each interval: those around it or, beside unknown values, those on one side."""
+        intervals = np.arange(self.distance.size - 1)
+        firsts = np.stack([intervals + 1 - _HALF_STENCIL + shift for shift in (0, -1, 1, -2, 2)])
+        firsts = np.clip(firsts, 0, self.distance.size - 2 * _HALF_STENCIL)
+        known = np.isfinite(self.values).reshape(-1, self.distance.size).all(axis=0)
+        whole = np.asarray(sliding_window_view(known, 2 * _HALF_STENCIL).all(axis=1))
+        return np.asarray(firsts[whole[firsts].argmax(axis=0), intervals])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Table:
     """The distribution at nodes that are evenly spaced in the logarithm of distance."""
 
@@ -41,44 +79,19 @@ class _Table:
     nodes: DepthDistribution
 
     @cached_property
-    def deviations(self) -> FloatArray:
-        """Quantiles of inverse depth relative to the true one, less 1; shape (scrambles, probabilities, nodes)."""
-        return np.asarray(self.distance / self.nodes.quantiles - 1.0)
+    def ends(self) -> _Curves:
+        """Inverse depth relative to the true one, less 1: its quantiles and the far end of the error radius.
+
+        Shape (scrambles, probabilities + 1, nodes); -1 where depth is infinite.
+        """
+        far = self.distance + self.nodes.error_radii[:, np.newaxis]
+        depth = np.concatenate([self.nodes.quantiles, far], axis=1)
+        return _Curves(distance=self.distance, values=self.distance / depth - 1.0)
 
     @cached_property
-    def radii(self) -> FloatArray:
-        """Error radii relative to the distance, shape (scrambles, nodes)."""
-        return np.asarray(self.nodes.error_radii / self.distance)
-
-    @cached_property
-    def failures(self) -> FloatArray:
-        """Failed shares, shape (scrambles, nodes)."""
-        return self.nodes.failures()
-
-    def stencil(self, distance: FloatArray) -> _Stencil:
-        """The nodes around distances [m] and their weights."""
-        step = math.log(self.distance[-1] / self.distance[0]) / (self.distance.size - 1)
-        place = np.log(distance / self.distance[0]) / step
-        first = np.clip(np.floor(place).astype(int) + 1 - _HALF_STENCIL, 0, self.distance.size - 2 * _HALF_STENCIL)
-        wide = lagrange_weights(np.arange(2.0 * _HALF_STENCIL), place - first)
-        narrow = lagrange_weights(np.arange(1.0, 2.0 * _HALF_STENCIL - 1.0), place - first)
-        return _Stencil(nodes=first[:, None] + np.arange(2 * _HALF_STENCIL), wide=wide, narrow=narrow)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Stencil:
-    """Nodes around each distance, shape (distances, nodes); weights of polynomials through all and the inner ones."""
-
-    nodes: FloatArray
-    wide: FloatArray
-    narrow: FloatArray
-
-    def read(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Values (…, nodes) interpolated at the distances, and how far the lower order is off; NaN where unknown."""
-        around = values[..., self.nodes]
-        with np.errstate(invalid="ignore"):  # infinite values at a node: not known between nodes
-            read = np.sum(around * self.wide, axis=-1)
-            return read, np.abs(read - np.sum(around[..., 1:-1] * self.narrow, axis=-1))
+    def failures(self) -> _Curves:
+        """Failed shares, (scrambles, nodes)."""
+        return _Curves(distance=self.distance, values=self.nodes.failures())
 
 
 @lru_cache(maxsize=512)
@@ -98,10 +111,10 @@ def distribution_between(
 ) -> DepthDistribution:
     """The distribution of depth at distances [m], interpolated in the table of the camera where that is safe.
 
-    Between nodes, a polynomial of degree 5 in the logarithm of distance gives quantiles of inverse depth, error radii
-    and failed shares. Where one of degree 3 differs from it by more than 1e-7 of the width, or a quarter of the
-    standard deviation between scrambles, as where a lens type switches or an interval becomes unbounded, and beyond the
-    range of the study, the distribution is computed at the distance itself.
+    Between nodes, a polynomial of degree 5 in the logarithm of distance gives the inverse depths of quantiles and of
+    the far end of the error radius, and failed shares. Where one of degree 3 differs from it by more than 1e-7 of the
+    width, or a quarter of the standard deviation between scrambles, as where a lens type switches or an interval
+    becomes unbounded, and beyond the range of the study, the distribution is computed at the distance itself.
     """
     table = _table(camera, field, error_source)
     distance = imaged(camera, distance)
@@ -133,47 +146,43 @@ class _Reading:
     inside: BoolArray
 
     @cached_property
-    def _stencil(self) -> _Stencil:
-        return self.table.stencil(self.distance[self.inside])
+    def _ends(self) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """Interpolated ends (`_Table.ends`) as depth relative to the distance, where all are safe, and where unseen."""
+        read, off, around = self.table.ends.read(self.distance[self.inside])
+        beyond = np.all(around == -1.0, axis=-1)  # infinity at all nodes
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = 1.0 / np.where(beyond, 0.0, 1.0 + read)
+            widths = relative - 1.0
+            widths[:, :-1] = np.ptp(np.where(np.isinf(relative), 0.0, relative)[:, :-1], axis=1, keepdims=True) / 2.0
+            safe = beyond | (off * relative**2 <= self._allowed(widths)) & (relative > 0.0)
+        unseen = np.isnan(around).all(axis=(0, 1, 3))
+        return relative, np.asarray(np.all(safe, axis=(0, 1))), np.asarray(unseen)
 
     @cached_property
     def quantiles(self) -> FloatArray:
         """Quantiles of depth [m], shape (scrambles, probabilities, distances)."""
-        read, off = self._stencil.read(self.table.deviations)
-        beyond = np.all(self.table.deviations[..., self._stencil.nodes] == -1.0, axis=-1)  # infinity at all nodes
-        with np.errstate(divide="ignore", invalid="ignore"):
-            relative = 1.0 / np.where(beyond, 0.0, 1.0 + read)  # depth relative to the distance
-            bounded = np.where(np.isinf(relative), 0.0, relative)
-            width = np.ptp(bounded, axis=1) / 2.0
-            safe = np.all(beyond | (off * relative**2 <= self._allowed(width)[:, None]) & (relative > 0.0), axis=(0, 1))
-        depth = self.distance[self.inside] * np.where(safe, relative, 1.0)
+        relative, safe, _ = self._ends
+        depth = self.distance[self.inside] * np.where(safe, relative[:, :-1], 1.0)
         return self._filled(depth, safe, lambda one: one.quantiles)
 
     @cached_property
     def radii(self) -> FloatArray:
         """Error radii [m], shape (scrambles, distances)."""
-        read, off = self._stencil.read(self.table.radii)
-        safe = np.all(off <= self._allowed(read), axis=0)
-        return self._filled(self.distance[self.inside] * read, safe, lambda one: one.error_radii)
+        relative, safe, _ = self._ends
+        return self._filled(self.distance[self.inside] * (relative[:, -1] - 1.0), safe, lambda one: one.error_radii)
 
     @cached_property
     def failures(self) -> FloatArray:
         """Failed shares, shape (scrambles, distances)."""
-        read, off = self._stencil.read(self.table.failures)
+        read, off, _ = self.table.failures.read(self.distance[self.inside])
         allowed = np.maximum(self._allowed(read), _NEGLIGIBLE + _SAFE_DRAWN * self.table.nodes.counting_step)
-        safe = np.all(off <= allowed, axis=0)
+        safe = self._ends[1] & np.all(off <= allowed, axis=0)
         return self._filled(np.clip(read, 0.0, 1.0), safe, lambda one: one.failures())
 
     def _allowed(self, widths: FloatArray) -> FloatArray:
         """The largest error of interpolated values, shape (scrambles, distances)."""
         drawn = _SAFE_DRAWN * np.nan_to_num(standard_error(widths)) * math.sqrt(len(widths))
         return np.clip(drawn, _SAFE * np.abs(widths), _MOST_DRAWN * np.abs(widths))
-
-    @cached_property
-    def _unseen(self) -> BoolArray:
-        """Where nothing is measured at any node around."""
-        unseen = np.isnan(self.table.deviations[..., self._stencil.nodes])
-        return np.asarray(unseen.all(axis=(0, 1, 3)))
 
     def _filled(self, read: FloatArray, safe: BoolArray, of: Callable[[DepthDistribution], FloatArray]) -> FloatArray:
         """What was read where it is safe, and what is computed elsewhere."""
@@ -182,7 +191,7 @@ class _Reading:
         kept[self.inside] = safe
         found[..., kept] = read[..., safe]
         missing = ~kept & ~np.isnan(self.distance)
-        missing[self.inside] &= ~self._unseen
+        missing[self.inside] &= ~self._ends[2]  # where nothing is measured at any node around
         if missing.any():
             there = distribution(self.camera, self.distance[missing], self.error_source, self.field)
             found[..., missing] = of(there)

@@ -78,7 +78,7 @@ def evaluate_limits(
     Only limits among the given ``names`` are evaluated; ``depth`` gives the distribution of depth.
     """
     distance = np.where(camera.images(distance), distance, np.nan)
-    law, errors = camera.disparity_error_px, depth(camera, distance, "both", 0.0)
+    law = camera.disparity_error_px
     limits: dict[str, Limit] = {}
     if not _OF_ERRORS.issuperset(names):
         limits |= camera.limits(distance, criteria)
@@ -86,16 +86,13 @@ def evaluate_limits(
         limits["saturation"] = law.saturation(camera, distance)
     if "matching" in names and not isinstance(law, float | int):
         limits["matching"] = law.limit(camera, distance)
-    if "failed_fraction" in names and criteria.failed_fraction is not None:
-        value = errors.failed_fraction
-        limits["failed_fraction"] = Limit(
-            value=value, bound=criteria.failed_fraction, met=value <= criteria.failed_fraction
-        )
-    if "relative_uncertainty" in names and criteria.relative_uncertainty is not None:
-        value = errors.judged / distance
-        limits["relative_uncertainty"] = Limit(
-            value=value, bound=criteria.relative_uncertainty, met=value <= criteria.relative_uncertainty
-        )
+    bounds = {name: getattr(criteria, name) for name in _OF_DEPTH.intersection(names)}
+    if any(bound is not None for bound in bounds.values()):
+        errors = depth(camera, distance, "both", 0.0)
+    for name, bound in bounds.items():
+        if bound is not None:
+            value = errors.failed_fraction if name == "failed_fraction" else errors.judged / distance
+            limits[name] = Limit(value=value, bound=bound, met=value <= bound)
     return {name: limits[name] for name in LIMIT_NAMES if name in limits and name in names}
 
 
@@ -110,7 +107,7 @@ def all_met(limits: Mapping[str, Limit], shape: tuple[int, ...]) -> BoolArray:
 def boundaries(
     condition: Callable[[FloatArray], BoolArray] | Callable[[FloatArray], FloatArray],
     distance: FloatArray,
-    held: BoolArray | None = None,
+    known: BoolArray | FloatArray | None = None,
     *,
     to: float = 0.0,
 ) -> tuple[Boundary, ...]:
@@ -123,19 +120,23 @@ def boundaries(
         needs fewer evaluations.
     distance
         Increasing grid [m]; a condition that changes twice between two points is not seen.
-    held
-        Where it holds on the grid, if that is known.
+    known
+        What it gives on the grid, if that is known.
     to
         Relative accuracy that suffices, if the last digits do not matter.
     """
-    held = _holds(condition(distance)) if held is None else held
+    known = condition(distance) if known is None else known
+    held = _holds(known)
     change = np.flatnonzero(held[1:] != held[:-1])
     low, high, begins = distance[change], distance[change + 1], held[change + 1]
     if change.size == 0:
         return ()
-    ends = np.full((2, change.size), np.nan)  # margin of the condition at low and high
     needed = float(np.max((high - low) / low)) / to if to > 0.0 else math.inf
     shares, columns = _even(change.size, max(2, math.ceil(min(needed, SUBDIVISIONS)))), np.arange(change.size)
+    ends = np.full((2, change.size), np.nan)  # margin of the condition at low and high
+    if known.dtype != np.bool_:
+        ends = np.stack([known[change], known[change + 1]])
+        shares = _towards_zero(*ends)
     while np.any(high - low > np.maximum(2.0 * np.spacing(high), to * high)):
         points = np.vstack([low, low + shares * (high - low), high])
         found = condition(points[1:-1].ravel()).reshape(shares.shape)
@@ -196,7 +197,7 @@ def usable_ends(
     ends: tuple[Boundary, ...] = ()
     broken = names
     while broken:
-        ends = boundaries(partial(_kept_by, camera, criteria, names=tuple(names), depth=depth), distance, held, to=to)
+        ends = boundaries(partial(kept_by, camera, criteria, names=tuple(names), depth=depth), distance, held, to=to)
         at_ends = evaluate_limits(camera, criteria, np.array([end.distance for end in ends]), depth=depth)
         broken = [name for name, limit in at_ends.items() if name not in names and not limit.met.all()]
         names = [*names, *broken]
@@ -214,8 +215,12 @@ def usable_stretches(ends: Sequence[Boundary], distance: FloatArray, held: BoolA
     return list(zip(near, far, strict=True))
 
 
-def _kept_by(
-    camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str], depth: Reading
+def kept_by(
+    camera: DepthCamera,
+    criteria: UsableCriteria,
+    distance: FloatArray,
+    names: Collection[str],
+    depth: Reading = distribution_between,
 ) -> FloatArray:
     """Smallest margin of some limits; negative where one is violated, NaN where its value is unknown."""
     law = camera.disparity_error_px
