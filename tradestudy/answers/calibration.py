@@ -24,7 +24,6 @@ from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
 if TYPE_CHECKING:
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
-    from tradestudy.calibration.posteriors import InferredCalibration
 
 
 def infer_calibrations(

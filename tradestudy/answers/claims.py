@@ -1,4 +1,4 @@
-"""Claims about depth of field."""
+"""/claims: published statements, compared with the results by which they would be true, under every reading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The largest cause of a depth uncertainty: the input that contributes most to its variance."""
+"""/decision: the best camera over distance, crossovers of pairs, readings that reverse them, and the largest causes."""
 
 from __future__ import annotations
 

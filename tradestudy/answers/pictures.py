@@ -1,4 +1,4 @@
-"""The size of the reduced pictures and maps in results, and the padding that puts several sizes into one array."""
+"""Pictures of a study's scene: rendered for every camera, reduced for results, and written as files."""
 
 from __future__ import annotations
 

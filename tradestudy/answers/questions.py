@@ -1,4 +1,4 @@
-"""Bisection for the value at which a condition ceases to hold; handles jumps, at which root finders fail."""
+"""Inverse questions: the value of an input at which two uncertainties are equal, or a bound or requirement is met."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Pareto front: alternatives that no other alternative dominates."""
+"""/criteria: the Pareto front of cameras or designs, and their ranks under all possible weights of the criteria."""
 
 from __future__ import annotations
 

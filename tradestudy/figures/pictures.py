@@ -113,7 +113,6 @@ def cropped(values: FloatArray) -> FloatArray:
     return values[: rows[-1] + 1, : columns[-1] + 1] if rows.size else values[:1, :1]
 
 
-_MOST = 6  # cameras
 _ERROR_SPREADS = 3.0  # the scale of an error map spans the bias and this many spreads to either side
 
 

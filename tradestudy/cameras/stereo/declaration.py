@@ -337,7 +337,7 @@ class StereoDeclaration(DepthCameraDeclaration):
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
-        """See `stereo.imported.stated_by`."""
+        """See the function `stated_by`."""
         assert isinstance(imported, ImportedRig | ImportedCorners)
         return stated_by(imported)
 

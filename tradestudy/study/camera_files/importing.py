@@ -1,4 +1,4 @@
-"""Calibration files: their format, the camera that they describe, and the words for both."""
+"""Read a camera from a calibration file: recognise its format, build the camera, and say what was read."""
 
 from __future__ import annotations
 

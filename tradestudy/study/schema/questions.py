@@ -170,11 +170,6 @@ class DecisionPart(Part):
         "model the same device, list only one.",
     )
 
-    @property
-    def compared(self) -> tuple[Pair, ...]:
-        """Pairs of cameras for which the probability of ranking first is computed."""
-        return self.compare or (self.between,)
-
 
 class ReadingPart(Part):
     """Another reading of the study's assumptions: values that replace the declared ones."""

@@ -1,4 +1,4 @@
-"""Which hard cases a study asks for; they need neither cameras nor a scene."""
+"""The root of a study file: its cameras, scene, accuracy and questions, checked against each other."""
 
 from __future__ import annotations
 
