@@ -113,8 +113,8 @@ def test_second_values_that_agree_are_accepted(tmp_path: Path, line: str) -> Non
         ("distortion_type: wavy", "the lens model 'wavy' is unknown"),
         ("rectified: true", "read as that of raw pictures"),
         ("images_undistorted: 1", "read as that of raw pictures"),
-        ("rotation_of_pictures: 180", "rotation or reflection of the pictures"),
-        ("flip: horizontal", "rotation or reflection of the pictures"),
+        ("rotation_of_pictures: 180", "looks like a change of the pictures"),
+        ("flip: horizontal", "looks like a change of the pictures"),
         ("convention: camera to world", "looks like a convention"),
         ("matrices_transposed: 1", "looks like a convention"),
         ("pixel_origin: 1", "looks like a convention"),
@@ -123,6 +123,12 @@ def test_second_values_that_agree_are_accepted(tmp_path: Path, line: str) -> Non
         ("imageSize: [1280, 960]", "contradicts the size that is read, 640 × 480 px"),
         ("calibration_resolution: [1280, 960]", "contradicts the size that is read"),
         ("coefficient_order: k1 k2 k3 p1 p2", "looks like a convention"),
+        ("T_mm: [-65, 0, 0]", "65 mm contradicts"),
+        ("R_deg: [1, 2, 3]", "contradicts the one that is read"),
+        ("baseline: sixty", "'sixty' is not a length"),
+        ("principal_point: [320.125, 20]", "20 contradicts the camera matrix"),
+        ("half_resolution: true", "looks like a change of the pictures"),
+        ("T_multiplier: 10", "looks like a scale"),
         ("fx1: 441.25", "contradicts the camera matrix that is read"),
     ],
 )
@@ -137,6 +143,7 @@ def test_keys_that_change_the_meaning_are_refused(tmp_path: Path, line: str, sai
     [
         "baseline_uncertainty: 0.1",
         "time_unit: s",
+        "rotation_error: 0.1",
         "unit_serial: A17",
         "camera: D435",
         "rms_unit: px",
@@ -217,3 +224,15 @@ def test_transforms_of_kalibr_that_contradict_the_chain_are_refused(tmp_path: Pa
                 "by T_cam_imu, the second camera is 0.01 (of a baseline of 0.0601) and 0° from where T_cn_cnm1 places"
                 in refusal(path)
             )
+
+
+def test_the_translation_beside_projections_must_agree_with_them(tmp_path: Path) -> None:
+    _, _, p1, p2 = written.rectified()
+    p2[0, 3] *= 1e3  # the translation of `written` is in mm
+    path = study(tmp_path, rig=f"{IN_MM}, pictures: rectified")
+    written.opencv(tmp_path / "rig.yml", P1=p1, P2=p2)
+    assert unused(path) == "M1, D1, M2, D2, R"
+    written.opencv(tmp_path / "rig.yml", P1=p1, P2=2.0 * p2 - p2 * [1, 1, 1, 0])
+    assert "rig.T: 60.1 mm contradicts the baseline that is read, 120 mm" in refusal(path).replace(
+        "\N{NO-BREAK SPACE}", " "
+    )

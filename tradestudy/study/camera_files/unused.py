@@ -13,7 +13,7 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedCorners, ImportedRig
 from tradestudy.study.camera_files.located import UNUSED, CameraFile, Located, Request
-from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, dotted
+from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, ScalarEntry, dotted
 from tradestudy.units import ANGLE, LENGTH, UnitError, parse, pretty
 
 _LENS: Final = re.compile(
@@ -38,7 +38,8 @@ _PINHOLE: Final = re.compile(r"(f|c)_?(x|y)_?([0-9lr]|left|right)?", re.IGNORECA
 _WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _UNIT_WORDS: Final = {"unit", "units"}
 _NOT_OF_LENGTHS: Final = {
-    "time", "timestamp", "temperature", "rate", "frequency", "exposure", "id", "serial", "name", "number", "version",
+    "time", "timestamp", "temperature", "temp", "rate",
+    "frequency", "exposure", "id", "serial", "name", "number", "version",
     "error", "rms", "noise",
 }  # fmt: skip
 """Words of keys whose unit does not concern what is read, or that name a device as unit."""
@@ -48,10 +49,34 @@ _IN_PIXELS: Final = {
 _IN_RADIANS: Final = {"r", "rotation", "angle", "angles", "om", "rvec"}
 _LENGTHS: Final = {"t", "translation", "baseline", "length", "lengths", "world", "distance", "distances"}
 _NAMED_UNITS: Final = {"px": ("px", "pixel", "pixels"), "rad": ("rad", "radian", "radians")}
-_SCALES: Final = {"scale", "scaling", "scaled", "resize", "resized", "binning", "zoom", "decimation", "subsampling"}
+_SCALES: Final = {
+    "scale",
+    "scaling",
+    "scaled",
+    "factor",
+    "multiplier",
+    "resize",
+    "resized",
+    "binning",
+    "zoom",
+    "decimation",
+    "subsampling",
+}
 _UNSET: Final = ("", "0", "0.", "0.0", "false", "no", "off", "none", "null", "normal", "auto")
 _SET: Final = ("1", "1.", "1.0", "true", "yes", "on")
-_TURNED: Final = {"flip", "flipped", "mirror", "mirrored", "rotate", "rotated", "rotation", "orientation"}
+_TURNED: Final = {
+    "flip",
+    "flipped",
+    "mirror",
+    "mirrored",
+    "rotate",
+    "rotated",
+    "rotation",
+    "orientation",
+    "half",
+    "binned",
+    "cropped",
+}
 _CONVENTIONS: Final = {
     "convention", "conventions", "handedness", "inverse", "inverted", "transposed", "direction", "origin", "degrees",
     "coordinate", "coordinates", "based", "order",
@@ -301,10 +326,10 @@ def _prepared(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
         )
     if text in _UNSET or (_is_number(text) and float(text) == 0.0):
         return ""
-    if _TURNED & {*words}:
+    if _TURNED & {*words} and not _SPREAD & {*words}:
         return (
-            "this key looks like a rotation or reflection of the pictures, but is not used; calibrate the pictures in "
-            "which depth is measured, or remove this key if these are neither rotated nor reflected"
+            "this key looks like a change of the pictures, such as a rotation, but is not used; calibrate the pictures "
+            "in which depth is measured, or remove this key if it does not concern them"
         )
     if _CONVENTIONS & {*words}:
         return (
@@ -322,12 +347,15 @@ def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
         return ""
     if value.last == "P2" and len(numbers) == 12 and numbers[0] > 0.0:  # by stereoRectify, P₂ = K′ [1, t]
         numbers, words = [math.hypot(numbers[3], numbers[7]) / numbers[0]], ("baseline",)
-    if _TRANSLATIONS & {*words}:
+    quantity = {*words} - {"deg", "degree", "degrees", "matrix", "m", "cm", "mm", "um"}
+    if _TRANSLATIONS & {*words} or quantity == {"t"}:
         metre = parse(f"1 {next(filter(_is_unit, words), reading.unit)}", LENGTH)
         lengths = [number * metre for number in numbers]
         with suppress(UnitError):
             lengths = lengths or [parse(text, LENGTH) for text in _texts(value)]
         given, baseline = math.hypot(*lengths), math.hypot(*rig.translation)
+        if not lengths and "baseline" in words and isinstance(value.entry, ScalarEntry):
+            return f"'{value.entry.text[:40]}' is not a length; correct it, or remove it"
         if len(lengths) not in (1, 3) or not any(lengths):
             return ""
         if abs(given - baseline) > _AGREES * baseline:
@@ -336,11 +364,11 @@ def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
                 "the wrong one, or its unit"
             )
         value.use()
-    elif _ROTATIONS & {*words} and any(numbers):
+    elif (_ROTATIONS & {*words} or quantity == {"r"}) and any(numbers) and reading.is_raw:
         angles = [*_angles_of(numbers)]
         trace = np.trace(np.array(rig.rotation))
         read = math.acos(min(max((float(trace) - 1.0) / 2.0, -1.0), 1.0))
-        if {"deg", "degree"} & {*words}:
+        if {"deg", "degree", "degrees"} & {*words}:
             angles = [math.radians(angle) for angle in angles]
         if not angles or min(angles) == 0.0:
             return ""
@@ -383,14 +411,15 @@ def _sides(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     )
 
 
-def _second_values(value: Located, _words: tuple[str, ...], reading: _Reading) -> str:
+def _second_values(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     """A size of the pictures, focal length or principal point beside the one that is read."""
     numbers = {*_numbers_in(value.entry)}
     if reading.pixels is not None and _SIZE.fullmatch(value.last):
         if not numbers <= {*map(float, reading.pixels)}:
             return f"this contradicts the size that is read, {reading.pixels[0]} × {reading.pixels[1]} px; correct one"
         value.use()
-    if reading.is_raw and reading.cameras and _PINHOLE.fullmatch(value.last):
+    is_pinhole = _PINHOLE.fullmatch(value.last) or {"principal", "point"} <= {*words}
+    if reading.is_raw and reading.cameras and is_pinhole and not (_SPREAD | _UNIT_WORDS) & {*words}:
         read = [one for camera in reading.cameras for one in (*camera.focal_lengths, *camera.centre)]
         for number in numbers:
             if not any(math.isclose(number, one, rel_tol=1e-3) for one in read):
