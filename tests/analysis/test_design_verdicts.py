@@ -11,6 +11,7 @@ import tradestudy
 from tradestudy.answers.decision import decide_pair
 from tradestudy.answers.depth import DepthPoint, depth_table
 from tradestudy.answers.designs import Curve, best_at, crossings
+from tradestudy.depth.evaluation import judged_at
 
 STUDIES = Path(__file__).parents[2] / "studies"
 GRID = np.geomspace(0.1, 5.0, 40)
@@ -51,15 +52,17 @@ def test_errors_of_curves_move_the_crossing_by_their_ratio_over_the_slope() -> N
 def test_only_usable_cameras_are_best_and_equal_ones_are_tied() -> None:
     places = np.array([0.2, 0.5, 3.0])
     near, far = curve(0.01 * GRID, (0.1, 0.3)), curve(0.02 * GRID, (0.4, 2.0))
-    assert best_at({"near": near, "far": far}, places) == ["near", "far", ""]
+    known = {"near": 0.01 * places, "far": 0.02 * places}
+    assert best_at({"near": near, "far": far}, places, known) == ["near", "far", ""]
     alike = {"a": curve(0.01 * GRID, error=0.02), "b": curve(0.0101 * GRID)}
-    assert best_at(alike, np.array([0.5])) == ["a, b"]
+    assert best_at(alike, np.array([0.5]), {"a": np.array([0.005]), "b": np.array([0.00505])}) == ["a, b"]
 
 
 def test_an_unbounded_uncertainty_causes_no_warning_and_is_never_best() -> None:
     unbounded = curve(np.where(GRID > 1.0, np.inf, 0.001 * GRID), error=0.0)
     places = np.array([GRID[5], 3.0])
-    assert best_at({"one": unbounded, "other": curve(0.02 * GRID)}, places) == ["one", "other"]
+    known = {"one": np.array([0.001 * GRID[5], np.inf]), "other": 0.02 * places}
+    assert best_at({"one": unbounded, "other": curve(0.02 * GRID)}, places, known) == ["one", "other"]
     assert crossings(unbounded, curve(0.02 * GRID), ("one", "other")) == ()
 
 
@@ -73,10 +76,40 @@ def test_curves_agree_with_a_full_evaluation() -> None:
         for name, camera in case.cameras.items()
     }
     truth = decide_pair(case, pair, places)
-    assert best_at(curves, places) == [row[-1] for row in truth.winner]
+    known = {name: judged_at(camera, places) for name, camera in case.cameras.items()}
+    assert best_at(curves, places, known) == [row[-1] for row in truth.winner]
     found = crossings(curves[pair[0]], curves[pair[1]], pair)
     assert len(found) == len(truth.crossings["both"]) > 0
     for one, exact in zip(found, truth.crossings["both"], strict=True):
         assert abs(one.distance - exact.distance) <= max(one.error, 1e-6 * exact.distance)
         assert one.error < 0.02 * exact.distance
         assert one.nearer == exact.nearer
+
+
+def test_two_distances_do_not_change_which_camera_is_best_between_them(tmp_path: Path) -> None:
+    """The uncertainty of the longer rig is √((k Z²)² + (Z/100)²), below the straight line between its ends."""
+    rig = """
+    kind: stereo
+    lenses: {focal_length: 12 mm, f_number: 8}
+    sensor: {pixels: [1280, 1024], pixel_pitch: 5 um}
+    depth: {disparity_error: 3 px}
+    baseline: """
+    text = f"""
+format: 2
+study: two
+title: Two distances
+question: Which rig is best?
+cameras:
+  long:{rig}120 mm
+    calibration: {{errors: {{baseline: {{standard_deviation: 1.2 mm}}}}}}
+  short:{rig}67.5 mm
+scene: {{distances: {{from: 0.4 m, to: 1.2 m, points: 2, spacing: log}}, wavelength: 550 nm}}
+decision: {{between: [long, short], at: [0.6 m, 0.7 m]}}
+sweep: {{long.lenses.f_number: [8, 16]}}
+"""
+    (tmp_path / "two.yaml").write_text(text, encoding="utf-8")
+    data = tradestudy.load(tmp_path / "two.yaml").run().data["decision"].to_dataset()
+    assert data["design_best_camera"].values.tolist() == [["short", "long"]] * 2
+    noise = 15e-6 / 12e-3  # 3 px over the focal length
+    long, short = (np.hypot(noise / b * 0.7, share) for b, share in ((0.12, 0.01), (0.0675, 0.0)))
+    assert long < short

@@ -1,10 +1,11 @@
-"""The verdict of one design, interpolated from its curves in /depth: cheap enough for a sweep of many designs."""
+"""The verdict of one design, from its curves in /depth where it needs no more: cheap enough for many designs."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +14,7 @@ import xarray as xr
 from tradestudy.answers.decision import Crossing, best_cameras, stated_error
 from tradestudy.answers.depth import DepthTable, DepthTables, over_designs
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.depth.evaluation import finite, judged_at
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import distances_without_decision
 from tradestudy.study.definition import StudyDefinition
@@ -59,6 +61,12 @@ class Curve:
         ]
         return np.any(inside, axis=0) if inside else np.zeros(places.shape, dtype=bool)
 
+    def relative_error(self, places: FloatArray) -> FloatArray:
+        """Stated error of the uncertainty at places [m], relative to it."""
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
+            relative = np.nan_to_num(self.error / self.uncertainty)
+        return np.interp(np.log(places), np.log(self.distance), relative)
+
     def between(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Uncertainty at places between the distances, and its error; both [m].
 
@@ -69,12 +77,10 @@ class Curve:
             values = np.log(self.uncertainty)
             found = np.interp(np.log(places), logs, values)
             bent = np.abs(np.diff(values, 2, prepend=values[:1], append=values[-1:]))
-            relative = np.nan_to_num(self.error / self.uncertainty)
         missed = np.interp(np.log(places), logs, _widened(bent)) / 2.0
         on_grid = np.min(np.abs(np.log(places)[:, None] - logs), axis=1) < _ROUNDING
-        own = np.interp(np.log(places), logs, relative)
         uncertainty = np.exp(found)
-        share = own + np.where(on_grid, 0.0, np.nan_to_num(missed))
+        share = self.relative_error(places) + np.where(on_grid, 0.0, np.nan_to_num(missed))
         with np.errstate(over="ignore"):  # the error is infinite next to an unbounded interval
             return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
 
@@ -86,13 +92,12 @@ def _widened(values: FloatArray) -> FloatArray:
     return np.asarray(np.fmax(np.fmax(padded[:-2], padded[2:]), values))
 
 
-def best_at(curves: Mapping[str, Curve], places: FloatArray) -> list[str]:
-    """The usable camera with the lowest uncertainty at each place [m], named as `best_cameras` does."""
-    found = {name: curve.between(places) for name, curve in curves.items()}
+def best_at(curves: Mapping[str, Curve], places: FloatArray, uncertainty: Mapping[str, FloatArray]) -> list[str]:
+    """The usable camera with the lowest uncertainty [m] at each place [m], named as `best_cameras` does."""
     return best_cameras(
         {name: curve.usable_at(places) for name, curve in curves.items()},
-        {name: values for name, (values, _) in found.items()},
-        {name: errors for name, (_, errors) in found.items()},
+        uncertainty,
+        {name: finite(uncertainty[name]) * curve.relative_error(places) for name, curve in curves.items()},
     )
 
 
@@ -119,14 +124,15 @@ def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefiniti
     """Variables of /decision over the swept parameters; the designs are those of `sweep_points`."""
     axes, decision = sweep_axes(definition), definition.file.decision
     places = np.array(decision.at if decision else distances_without_decision(definition.case.distance))
+    at_places = cache(lambda camera: judged_at(camera, places))  # of many designs
     best, along, crossed = [], [], []
     for design in designs:
         case = design.case
         curves = {name: Curve.of(camera, tables[camera, case.criteria]) for name, camera in case.cameras.items()}
         among = decision.candidates if decision and decision.candidates else curves
         chosen = {name: curves[name] for name in among}
-        best.append(best_at(chosen, places))
-        along.append(best_at(chosen, case.distance))
+        best.append(best_at(chosen, places, {name: at_places(case.cameras[name]) for name in chosen}))
+        along.append(best_at(chosen, case.distance, {name: curve.uncertainty for name, curve in chosen.items()}))
         if decision is not None:
             pair = (decision.between[0], decision.between[1])
             crossed.append(crossings(curves[pair[0]], curves[pair[1]], pair))
