@@ -97,8 +97,15 @@ class TestCheck:
         assert line.startswith(f"--set:1:1: {path.removesuffix('.baseline')}: ")
         assert all(f"'{name}'" in line for name in ("rig", "array", "near"))
 
-    @pytest.mark.parametrize(("command", "more"), [("check", ["scipy"]), ("plan", ["scipy.fft", "scipy.spatial"])])
-    def test_loads_nothing_heavy(self, command: str, more: list[str]) -> None:
+    @pytest.mark.parametrize(
+        ("command", "study", "more"),
+        [
+            ("check", RIGHT, ["scipy"]),
+            ("plan", RIGHT, ["scipy.fft", "scipy.spatial"]),
+            ("plan", ROBOT.with_name("depth_loop.yaml"), []),
+        ],
+    )
+    def test_loads_nothing_heavy(self, command: str, study: Path, more: list[str]) -> None:
         script = (
             "import sys; sys.argv, heavy = sys.argv[1:4], sys.argv[4:]\n"
             "from tradestudy import cli\n"
@@ -108,7 +115,7 @@ class TestCheck:
         )
         # Not jinja2, which pint loads wherever dask is installed; of ours, only the report does.
         heavy = ["xarray", "pandas", "matplotlib", "emcee", "typst", "tradestudy.report", *more]
-        words = [sys.executable, "-c", script, "tradestudy", command, str(RIGHT), *heavy]
+        words = [sys.executable, "-c", script, "tradestudy", command, str(study), *heavy]
         done = subprocess.run(words, capture_output=True, text=True, check=True)
         assert done.stdout.splitlines()[-1] == ""
 

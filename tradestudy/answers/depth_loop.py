@@ -6,10 +6,9 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
-import xarray as xr
 
 from tradestudy.answers.depth_maps import predicted_availability, score_values, window_at
 from tradestudy.answers.pictures import take_picture
@@ -38,6 +37,9 @@ from tradestudy.optics.window_matching import Reason
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.scene import DepthLoopPart
+
+if TYPE_CHECKING:
+    import xarray as xr  # only for types here: plans import this, too
 
 STEP: Final = "depth loop"
 _SEARCHED_PX: Final = 8.0  # of disparity, on either side of the plane

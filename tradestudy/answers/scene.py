@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import xarray as xr
 
 from tradestudy.answers import pictures
 from tradestudy.answers.depth_loop import NOISE, loop_points
@@ -37,6 +36,9 @@ from tradestudy.results.storage import list_written
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.scene import Rig
 from tradestudy.units import ELECTRONS, pretty
+
+if TYPE_CHECKING:
+    import xarray as xr  # only for types here: plans import this, too
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,7 +17,7 @@ from tradestudy.depth.usable import Boundary, all_met, evaluate_limits, usable_e
 from tradestudy.effects import OFF, Models
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, PictureDisparityError, WeighedPicture
-from tradestudy.models.off_axis import closed_form_of, moved_off_axis
+from tradestudy.models.off_axis import OffAxis, closed_form_of
 from tradestudy.models.variants import (
     missed_by_the_line,
     of_true_matches,
@@ -413,8 +413,12 @@ class DepthVariant:
 
     def moved_of_field(self, models: Models) -> float:
         """The largest relative change of the uncertainty at the places in the field that the study declares."""
-        some = np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))
-        return moved_off_axis(self.reference, self.places[some], self.fields, models)
+        return max((place.moved(models) for place in self._off_axis), default=0.0)
+
+    @cached_property
+    def _off_axis(self) -> tuple[OffAxis, ...]:
+        some = self.places[np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))]
+        return tuple(OffAxis(reference=self.reference, places=some, field=field) for field in self.fields)
 
 
 def _relative(new: FloatArray, old: FloatArray) -> FloatArray:

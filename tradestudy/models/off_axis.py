@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,32 +23,39 @@ def closed_form_of(law: PictureDisparityError, models: Models) -> PictureModels:
     return own if law.settings.spectrum else replace(own, spectrum=OFF)  # other forms of the camera may have a spectrum
 
 
-def moved_off_axis(
-    reference: DepthCamera, places: FloatArray, fields: Sequence[FieldPosition], models: Models
-) -> float:
-    """The largest relative change of the uncertainty off axis, by linear propagation.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OffAxis:
+    """A camera at one field position, whose standard deviations of depth are computed once for all sets of models.
 
     Parameters
     ----------
     reference
         The camera with the most complete models in closed form.
-    places, fields
-        Distances [m] and field positions.
-    models
-        Models that replace those of the reference.
+    places, field
+        Distances [m] and the field position.
     """
-    return max((_moved(reference, places, field, models) for field in fields), default=0.0)
 
+    reference: DepthCamera
+    places: FloatArray
+    field: FieldPosition
 
-def _moved(reference: DepthCamera, places: FloatArray, field: FieldPosition, models: Models) -> float:
-    noise = linearised_depth(reference, places, field, "noise").standard_deviation
-    known = has_covariance(reference)  # without a covariance, noise alone: it depends most on models
-    both = linearised_depth(reference, places, field, "both").standard_deviation if known else noise
-    moved = noise * _noise_changed(reference, places, field, models)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        by_calibration = 0.0 if models.get("calibration") == OFF else np.maximum(both**2 - noise**2, 0.0)
-        change = np.abs(np.sqrt(moved**2 + by_calibration) / both - 1.0)
-    return float(np.nanmax(change, initial=0.0))
+    def moved(self, models: Models) -> float:
+        """The largest relative change of the uncertainty by models that replace the reference's, to first order."""
+        noise, both = self._deviations
+        moved = noise * _noise_changed(self.reference, self.places, self.field, models)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            by_calibration = 0.0 if models.get("calibration") == OFF else np.maximum(both**2 - noise**2, 0.0)
+            change = np.abs(np.sqrt(moved**2 + by_calibration) / both - 1.0)
+        return float(np.nanmax(change, initial=0.0))
+
+    @cached_property
+    def _deviations(self) -> tuple[FloatArray, FloatArray]:
+        """Standard deviations by noise and by all errors."""
+        camera = self.reference
+        noise = linearised_depth(camera, self.places, self.field, "noise").standard_deviation
+        if not has_covariance(camera):  # then noise alone: it depends most on models
+            return noise, noise
+        return noise, linearised_depth(camera, self.places, self.field, "both").standard_deviation
 
 
 def _noise_changed(reference: DepthCamera, places: FloatArray, field: FieldPosition, models: Models) -> FloatArray:

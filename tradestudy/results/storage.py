@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import xarray as xr
 
 from tradestudy.errors import NoResultsError, PlaceError, ResultsError
 from tradestudy.results import FORMAT_VERSION, GROUPS, Variable
@@ -25,6 +24,7 @@ from tradestudy.wording import json_text, listed
 
 if TYPE_CHECKING:
     import h5py
+    import xarray as xr  # imported below where it is used: plans import this, too
 
 RESULTS = "results.nc"
 RUN = "run.json"
@@ -192,7 +192,9 @@ def encoded(tree: xr.DataTree) -> bytes:
 
 
 def _encode_group(group: h5py.Group, data: xr.Dataset, numbers: Iterator[int]) -> None:
-    variables, attributes = xr.conventions.cf_encoder(dict(data.variables), data.attrs)
+    from xarray.conventions import cf_encoder
+
+    variables, attributes = cf_encoder(dict(data.variables), data.attrs)
     _describe(group, attributes)
     scales: dict[Hashable, h5py.Dataset] = {}
     for dim, size in data.sizes.items():
@@ -366,6 +368,8 @@ def _unreadable(path: Path, error: Exception) -> ResultsError:
 
 def _tree_of(content: bytes, path: Path) -> xr.DataTree:
     """The tree in the bytes of a results file; ``path`` names it in errors."""
+    import xarray as xr
+
     try:
         # Group by group: a tree's own load() leaves some variables to be read after the file is closed.
         groups = {name: group.load() for name, group in xr.open_groups(io.BytesIO(content), engine="h5netcdf").items()}
