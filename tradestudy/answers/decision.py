@@ -226,17 +226,13 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
             ratios.append(uncertainty[pair[0]] / uncertainty[pair[1]])
     crossings = {error_source: _crossings(case, pair, error_source) for error_source in ERROR_SOURCES}
     ends = {place: 0.0 for name in pair for place in _ends_of_use(case, name)}
+    possible = {of: ends | {one.distance: one.error for one in crossings[of]} for of in ERROR_SOURCES}
     return PairVerdict(
         winner=[list(row) for row in zip(*winners, strict=True)],
         more_certain=[list(row) for row in zip(*certain, strict=True)],
         ratio=np.stack(ratios, axis=-1),
         crossings=crossings,
-        changes={
-            error_source: _changes(
-                case, pair, error_source, ends | {one.distance: one.error for one in crossings[error_source]}
-            )
-            for error_source in ERROR_SOURCES
-        },
+        changes=_changes(case, pair, possible),
     )
 
 
@@ -260,17 +256,6 @@ def _below_one(first: DepthDistribution, second: DepthDistribution) -> FloatArra
     return margin(ratio < 1.0, ratio - 1.0)
 
 
-def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, error_source: str) -> list[str]:
-    """The usable camera with the lower uncertainty at each distance, regardless of its error."""
-    sure = {name: np.zeros(distance.shape) for name in pair}
-    found = best_cameras(
-        {name: is_usable(case, name, distance) for name in pair},
-        {name: judged_uncertainty(case.cameras[name], distance, error_source) for name in pair},
-        sure,
-    )
-    return [name.split(TIED)[0] for name in found]
-
-
 def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
     """Distances [m] where a camera becomes usable or ceases to be usable, within the range of the study."""
     intervals = usable_intervals(case.cameras[name], case.criteria, case.distance)
@@ -282,18 +267,29 @@ def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
     )
 
 
-def _changes(case: Case, pair: tuple[str, str], error_source: str, places: Mapping[float, float]) -> tuple[Change, ...]:
-    """Where the winner changes, which can be only where a camera's usable range ends or the uncertainties are equal."""
-    if not places:
-        return ()
-    ordered = np.array(sorted(places))
-    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - _OFFSET), ordered * (1.0 + _OFFSET)]), error_source)
-    found: list[Change] = []
-    for place, nearer, farther in zip(ordered.tolist(), sides[: ordered.size], sides[ordered.size :], strict=True):
-        # Changes of both cameras at the same place, up to rounding, are reported once.
-        if nearer != farther and not (found and place <= found[-1].distance * (1.0 + _OFFSET)):
-            found.append(Change(distance=place, error=places[place], nearer=nearer, farther=farther))
-    return tuple(found)
+def _changes(
+    case: Case, pair: tuple[str, str], places: Mapping[str, Mapping[float, float]]
+) -> dict[str, tuple[Change, ...]]:
+    """Where the winner changes, by error source: where a usable range ends or the uncertainties are equal.
+
+    ``places`` are these distances [m] with their errors. The winner is the usable camera with the lower uncertainty,
+    regardless of its error.
+    """
+    ordered = np.array(sorted({place for of_source in places.values() for place in of_source}))
+    beside = np.concatenate([ordered * (1.0 - _OFFSET), ordered * (1.0 + _OFFSET)])
+    usable = {name: is_usable(case, name, beside) for name in pair}
+    sure, changes = {name: np.zeros(beside.shape) for name in pair}, {}
+    for error_source, errors in places.items():
+        uncertainty = {name: judged_uncertainty(case.cameras[name], beside, error_source) for name in pair}
+        winners = [name.split(TIED)[0] for name in best_cameras(usable, uncertainty, sure)]
+        found: list[Change] = []
+        for place, nearer, farther in zip(ordered.tolist(), winners, winners[ordered.size :], strict=False):
+            # Changes of both cameras at the same place, up to rounding, are reported once.
+            once = not found or place > found[-1].distance * (1.0 + _OFFSET)
+            if place in errors and nearer != farther and once:
+                found.append(Change(distance=place, error=errors[place], nearer=nearer, farther=farther))
+        changes[error_source] = tuple(found)
+    return changes
 
 
 def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Crossing, ...]:

@@ -405,6 +405,15 @@ def exact_distribution(
 def _of_draws(
     camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str, draws: int
 ) -> DepthDistribution:
+    return _known(camera, distance.tobytes(), field, error_source, draws)
+
+
+@lru_cache(maxsize=4)
+def _known(
+    camera: DepthCamera, distances: bytes, field: FieldPosition, error_source: str, draws: int
+) -> DepthDistribution:
+    """The distribution, cached because a question at one distance settles the draws there and then reads them."""
+    distance = np.frombuffer(distances)
     probabilities = camera.propagation.probabilities
     drivers, values = _drawn(camera, error_source, field, draws)
     inverse, upper = _read_all(camera, distance, field, error_source, values), 1.0 - np.array(probabilities)
