@@ -202,7 +202,7 @@ class Study:
         return plan_of(self.definition)
 
     def _refuse_pictures(self) -> None:
-        """Refuse pictures that a run would refuse; see `refuse_pictures` and `refuse_picture`."""
+        """Refuse pictures and point spreads that a run would refuse; see `refuse_pictures` and `refuse_picture`."""
         scene, spot = self.file.scene, self.file.light_spot
         if spot is not None and spot.methods:
             from tradestudy.answers.claims import compared_spots
@@ -212,6 +212,14 @@ class Study:
             claimed = compared_spots(self.definition)
             for asked, method in dict.fromkeys([*((spot, method) for method in spot.methods), *claimed]):
                 refuse_picture(asked, compared_models(asked, method))
+        if self.file.point_spread is not None:
+            from tradestudy.models.point_spreads import every_case
+
+            every_case(self.file.point_spread)  # which refuses impossible ones
+        if self.file.fresnel_validity is not None:
+            from tradestudy.models.point_spreads import refuse_long_waves
+
+            refuse_long_waves(self.file.fresnel_validity)
         if self.file.depth_loop is not None or (scene is not None and scene.image is not None):
             from tradestudy.answers.scene import refuse_pictures
 

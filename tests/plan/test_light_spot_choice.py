@@ -393,3 +393,31 @@ def test_points_or_rays_find_how_far_the_phase_of_microlenses_follows_the_source
     change = relative(found, fixed)
     estimate = max(LightTrial(part).change_by_fixed_phase(models), _change_of_rays(part, 0.01, as_point=False))
     assert 0.9 * change < estimate < 3.0 * change
+
+
+@pytest.mark.parametrize("asked", ["check", "plan"])
+@pytest.mark.parametrize(
+    ("study", "change", "refusal"),
+    [
+        ("light_spot", "light_spot.wavelength=1 mm", r"wavelength: 0\.001 m .*the width of the aperture"),
+        ("light_spot", "point_spread.defocus=[0 waves, -30 waves]", r"beyond infinity: -30 waves .*> -16"),
+        (
+            "fresnel_validity",
+            "fresnel_validity.wavelengths=[1 mm]",
+            r"wavelength: 0\.001 m .*the width of the aperture",
+        ),
+    ],
+)
+def test_check_and_plan_refuse_light_that_a_run_would_refuse(study: str, change: str, refusal: str, asked: str) -> None:
+    loaded = tradestudy.load(STUDY.with_name(f"{study}.yaml"), [change])
+    with pytest.raises(OutOfRangeError, match=refusal):
+        getattr(loaded, asked)()
+
+
+@pytest.mark.parametrize("asked", ["check", "plan", "run"])
+def test_check_plan_and_run_refuse_rays_behind_an_array_in_focus(asked: str, tmp_path: Path) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(STUDY.read_text().partition("\n  benchmarks:")[0])
+    study = tradestudy.load(file, ["light_spot.mla_distance=13.636364 mm", "light_spot.methods=[kirchhoff-geometric]"])
+    with pytest.raises(OutOfRangeError, match="rays on one leg, with the microlens array in the focus of the main"):
+        getattr(study, asked)()

@@ -30,13 +30,14 @@ from tradestudy.models.spot_images import (
 )
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, relative_change
-from tradestudy.optics.chain.arriving_light import blur_radius, point_wave
+from tradestudy.optics.chain.arriving_light import blur_radius, point_wave, refuse_focus_on_array
 from tradestudy.optics.chain.exact_rays import exact_ray_image, forward_tracer
 from tradestudy.optics.chain.image import (
     microlenses_alone,
     nearest_microlens,
     phase_follows_source,
     refuse_change_by_phase,
+    refuse_impossible,
     with_fixed_phase,
 )
 from tradestudy.optics.chain.point_image import compute_point
@@ -201,22 +202,27 @@ def _on_circle(middle: PointSource, radius: float, count: int) -> list[PointSour
 
 
 def refuse_picture(part: LightSpotPart, models: SpotModels) -> None:
-    """Refuse a picture that does not fit into memory, or whose microlenses seem to follow the source too far.
+    """Refuse a picture that a run would refuse, as far as an estimate of seconds can tell.
 
-    Microlenses follow it too far if fixed ones change the light of a few points, or the picture by exact rays, by more
-    than the tolerance: points miss edges of the disc, rays miss diffraction, so the larger change counts. Both can be
-    too small; therefore `picture_of` compares the pictures themselves.
+    Microlenses follow the source too far if fixed ones change the light of a few points, or the picture by exact rays,
+    by more than the tolerance: points miss edges of the disc, rays miss diffraction, so the larger change counts. Both
+    can be too small; therefore `picture_of` compares the pictures themselves.
 
     Raises
     ------
     OutOfRangeError
-        If parabolic microlenses change the picture by more than the tolerance of the models, by either estimate.
+        If a law does not apply to the light path, or parabolic microlenses change the picture by more than the
+        tolerance of the models, by either estimate.
     UnaffordableError
         If `refuse_large_picture` raises it.
     """
+    path, source, laws = light_path(part), light_source(part), legs(models.method)
+    refuse_impossible(path, source, part.mean_wavelength, laws)
+    if [laws.to_array, laws.to_detector].count("geometric") == 1:
+        middle = source.centre if isinstance(source, DiscSource) else source
+        refuse_focus_on_array(path, middle, part.mean_wavelength)
     refuse_large_picture(part, models)
-    path, source = light_path(part), light_source(part)
-    if not phase_follows_source(path, source, legs(models.method)):
+    if not phase_follows_source(path, source, laws):
         return
     refuse_change_by_phase(path, LightTrial(part).change_by_fixed_phase(models), models.tolerance)
     if not part.spot.coherent:

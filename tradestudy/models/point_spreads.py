@@ -20,11 +20,12 @@ from tradestudy.optics.fresnel_validity import (
 )
 from tradestudy.optics.lens_point_spread import point_spread
 from tradestudy.optics.propagation.lens import LensPhase, PointSource
+from tradestudy.optics.propagation.sampling import refuse_near_zone
 from tradestudy.optics.psf_difference import PsfDifference, airy_radius, fresnel_psf_difference
 from tradestudy.optics.sampled_point_spread import Measured
 from tradestudy.optics.spread_metrics import encircled_energy_radius, full_width_at_half_maximum, rms_width
 from tradestudy.optics.spread_shares import modulation_transfer, share_on_neighbouring_pixels, share_outside_disc
-from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart, PsfMetric, listed
+from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart, PsfMetric, listed
 
 SpreadMethod = Literal["fresnel", "kirchhoff"]
 MEASURES: Final = (
@@ -54,6 +55,11 @@ class LensAndPoint:
         Direction of the point [rad].
     defocus_waves
         W: the point is at 1/a' = 1/a + 2 W λ/R², so its wave differs by W wavelengths at the rim of the pupil.
+
+    Raises
+    ------
+    OutOfRangeError
+        The defocus would put the point beyond infinity, or `refuse_near_zone` refuses the wavelength.
     """
 
     focal_length: float
@@ -63,6 +69,15 @@ class LensAndPoint:
     lens_phase: LensPhase
     field_angle: float
     defocus_waves: float
+
+    def __post_init__(self) -> None:
+        refuse_near_zone(width=2 * self.radius, nearest=self.image_distance, wavelength=self.wavelength)
+        if not self._vergence > 0:
+            raise OutOfRangeError(
+                "defocus that puts the object beyond infinity",
+                value=f"{self.defocus_waves:g} waves at f/{self.f_number:g}",
+                limit=f"> {-(self.radius**2) / (2 * self.object_distance * self.wavelength):.3g} waves",
+            )
 
     @property
     def image_distance(self) -> float:
@@ -83,26 +98,27 @@ class LensAndPoint:
 
     @property
     def source(self) -> PointSource:
-        """The point.
-
-        Raises
-        ------
-        OutOfRangeError
-            The defocus would put it beyond infinity.
-        """
-        vergence = 1 / self.object_distance + 2 * self.defocus_waves * self.wavelength / self.radius**2
-        if not vergence > 0:
-            raise OutOfRangeError(
-                "defocus that puts the object beyond infinity",
-                value=f"{self.defocus_waves:g} waves at f/{self.f_number:g}",
-                limit=f"> {-(self.radius**2) / (2 * self.object_distance * self.wavelength):.3g} waves",
-            )
+        """The point."""
+        vergence = self._vergence
         return PointSource(x=math.tan(self.field_angle) / vergence, distance=1 / vergence)
+
+    @property
+    def _vergence(self) -> float:
+        """1/a' [1/m]."""
+        return 1 / self.object_distance + 2 * self.defocus_waves * self.wavelength / self.radius**2
 
     @property
     def geometric_radius(self) -> float:
         """Radius of the disc that paraxial rays fill [m]: R b |1/a' − 1/a|."""
         return 2 * abs(self.defocus_waves) * self.wavelength * self.image_distance / self.radius
+
+
+def refuse_long_waves(part: FresnelValidityPart) -> None:
+    """Refuse light for which scalar diffraction does not hold behind the narrowest aperture of every lens."""
+    longest = max([*part.wavelengths, part.off_axis.wavelength if part.off_axis else 0.0])
+    for element in part.elements.values():
+        width = element.focal_length / max(listed(part.f_numbers))
+        refuse_near_zone(width=width, nearest=element.image_distance, wavelength=longest)
 
 
 def every_case(part: PointSpreadPart) -> list[LensAndPoint]:

@@ -32,7 +32,7 @@ from tradestudy.optics.quadrature import disc_nodes
 _SAME_FOCUS = 1e-6  # relative; a focus at exactly the image's distance was computed from it
 
 
-def _refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs) -> None:
+def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelength: float, legs: Legs) -> None:
     """Refuse wavelengths, sources and pupils that the laws of the legs do not cover.
 
     Raises
@@ -303,7 +303,7 @@ def _by_laws(
     compute: ComputeParts,
 ) -> ChainImage:
     """Image without its tolerance."""
-    _refuse_impossible(path, source, wavelength, legs)
+    refuse_impossible(path, source, wavelength, legs)
     needed = 16.0 * math.prod(path.pixels.shape)  # an image, and another for its error
     if needed > accuracy.memory_limit:
         raise UnaffordableError(
