@@ -144,9 +144,9 @@ class Study:
         UnaffordableError
             If even the most complete models exceed a tolerance, or pictures do not fit into the free memory.
         StudyError
-            If no rig fits the corners, or they contradict the declared one; if pictures cannot be rendered, or depth
-            cannot be measured in them; or if the study prescribes a model for an effect that none of its cameras,
-            lenses or light paths has.
+            If no rig fits the corners, they contradict the declared one, or too few views show a target; if pictures
+            cannot be rendered, or depth cannot be measured in them; or if the study prescribes a model for an effect
+            that none of its cameras, lenses or light paths has.
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:
@@ -154,10 +154,7 @@ class Study:
 
             choose_models(self.definition)
         self._refuse_pictures()
-        if any(form.posterior_keys for form in (self.definition, *self.definition.readings.values())):
-            from tradestudy.answers.calibration import refuse_corners  # heavy, and few studies infer calibrations
-
-            refuse_corners(self.definition)
+        self._refuse_calibrations(corners=True)
         return self.check_summary()
 
     def with_values(self, values: Mapping[str, Value]) -> Study:
@@ -199,7 +196,15 @@ class Study:
 
         refuse_words(self.definition)
         self._refuse_pictures()
+        self._refuse_calibrations(corners=False)
         return plan_of(self.definition)
+
+    def _refuse_calibrations(self, *, corners: bool) -> None:
+        """Refuse calibrations that a run would refuse; see `refuse_calibrations`."""
+        if any(form.posterior_keys for form in (self.definition, *self.definition.readings.values())):
+            from tradestudy.answers.calibration import refuse_calibrations  # heavy, and few studies infer calibrations
+
+            refuse_calibrations(self.definition, corners=corners)
 
     def _refuse_pictures(self) -> None:
         """Refuse pictures and point spreads that a run would refuse; see `refuse_pictures` and `refuse_picture`."""

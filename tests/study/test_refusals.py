@@ -118,3 +118,10 @@ def test_distances_and_pixels_of_spacecraft_are_accepted() -> None:
     assert counts.validate_python(1_000_000) == 1_000_000
     with pytest.raises(ValidationError, match="less than or equal to 1000000"):
         counts.validate_python(1_000_001)
+
+
+@pytest.mark.parametrize("asked", ["check", "plan", "run"])
+def test_a_target_that_no_view_shows_is_refused_before_sampling(asked: str) -> None:
+    study = load(STUDIES / "calibration_plan.yaml", ["cameras.rig.calibration.target.spacing=1 m"])
+    with pytest.raises(StudyError, match=r"calibration\.target: .*too few views: 0 \(allowed: at least 3"):
+        getattr(study, asked)()

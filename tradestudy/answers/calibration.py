@@ -58,30 +58,36 @@ def infer_calibrations(
     return known, {one.name: found[key] for key, one in definition.calibrations_to_infer().items()}
 
 
-def refuse_corners(definition: StudyDefinition) -> None:
-    """Refuse corners, of the study as declared and of its readings, that a run would refuse after their fit.
+def refuse_calibrations(definition: StudyDefinition, *, corners: bool) -> None:
+    """Refuse targets, and corners if asked, of a study and its readings that a run would refuse.
+
+    Corners take a second, for a fit to a few views.
 
     Raises
     ------
     StudyError
-        No rig fits the corners, or they contradict the declared geometry.
+        The target is visible in too few views, no rig fits the corners, or they contradict the declared geometry.
     """
     forms = [definition, *definition.readings.values()]
     asked = {key: request for form in forms for key, request in form.calibrations_to_infer().items()}
     if not asked:
         return
+    from tradestudy.calibration.camera_target import TargetToInfer, target_problem
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
-    from tradestudy.calibration.posteriors import CornersToInfer, check_corners
+    from tradestudy.calibration.posteriors import check_corners
 
     problems = []
     for request in asked.values():
         try:
-            if isinstance(request, CornersToInfer):
+            if isinstance(request, TargetToInfer):
+                target_problem(request)
+            elif corners:
                 check_corners(request)
         except GeometryContradictionError as error:
             problems += _located(definition, error)
         except TradestudyError as error:
-            path = ("cameras", request.name, "calibration", "corners")
+            given = "target" if isinstance(request, TargetToInfer) else "corners"
+            path = ("cameras", request.name, "calibration", given)
             problems.append(definition.document.locate(path).problem(path, str(error)))
     if problems:
         raise StudyError(problems)
