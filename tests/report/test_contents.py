@@ -48,14 +48,14 @@ def part(tree: xr.DataTree, *groups: str) -> xr.DataTree:
 @pytest.mark.parametrize(
     ("groups", "expected"),
     [
-        (("cameras",), ["Cameras", "Derived properties of the cameras"]),
+        (("cameras",), ["Cameras", "Notes on the cameras, and derived properties"]),
         (
             ("cameras", "claims"),
-            ["Cameras", "Claims", "Derived properties of the cameras", "Claims under every reading"],
+            ["Cameras", "Claims", "Notes on the cameras, and derived properties", "Claims under every reading"],
         ),
         (
             ("cameras", "contradictions", "requirements"),
-            ["Cameras", "Derived properties of the cameras", "Contradictions found", "Requirements"],
+            ["Cameras", "Notes on the cameras, and derived properties", "Contradictions found", "Requirements"],
         ),
     ],
 )

@@ -108,6 +108,7 @@ def test_a_large_table_is_written_on_request(
     tree: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(csv_tables, "LARGE", 1.0)
+    monkeypatch.setattr(csv_tables, "_FEW", 0)
     report.write(_quick(tree), {}, tmp_path, pdf=False)
     assert not list((tmp_path / "tables").glob("*"))
     report.write(_quick(tree), {}, tmp_path, pdf=False, large_tables=True)

@@ -56,7 +56,7 @@ def test_headings_appear_on_their_pages_in_order(pages: list[str]) -> None:
     names = ["Camera by distance", "Cameras", "Which camera each error source favours", "Claims", "Results"]
     more = {
         "A": "Assumptions",
-        "B": "Derived properties",
+        "B": "Notes on the cameras",
         "C": "Contradictions found",
         "D": "Method",
         "E": "Depth at the declared distances",

@@ -47,6 +47,13 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
                 float(isinstance(camera, DepthCamera) and camera.calibration.inferred and not camera.calibration.groups)
                 for camera in cameras.values()
             ],
+            "focal_length": [camera.gathering_lens.focal_length for camera in cameras.values()],
+            "f_number": [camera.gathering_lens.f_number for camera in cameras.values()],
+            "baseline": [camera.view_baseline or math.nan for camera in cameras.values()],
+            "pixels_across": [float(camera.sensor.columns) for camera in cameras.values()],
+            "pixels_down": [float(camera.sensor.rows) for camera in cameras.values()],
+            "pixel_pitch": [camera.sensor.pixel_pitch for camera in cameras.values()],
+            "field_of_view": [sum(camera.edge_angles(math.inf)[:2]) for camera in cameras.values()],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
             "property_value": [item[2] for item in properties],

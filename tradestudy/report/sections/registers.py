@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -23,13 +23,13 @@ from tradestudy.report.document import (
     say,
     with_subscripts,
 )
-from tradestudy.report.words import or_dash
+from tradestudy.report.words import length, or_dash
 from tradestudy.results import PAPER
 from tradestudy.results.storage import CHECKSUM, PICTURES
 from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.results.views.requirement_conclusions import ALL, ANY, VERDICTS, requirement_conclusions
-from tradestudy.units import significant
+from tradestudy.units import ANGLE, pretty, significant
 from tradestudy.wording import distance, in_words, listed, span
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
@@ -47,22 +47,35 @@ _LIST: Final = re.compile(r"^\[([^\[\]]+)\]$")  # without lists in it
 
 
 def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
-    """Introduce each camera in one line."""
+    """Introduce the cameras in one table."""
     rows = records(tree, "cameras", "camera")
     if not rows:
         return
+    columns: list[tuple[Column, Callable[[Mapping[str, Any]], str]]] = [
+        (Column(title="Camera", weight=3), lambda row: str(row["title"])),
+        (Column(title="Kind", weight=2), lambda row: str(row["kind"]).replace("-", " ")),
+        (Column(title="Focal length", align="right"), lambda row: length(float(row["focal_length"]))),
+        (Column(title="f-number", align="right"), lambda row: f"f/{significant(float(row['f_number']))}"),
+        (Column(title="Baseline", align="right"), lambda row: or_dash(float(row["baseline"]), length)),
+        (Column(title="Pixels", align="right"), lambda row: f"{row['pixels_across']:.0f} × {row['pixels_down']:.0f}"),
+        (Column(title="Pixel pitch", align="right"), lambda row: length(float(row["pixel_pitch"]))),
+        (Column(title="Field of view", align="right"), lambda row: pretty(float(row["field_of_view"]), ANGLE)),
+    ]
     yield Heading(text="Cameras", anchor="cameras")
-    yield Bullets(
-        tuple(
-            say(
-                "**{title}** ({kind}). {note}",
-                title=str(r["title"]),
-                kind=str(r["kind"]).replace("-", " "),
-                note=str(r.get("note", "")),
-            )
-            for r in rows
-        )
+    yield Table(
+        name="camera-table",
+        caption="The cameras. Baseline: between the lenses of a stereo rig, across the pupil of a plenoptic camera. "
+        "Field of view: horizontal, focused at infinity.",
+        columns=tuple(column for column, _ in columns),
+        rows=tuple(tuple(cell(row) for _, cell in columns) for row in rows),
     )
+
+
+def _camera_notes(tree: xr.DataTree) -> Iterator[Block]:
+    """What the study says about each camera."""
+    noted = [row for row in records(tree, "cameras", "camera") if row.get("note")]
+    if noted:
+        yield Bullets(tuple(say("**{title}**. {note}", title=str(r["title"]), note=str(r["note"])) for r in noted))
     if any(row["basis"] == "paper" for row in records(tree, "assumptions", "path")):
         yield Paragraph(f"“The paper” is “{PAPER}”.")
 
@@ -75,9 +88,10 @@ def describe_properties(tree: xr.DataTree) -> Iterator[Block]:
         for family in dict.fromkeys(families.values())
         for table in _properties(tree, family, [key for key, other in families.items() if other == family])
     ]
-    if tables:
-        yield Heading(text="Derived properties of the cameras", anchor="properties")
-        yield from tables
+    notes = tuple(_camera_notes(tree))
+    if tables or notes:
+        yield Heading(text="Notes on the cameras, and derived properties", anchor="properties")
+        yield from (*notes, *tables)
 
 
 def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Table]:
