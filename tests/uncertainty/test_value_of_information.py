@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 from scipy.stats import norm
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty import decision
 from tradestudy.uncertainty.decision import worth_of_all, worth_of_one
 
 MEAN, PARTS = 0.5, (0.6, 0.8)  # Δ ~ N(0.5, 1), a sum of two independent parts
@@ -92,3 +94,12 @@ def test_a_choice_of_two_is_worth_the_mean_of_the_better_answers() -> None:
     found = worth_of_one(np.stack([np.zeros(4096), difference], axis=1), choice, rng)
     assert found.value == pytest.approx(0.5, abs=3.0 * found.error)
     assert found.error < 0.03
+
+
+@pytest.mark.parametrize("intervals", [1, 2, 3, 8])
+def test_the_spline_basis_is_that_of_scipy(intervals: int) -> None:
+    inner = np.linspace(0.0, 1.0, intervals + 1)
+    ranks = np.concatenate([np.random.default_rng(0).random(1000), inner, np.nextafter(inner[1:], 0.0)])
+    knots = np.concatenate([np.zeros(3), inner, np.ones(3)])
+    expected = BSpline.design_matrix(ranks, knots, 3).toarray()
+    np.testing.assert_allclose(decision._basis(ranks, intervals), expected, rtol=0.0, atol=1e-15)

@@ -16,14 +16,6 @@ from tradestudy.depth.table import judged_uncertainty
 from tradestudy.depth.usable import boundaries, evaluate_limits, kept_by, margin
 from tradestudy.execution.steps import Progress, mixed
 from tradestudy.light_methods import short_title
-from tradestudy.models.point_spreads import (
-    goodman_f_number,
-    limit_f_number,
-    paper_zeros,
-    path_error_f_number,
-    psf_differences,
-)
-from tradestudy.models.spot_images import image_difference, lit_pixels, spot_image
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import Case, StudyDefinition
@@ -115,6 +107,10 @@ _CRITERION_WORDS = {
 
 def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot: LightSpotPart | None) -> float:
     """The value of a claim about light; the schema ensures that the part it refers to exists."""
+    # Imported here and below, because they load slowly and few studies make claims about light.
+    from tradestudy.models.point_spreads import limit_f_number
+    from tradestudy.models.spot_images import image_difference, lit_pixels, spot_image
+
     match claim:
         case PsfErrorClaim():
             return _psf_error(claim, _present(fresnel), claim.f_number)
@@ -177,6 +173,8 @@ def _present(part: PartT | None) -> PartT:
 
 
 def _psf_error(claim: PsfErrorClaim | FresnelFNumberClaim, asked: FresnelValidityPart, f_number: float) -> float:
+    from tradestudy.models.point_spreads import psf_differences
+
     found = psf_differences(
         asked.elements[claim.element],
         f_number=f_number,
@@ -190,6 +188,8 @@ def _psf_error(claim: PsfErrorClaim | FresnelFNumberClaim, asked: FresnelValidit
 
 
 def _criterion(claim: CriterionFNumberClaim, asked: FresnelValidityPart) -> float:
+    from tradestudy.models.point_spreads import goodman_f_number, paper_zeros, path_error_f_number
+
     element = asked.elements[claim.element]
     match claim.criterion:
         case "path-error":
