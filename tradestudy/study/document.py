@@ -189,7 +189,7 @@ class Document:
         entry = self.entry(path)
         if entry is None:
             raise KeyError(dotted(self.path_of(path)))
-        return _FOUND.sub(lambda number: significant(float(number[0]), 4), text_of(entry))
+        return _FOUND.sub(lambda number: significant(float(number[0])), text_of(entry))
 
     def entry(self, path: str | Path) -> Entry | None:
         """The entry at a path, or None."""
