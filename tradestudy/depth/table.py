@@ -203,7 +203,8 @@ def narrow_features(camera: DepthCamera) -> tuple[float, ...]:
     """Distances [m] within the range of the study where the depth error changes faster than a table shows.
 
     Such are the places where the image lies on the microlenses, or a lens type or an estimator switches. The change of
-    depth per disparity, which is a closed form, shows them on a dense grid.
+    depth per disparity (`DepthCamera.depth_discrimination` towards the camera), a closed form, shows them on a dense
+    grid.
     """
     judged = camera.propagation.judged
     if not judged or not judged[0] < judged[-1]:
@@ -211,7 +212,8 @@ def narrow_features(camera: DepthCamera) -> tuple[float, ...]:
     count = 1 + _DENSER * math.ceil(NODES_PER_FACTOR * math.log(judged[-1] / judged[0]))
     dense = np.geomspace(judged[0], judged[-1], count)
     with np.errstate(divide="ignore", invalid="ignore"):
-        change = np.log(camera.depth_discrimination(imaged(camera, dense))[0])
+        seen, step = imaged(camera, dense), camera.discrimination_step_px * camera.sample_pitch
+        change = np.log(seen - camera.depth_of_disparity(camera.disparity(seen) + step, seen))
         line = np.interp(np.arange(count), np.arange(0, count, _DENSER), change[::_DENSER])
         apart = np.nan_to_num(np.abs(change - line)).reshape(-1)[:-1].reshape(-1, _DENSER)
     found = np.flatnonzero(apart.max(axis=1) > _NARROW) * _DENSER
