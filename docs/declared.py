@@ -35,6 +35,12 @@ lens forms a real image), and for derived disparity errors `saturation` (the bri
 The variables of [`/depth`](#group-depth), at the distances of `decision.at`. Here, usable intervals are sought only
 between the nearest and the farthest of these distances.
 """,
+    "budget": """
+The uncertainty budget of each camera for points on the axis, after the GUM (JCGM 100:2008), at the distances of
+`decision.at` or, without it, at up to four of `scene.distances`; a sweep without `decision.at` has none. `source` lists
+the uncertain inputs and the correlated pairs of these, such as `mla_distance and focal_length`.
+[What a budget says](../../explanation/uncertainty.md#the-uncertainty-budget) explains the rules.
+""",
     "depth_field": """
 Variables of [`/depth`](#group-depth) off the axis. `field` lists the field positions of `propagation.field_places`, and
 `corner` the corners of the picture towards which they lie, as seen by the camera.

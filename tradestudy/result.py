@@ -210,6 +210,39 @@ class Result:
 
         return table_named(self.data, name).frame()
 
+    def budget(self, camera: str, distance: float) -> pd.DataFrame:
+        """Return the uncertainty budget of one camera's depth at one distance, after the GUM (JCGM 100:2008).
+
+        Parameters
+        ----------
+        camera
+            Key of the camera in the study, such as ``stereo-short``.
+        distance
+            One of the distances of ``decision.at`` or, without these, of ``data["budget"]["distance"]`` [m]; three
+            digits suffice.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row for each uncertain input, and one for each correlated pair of inputs. The columns are the variables
+            of ``/budget``: ``distribution``, ``evaluation`` (type A or B), ``input_units``, ``degrees_of_freedom``,
+            ``input_uncertainty``, ``correlation``, ``sensitivity_coefficient`` [m per unit of the input],
+            ``contribution`` [m], and ``variance`` [m²], whose sum is the square of ``combined_uncertainty``.
+            ``attrs["units"]`` gives the unit of each column. ``attrs`` also contains ``distance`` [m],
+            ``combined_uncertainty`` [m],
+            ``effective_degrees_of_freedom``, ``coverage``, ``coverage_factor``, ``expanded_uncertainty`` [m], and the
+            ends of the interval of depths with this coverage, ``interval_near`` and ``interval_far`` [m]. Factor and
+            expanded uncertainty are NaN where depth is not linear enough in the inputs; the interval holds there too.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the results have no budget of this camera at this distance.
+        """
+        from tradestudy.results.views.tables import budget_frame
+
+        return budget_frame(self.data, camera, distance)
+
     def with_cost(self, cost: xr.Dataset) -> Result:
         """Return the result with the costs that `Study.cost` measured, so that the report shows them.
 

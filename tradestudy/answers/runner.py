@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from tradestudy.answers.budget import budget_group
 from tradestudy.answers.calibration import infer_calibrations
 from tradestudy.answers.claims import claims_group
 from tradestudy.answers.datasheet import datasheet_group
@@ -123,6 +124,8 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
         groups["/depth_map"] = mapped
     if file.decision is not None:
         groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
+    if file.decision is not None or not file.sweep:
+        groups["/budget"] = budget_group(definition, groups.get("/depth_at_places", groups["/depth"]))
     if (causes := disparity_causes_group(definition)) is not None:
         groups["/disparity_causes"] = causes
     groups["/datasheet"] = datasheet_group(definition)

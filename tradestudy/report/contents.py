@@ -10,6 +10,7 @@ import xarray as xr
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Appendices, Contents, PageBreak, Report, literal
 from tradestudy.report.sections.answer import describe_answer, describe_stretches
+from tradestudy.report.sections.budget import list_budgets
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.depth_numbers import describe_datasheet, describe_decision, list_depths
 from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
@@ -80,6 +81,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_method(tree),
         *describe_effects(tree),
         *list_depths(tree),
+        *list_budgets(tree),
         *describe_decision(tree, drawings),
         *list_claim_values(tree),
         *describe_requirements(tree),

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from tradestudy.errors import OutOfRangeError, nearest
 
 if TYPE_CHECKING:
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
 
 
 _PATH: Final = "."  # in the names of swept parameters, and in no other dimension
+_SAME_PLACE: Final = 5e-3  # of a distance: what three digits leave open
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,3 +98,39 @@ def table_named(tree: xr.DataTree, name: str) -> Table:
         remedy = "" if close is None else f"nearest: '{close}'"
         raise OutOfRangeError("these results have no such table", value=name, limit=", ".join(found), remedy=remedy)
     return found[name]
+
+
+def budget_frame(tree: xr.DataTree, camera: str, distance: float) -> pd.DataFrame:
+    """The uncertainty budget of a camera at a distance [m]: one row per input or correlated pair of inputs.
+
+    Raises
+    ------
+    OutOfRangeError
+        The results have no budget, or none of this camera or at this distance; the message lists those that exist.
+    """
+    if "budget" not in tree.children:
+        raise OutOfRangeError(
+            "these results have no uncertainty budget",
+            value=", ".join(tree.children),
+            limit="a study with cameras that measure depth and, if it sweeps values, decision.at",
+            remedy="run such a study",
+        )
+    data = tree["budget"].to_dataset()
+    cameras, distances = data["camera"].to_numpy().tolist(), data["distance"].to_numpy()
+    if camera not in cameras:
+        raise OutOfRangeError("no camera with a budget has this key", value=camera, limit=", ".join(cameras))
+    nearest_place = int(np.argmin(np.abs(distances - distance)))
+    if not abs(distances[nearest_place] - distance) <= _SAME_PLACE * distance:
+        raise OutOfRangeError(
+            "no uncertainty budget at this distance",
+            value=f"{distance:g} m",
+            limit=", ".join(f"{one:g} m" for one in distances),
+            remedy="add the distance to decision.at",
+        )
+    place = data.isel(distance=nearest_place).sel(camera=camera).drop_vars("camera")
+    rows = place[[name for name in place.data_vars if "source" in place[name].dims]]
+    own = (rows["distribution"] != "") | np.isfinite(rows["correlation"])
+    frame = rows.drop_vars("distance").isel(source=np.flatnonzero(own)).to_dataframe()
+    frame.attrs["units"] = {name: rows[name].attrs["units"] for name in map(str, rows.data_vars)}
+    frame.attrs |= {str(name): float(one) for name, one in place.variables.items() if not one.dims}
+    return frame
