@@ -194,7 +194,8 @@ def test_a_study_without_depth_answers_its_requirements_in_every_place(tmp_path:
     (tmp_path / "plain.yaml").write_text(PLAIN)
     study = tradestudy.load(tmp_path / "plain.yaml")
     result = study.run()
-    sharp, light = result.lines()
+    answer, sharp, light = result.lines()
+    assert answer.startswith("To keep 0.149 to 0.151 m sharp, take Near (")
     assert sharp.startswith("Met: the rock is sharp, by Near (sharp from ")
     assert light == (
         "Not met: not heavy (should), not by Near (mass 400 g; missed by a factor of 2); "
