@@ -214,38 +214,75 @@ def largest_source(tree: xr.DataTree, camera: str, distance: float) -> str | Non
 _CLEARLY_WORSE: Final = 1.1  # times the depth uncertainty on the axis
 
 
-def off_axis_words(tree: xr.DataTree) -> list[str]:
-    """How much less certain depth is off the axis, where it is most so, and where there is none.
+@dataclass(frozen=True, kw_only=True)
+class OffAxis:
+    """How a camera measures off the axis, compared with the axis, where it is usable there.
 
-    Cameras that it hardly affects are left out.
+    Parameters
+    ----------
+    ratio, where
+        Largest depth uncertainty, over that on the axis at the same distance, and the place in words; 1 and "" if the
+        uncertainty grows nowhere.
+    unseen
+        A place where it measures no depth, in words; empty if there is none.
     """
-    if not has(tree, "depth_field", "depth_uncertainty") or not nominal_is_declared(tree):
-        return []
-    depth, off, titles = nominal(tree), group(tree, "depth_field"), camera_titles(tree)
-    on_axis, off_axis = judged_uncertainty(depth), judged_uncertainty(off)
-    distances = np.asarray(depth["distance"].values, dtype=np.float64)
-    found = []
-    for camera in map(str, depth["camera"].values):
+
+    ratio: float
+    where: str
+    unseen: str
+
+
+def off_axis(tree: xr.DataTree, camera: str) -> OffAxis:
+    """The worst of all places off the axis that a run computed for a camera, at its field places and over its map."""
+    places = [(1.0, "")]
+    unseen = ""
+    if has(tree, "depth_field", "depth_uncertainty") and nominal_is_declared(tree):
+        depth, off = nominal(tree), group(tree, "depth_field")
+        distances = np.asarray(depth["distance"].values, dtype=np.float64)
         usable = np.zeros(distances.shape, dtype=bool)
         for near, far in where_usable(depth, camera):
             usable |= (near <= distances) & (distances <= far)
-        there = off_axis.sel(camera=camera).transpose("field", "corner", "distance").values
+        there = judged_uncertainty(off).sel(camera=camera).transpose("field", "corner", "distance").values
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(usable, there / on_axis.sel(camera=camera).values, np.nan)
+            ratio = np.where(usable, there / judged_uncertainty(depth).sel(camera=camera).values, np.nan)
 
         def where(field: int, corner: int, place: int) -> str:
             towards = field_words(float(off["field"].values[field]), str(off["corner"].values[corner]))
             return f"{towards}, at {distance(float(distances[place]))}"
 
-        unseen = np.argwhere(usable & np.isnan(there))
-        if unseen.size:
-            found.append(f"{with_article(titles[camera])} measures no depth ({where(*unseen[0].tolist())})")
-        if not np.any(ratio > _CLEARLY_WORSE):
-            continue
-        field, corner, place = map(int, np.unravel_index(np.nanargmax(ratio), ratio.shape))
-        worst = float(ratio[field, corner, place])
-        times = f"up to {significant(worst, 3)} times as uncertain" if math.isfinite(worst) else "unbounded"
-        found.append(f"depth by {with_article(titles[camera])} is {times} ({where(field, corner, place)})")
+        missing = np.argwhere(usable & np.isnan(there))
+        unseen = where(*missing[0].tolist()) if missing.size else ""
+        if not np.isnan(ratio).all():
+            worst = np.unravel_index(np.nanargmax(ratio), ratio.shape)
+            places.append((float(ratio[worst]), where(*map(int, worst))))
+    if has(tree, "depth_map", "depth_uncertainty") and camera in group(tree, "depth_map")["camera"].values:
+        judged = judged_uncertainty(group(tree, "depth_map")).sel(camera=camera).transpose("distance", "down", "across")
+        ratio = (judged / judged.sel(down=0.0, across=0.0, method="nearest")).values
+        if not np.isnan(ratio).all():
+            place, down, across = map(int, np.unravel_index(np.nanargmax(ratio), ratio.shape))
+            side = "upper" if 2 * down < ratio.shape[1] else "lower"
+            side += " left" if 2 * across < ratio.shape[2] else " right"
+            there_words = f"at the edge of the picture, {side}, at {distance(float(judged['distance'].values[place]))}"
+            places.append((float(ratio[place, down, across]), there_words))
+    most, words = max(places, key=lambda one: one[0])
+    return OffAxis(ratio=most, where=words, unseen=unseen)
+
+
+def off_axis_words(tree: xr.DataTree) -> list[str]:
+    """How much less certain depth is off the axis, where it is most so, and where there is none.
+
+    Cameras that it hardly affects are left out.
+    """
+    if not has(tree, "depth"):
+        return []
+    found = []
+    for camera, title in titles_in(tree, "depth").items():
+        worst = off_axis(tree, camera)
+        if worst.unseen:
+            found.append(f"{with_article(title)} measures no depth ({worst.unseen})")
+        if worst.ratio > _CLEARLY_WORSE:
+            times = f"up to {significant(worst.ratio, 3)} times as uncertain" if worst.ratio < math.inf else "unbounded"
+            found.append(f"depth by {with_article(title)} is {times} ({worst.where})")
     return found
 
 

@@ -15,9 +15,11 @@ from tradestudy.results.views.conclusions import BestRange, best_ranges, never_b
 from tradestudy.results.views.decision import solved_questions
 from tradestudy.results.views.depth import (
     SharpCamera,
+    by_first_criterion,
     declared_place,
     measured_numbers,
     nominal,
+    off_axis,
     sharp_cameras,
     swept,
     where_usable,
@@ -27,7 +29,7 @@ from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers
-from tradestudy.units import FRACTION, LENGTH, display_unit, pretty, significant
+from tradestudy.units import FRACTION, LENGTH, PIXELS, display_unit, pretty, significant
 from tradestudy.wording import DECLARED_VALUE, counted, distance, fewest_digits, listed, plain_span, with_article
 
 _METRE: Final = 0.1  # a range of distances that reaches this far is written in metres, [m]
@@ -171,16 +173,16 @@ def _of_sharpness(tree: xr.DataTree) -> str:
         return ""
     attrs = group(tree, "depth_of_field").attrs
     scene = plain_span(float(attrs["scene_near"]), float(attrs["scene_far"]))
+    blur = pretty(float(by_first_criterion(tree)["blur_px"]), PIXELS)
     keep = [one for one in cameras if one.keeps_all]
     if not keep:
-        return (
-            f"no camera keeps {scene} sharp; {with_article(cameras[0].title)} keeps {_percent(cameras[0].share)} of it"
-        )
+        nearly = f"{with_article(cameras[0].title)} keeps {_percent(cameras[0].share)} of it"
+        return f"no camera keeps {scene} sharp to {blur}; {nearly}"
     finest, simplest = keep[0], min(keep, key=lambda one: (one.images, one.moving_parts, one.resolution))
     which = [with_article(simplest.title) + f" ({_expense(simplest)})"]
     if finest.title != simplest.title:
         which.append(f"for finer detail, {with_article(finest.title)} ({_expense(finest)})")
-    return f"to keep {scene} sharp, take {' or, '.join(which)}"
+    return f"to keep {scene} sharp to {blur}, take {' or, '.join(which)}"
 
 
 def _expense(camera: SharpCamera) -> str:
@@ -313,14 +315,11 @@ def _camera_words(titles: Sequence[str]) -> str:
 
 
 def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
-    """The usable range of the only camera, and its uncertainty at both ends, at the worst place of the picture."""
+    """The usable range of the only camera, its uncertainty at both ends, and how much larger that is off the axis."""
     depth = nominal(tree)
     name = str(depth["camera"].values[0])
     distances = np.asarray(depth["distance"].values, dtype=np.float64)
     judged = judged_uncertainty(depth).sel(camera=name).values
-    if has(tree, "depth_field", "depth_uncertainty"):
-        off = judged_uncertainty(group(tree, "depth_field")).sel(camera=name).max(("field", "corner")).values
-        judged = np.fmax(judged, off)
     inside = [k for k, place in enumerate(distances) for a, b in where_usable(depth, name) if a <= place <= b]
     where = " and ".join(f"from {' to '.join(_ends(one.near, one.far))}" for one in taken)
     known = [k for k in inside if np.isfinite(judged[k])]
@@ -331,7 +330,11 @@ def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     values = [f"±{_worst(judged[k], worst)} at {distance(distances[k])}" for k in dict.fromkeys((known[0], known[-1]))]
     causes = rests_on(tree)
     limits = f"; {causes[0].partition(' of ')[0]} decides most of it" if causes else ""
-    return f"depth by {title} is usable {where}, with {listed(values)}{limits}".replace("\N{NO-BREAK SPACE}", " ")
+    beyond = off_axis(tree, name).ratio
+    off = (
+        f" on the axis, and up to {significant(beyond, 2)} times that elsewhere" if _HARDLY < beyond < math.inf else ""
+    )
+    return f"depth by {title} is usable {where}, with {listed(values)}{off}{limits}".replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _worst(uncertainty: float, largest: float) -> str:
