@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 from docutils import nodes
 from sphinx import addnodes
@@ -31,6 +32,8 @@ autodoc_member_order = "groupwise"
 autodoc_preserve_defaults = True
 html_theme = "furo"
 html_title = f"tradestudy {release}"
+html_static_path = ["static"]
+html_css_files = ["pages.css"]
 html_copy_source = False
 html_show_copyright = False
 
@@ -83,10 +86,21 @@ def unlink_architecture(_app: Sphinx, _name: str, source: list[str]) -> None:
     source[0] = re.sub(r"\[(ARCHITECTURE\.md)\]\([./]+ARCHITECTURE\.md\)", r"`\1`", source[0])
 
 
+def let_tab_reach_scrolling_blocks(
+    _app: Sphinx, _page: str, _template: str, context: dict[str, Any], _tree: nodes.document | None
+) -> None:
+    """Let the keyboard reach code and tables, which scroll sideways where the page is narrow."""
+    body = re.sub(r'(<div class="highlight">)<pre>', r'\1<pre tabindex="0">', context.get("body", ""))
+    context["body"] = re.sub(
+        r'(<div class="table-wrapper [^"]*")', r'\1 tabindex="0" role="group" aria-label="Table"', body
+    )
+
+
 def setup(app: Sphinx) -> None:
     """Write the generated pages before Sphinx looks for sources, and have docstrings read as they are meant."""
     app.connect("builder-inited", write_generated)
     app.connect("source-read", unlink_architecture)
     app.connect("autodoc-process-docstring", keep_bars)
     app.connect("autodoc-process-docstring", keep_initials)
+    app.connect("html-page-context", let_tab_reach_scrolling_blocks)
     app.connect("object-description-transform", shorten_types, priority=600)  # after autodoc adds the types
