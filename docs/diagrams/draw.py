@@ -19,11 +19,11 @@ from matplotlib.figure import Figure
 
 HERE: Final = Path(__file__).parent
 WIDTH: Final = 4.2  # inches: a telephone shows it nearly at full size
-INK, SOFT, BLUE, RED, GROUND = "#1c1f24", "#5b626c", "#0072b2", "#b84a00", "#ffffff"
+INK, SOFT, BLUE, RED, GOLD, GROUND = "#1c1f24", "#5b626c", "#0072b2", "#b84a00", "#8a6d00", "#ffffff"
 PALE_BLUE, PALE_RED = "#d3e6f3", "#f7dccb"
 DARK: Final = {
     INK: "#e8eaed", SOFT: "#a9b0ba", GROUND: "#15171a",
-    BLUE: "#6db8ee", RED: "#ff9d5c", PALE_BLUE: "#123c58", PALE_RED: "#5a2f14",
+    BLUE: "#6db8ee", RED: "#ff9d5c", GOLD: "#dcb43a", PALE_BLUE: "#123c58", PALE_RED: "#5a2f14",
 }  # fmt: skip
 """Each colour on a light ground, and what replaces it where the reader prefers a dark one."""
 

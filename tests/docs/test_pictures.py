@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ruamel.yaml import YAML
 
+import tradestudy
 from tests.docs.blocks import PAGES, ROOT
 
 _PICTURE = re.compile(r"!\[(?P<alt>[^\]]*)\]\((?P<file>[^)\s]+)\)")
@@ -72,3 +74,21 @@ def test_the_diagram_of_the_covering_plane_colours_as_many_microlenses_as_it_say
     (axes,) = diagrams["total_covering_plane"]().axes
     filled = [patch for patch in axes.patches if patch.get_zorder() == 3 and patch.get_facecolor()[3] > 0.0]
     assert len(filled) == 1 + 2 + 3
+
+
+def test_the_figure_of_the_readme_shows_the_limits_of_the_usable_ranges() -> None:
+    """Each of its cameras is best from its nearest usable distance to that of the next; the last, to its farthest."""
+    result = tradestudy.open_result(ROOT / "reports" / "examples" / "plenoptic-vs-stereo")
+    of = result.data["depth"].to_dataset().sel(camera=["stereo-short", "raytrix-r5", "stereo-65-across"])
+    ends = [*of["usable_near"].values.ravel(), of["usable_far"].values.ravel()[-1]]
+    written = [f"{end:.2g}" for end in ends]
+    (described,) = (words for path, words in shown().items() if path.name == "answer.svg")
+    assert re.findall(r"(?:From|to)\s(\d\.\d+)", described.split("10 m.")[1]) == written
+    (axes,) = runpy.run_path(str(ROOT / "docs" / "pictures" / "draw.py"))["answer"](result).axes
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["0.05", *written, "10"]
+
+
+def test_the_citation_names_this_version() -> None:
+    cited = YAML(typ="safe", pure=True).load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert {"cff-version", "message", "title", "authors"} <= cited.keys()
+    assert cited["version"] == tradestudy.__version__
