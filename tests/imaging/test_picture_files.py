@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from tradestudy.calibration.calibration_file import CalibrationFileError, read_calibration
 from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
@@ -68,6 +69,50 @@ def test_arrays_that_are_no_pictures_are_refused_with_the_reason(tmp_path: Path,
     for read in (read_picture, lambda file: read_depths(file, 1.0)):
         with pytest.raises(OutOfRangeError, match=reason):
             read(tmp_path / "one.npy")
+
+
+def test_pictures_that_viewers_show_otherwise_are_refused(tmp_path: Path) -> None:
+    rows, columns = np.mgrid[:48, :64]
+    grey = (120 + 60 * np.sin(columns / 3)).astype(np.uint8)
+    clear = np.where(columns > 40, 0, 255).astype(np.uint8)
+    color = Image.fromarray(np.dstack([grey, grey // 2, grey // 3]))
+    turned = color.getexif()
+    turned[0x0112] = 3
+    pages = [Image.fromarray((start + 0.002 * columns).astype(np.float32)) for start in (0.9, 1.9)]
+    Image.fromarray(np.dstack([grey, grey // 2, grey // 3, clear])).save(tmp_path / "rgba.png")
+    Image.fromarray(np.dstack([grey, clear])).save(tmp_path / "la.png")
+    Image.fromarray((3000 + rows).astype(np.uint16)).save(tmp_path / "value.png", transparency=3005)
+    color.quantize(8).save(tmp_path / "palette.png", transparency=1)
+    color.save(tmp_path / "turned.jpg", exif=turned)
+    pages[0].save(tmp_path / "turned.tif", tiffinfo={0x0112: 6})
+    color.convert("CMYK").save(tmp_path / "cmyk.jpg")
+    color.convert("LAB").save(tmp_path / "lab.tif")
+    pages[0].save(tmp_path / "pages.tif", save_all=True, append_images=pages[1:])
+    frames = [Image.fromarray(grey), Image.fromarray(grey.T)]
+    for name in ("frames.gif", "frames.png"):
+        frames[0].save(tmp_path / name, save_all=True, append_images=[frames[1].resize((64, 48))])
+    for names, reason in (
+        (("rgba.png", "la.png", "value.png", "palette.png"), "opacity .*down to 0.*; save it without"),
+        (("turned.jpg", "turned.tif"), "EXIF orientation.*allowed: 1, upright"),
+        (("cmyk.jpg", "lab.tif"), "colours.*(CMYK|LAB).*; convert it to RGB"),
+        (("pages.tif", "frames.gif", "frames.png"), "pages .*2 in .*allowed: 1"),
+    ):
+        for name in names:
+            for read in (read_picture, lambda file: read_depths(file, 1.0)):
+                with pytest.raises(OutOfRangeError, match=reason):
+                    read(tmp_path / name)
+
+
+def test_opaque_alpha_changes_nothing(tmp_path: Path) -> None:
+    color = np.arange(4 * 5 * 3, dtype=np.uint8).reshape(4, 5, 3) + np.uint8(1)
+    opaque = np.full((4, 5, 1), 255, np.uint8)
+    Image.fromarray(np.dstack([color, opaque])).save(tmp_path / "color.png")
+    Image.fromarray(np.dstack([color[..., :1], opaque])).save(tmp_path / "grey.png")
+    np.testing.assert_array_equal(read_picture(tmp_path / "color.png"), np.moveaxis(color, -1, 0))
+    np.testing.assert_array_equal(read_depths(tmp_path / "grey.png", 2.0), 2.0 * color[..., 0])
+    np.save(tmp_path / "four.npy", np.dstack([color, opaque]))
+    with pytest.raises(OutOfRangeError, match=r"shape of a picture.*\(4, 5, 4\)"):
+        read_picture(tmp_path / "four.npy")
 
 
 def test_pipes_are_refused_instead_of_waited_for(tmp_path: Path) -> None:

@@ -27,6 +27,10 @@ MOST_PIXELS: Final = 100_000_000
 """Largest number of pixels of a picture or depth map, and of numbers in an array: 0.8 GB in double precision."""
 LARGEST_VALUE: Final = 1e12
 """Largest brightness or depth of a file: squares of depths are computed in single precision."""
+_ORIENTATION: Final = 0x0112  # tag of EXIF and TIFF
+_NOT_RGB: Final = ("CMYK", "YCbCr", "LAB", "HSV")
+_OPAQUE: Final = {"P": "RGB", "PA": "RGB", "RGBA": "RGB", "RGBa": "RGB", "RGBX": "RGB", "LA": "L", "La": "L"}
+"""Modes without palette and alpha."""
 
 
 def read_picture(file: Path) -> FloatArray:
@@ -35,10 +39,10 @@ def read_picture(file: Path) -> FloatArray:
     Raises
     ------
     OutOfRangeError
-        The file is not a picture, or it is black.
+        The file is not a picture, has several pages, transparent pixels, an orientation or colours other than grey and
+        RGB, or is black.
     """
     values = _values(file)
-    values = values[..., :3] if values.ndim == 3 and values.shape[-1] in (3, 4) else values
     if values.ndim == 3 and values.shape[-1] == 3:
         values = np.moveaxis(values, -1, 0)
     elif values.ndim == 2:
@@ -58,7 +62,7 @@ def read_depths(file: Path, unit: float) -> FloatArray:
     Raises
     ------
     OutOfRangeError
-        The file is not a depth map, or it has holes.
+        The file is not a depth map, has several pages, transparent pixels or an orientation, or has holes.
     """
     values = _values(file)
     if values.ndim != 2 or min(values.shape) < 2:
@@ -112,7 +116,19 @@ def _image(file: Path) -> FloatArray:
     # The library warns of invalid tags, which do not matter (invalid pixels raise an error), and of large pictures.
     with warnings.catch_warnings(action="ignore"), Image.open(file) as picture:
         _require_size(file, picture.width * picture.height)
-        return np.asarray(picture.convert("RGB") if picture.mode == "P" else picture, np.float64)
+        pages, turn = getattr(picture, "n_frames", 1), picture.getexif().get(_ORIENTATION, 1)
+        # A transparent colour of 16 bits is lost in conversion.
+        alpha = 0 if "transparency" in picture.info else 255
+        alpha = int(np.asarray(picture.convert("RGBA"))[..., 3].min()) if picture.mode in _OPAQUE else alpha
+        for is_refused, what, value, limit, remedy in (
+            (pages > 1, "pages of a picture or depth map", pages, "1", "save the page that is meant as its own file"),
+            (turn not in (0, 1), "EXIF orientation", turn, "1, upright", "turn the pixels, and save without the tag"),
+            (alpha < 255, "opacity (alpha)", f"down to {alpha}", "255 everywhere", "save it without transparency"),
+            (picture.mode in _NOT_RGB, "colours", picture.mode, "grey, or red, green, blue", "convert it to RGB"),
+        ):
+            if is_refused:
+                raise OutOfRangeError(what, value=f"{value} in {file}", limit=limit, remedy=remedy)
+        return np.asarray(picture.convert(_OPAQUE.get(picture.mode, picture.mode)), np.float64)
 
 
 def _require_size(file: Path, pixels: int) -> None:
