@@ -43,13 +43,14 @@ def launched(playwright: Any, path: str) -> Iterator[Any]:
 
 @contextmanager
 def opened(
-    browser: Any, report: Path, *, width: int = 1280, dark: bool = False, script: bool = True
+    browser: Any, report: Path, *, width: int = 1280, dark: bool = False, script: bool = True, touch: bool = False
 ) -> Iterator[Visit]:
     """A report; the page may neither report an error nor ask for anything else."""
     context = browser.new_context(
         viewport={"width": width, "height": 900},
         color_scheme="dark" if dark else "light",
         java_script_enabled=script,
+        has_touch=touch,
         reduced_motion="reduce",
     )
     page = context.new_page()

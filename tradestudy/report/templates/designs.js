@@ -142,6 +142,7 @@ if (data.designs) {
       const follows = figure.panels.some((panel) => panel.read.some((curve) => baseName(curve) in data.values));
       figure.note.textContent = design !== null && follows ? `Now shown: ${values}.` : "";
       if (figure.readable) figure.table();
+      figure.showAgain();
     }
     inputs.forEach(([input, output], n) => {
       input.value = places[n];

@@ -72,16 +72,17 @@ class Figure {
   }
 
   listen() {
-    let start = null;
+    let start = null, pressed = null;
     this.svg.addEventListener("pointermove", (event) => {
       const place = this.place(event);
       if (start) this.select(start, place);
-      else this.lookAt(place, event);
+      else if (!kept) this.lookAt(place, event);
     });
     this.svg.addEventListener("pointerdown", (event) => {
       const place = this.place(event);
       const panel = this.panels.find((one) => one.holds(place));
-      this.lookAt(place, event);
+      pressed = place;
+      if (!kept) this.lookAt(place, event);
       if (event.pointerType === "mouse" && event.button === 0 && panel) {
         start = { panel, place };
         this.svg.setPointerCapture(event.pointerId);
@@ -92,15 +93,22 @@ class Figure {
       if (start) this.zoomTo(start, this.place(event));
       start = null;
     });
-    this.svg.addEventListener("pointerleave", () => !start && this.leave());
+    this.svg.addEventListener("click", (event) => {
+      const place = this.place(event);
+      if (pressed && Math.hypot(place[0] - pressed[0], place[1] - pressed[1]) >= LEAST_PART) return; // a part was drawn over
+      kept = false;
+      this.lookAt(place, event);
+      kept = cursor !== null;
+    });
+    this.svg.addEventListener("pointerleave", () => !start && !kept && leave());
     this.svg.addEventListener("dblclick", () => this.reset());
     this.box.addEventListener("keydown", (event) => this.key(event));
-    this.box.addEventListener("blur", () => this.leave());
+    this.box.addEventListener("blur", () => !kept && leave());
   }
 
   lookAt(place, event) {
     const panel = this.panels.find((one) => one.holds(place));
-    if (!panel) return this.leave();
+    if (!panel) return leave();
     const value = panel.valueOfX(place[0]);
     const samples = panel.read.some((curve) => curve.kind !== "points") ? panel.samples() : [];
     const k = nearest(samples, value, panel.x);
@@ -119,6 +127,7 @@ class Figure {
 
   show(panel, value, place = null) {
     const rows = panel.at(value, place);
+    this.last = [panel, value, place];
     cursor = { panel, value: inBase(panel.x, value) };
     for (const figure of figures) for (const one of figure.panels) one.look();
     for (const figure of figures) if (figure !== this) figure.readout.classList.remove("shown");
@@ -133,10 +142,9 @@ class Figure {
     this.readout.classList.toggle("shown", rows.length > 0);
   }
 
-  leave() {
-    cursor = null;
-    for (const figure of figures) for (const panel of figure.panels) panel.look();
-    this.readout.classList.remove("shown");
+  // After a switch or a slider.
+  showAgain() {
+    if (cursor && this.panels.includes(cursor.panel)) this.show(...this.last);
   }
 
   key(event) {
@@ -148,11 +156,11 @@ class Figure {
     if (event.key === "+" || event.key === "=") this.zoomBy(0.5);
     else if (event.key === "-") this.zoomBy(2);
     else if (event.key === "0") this.reset();
-    else if (event.key === "Escape") this.leave();
     else if (step || other || ["Home", "End"].includes(event.key)) {
       if (other) panel = readable[(readable.indexOf(panel) + other + readable.length) % readable.length];
       const samples = panel.samples();
       if (!samples.length) return;
+      kept = false;
       const now = cursor ? nearest(samples, fromBase(panel.x, cursor.value), panel.x) : step > 0 ? -1 : 0;
       const far = { Home: -Infinity, End: Infinity }[event.key] ?? step ?? 0;
       const next = Math.max(0, Math.min(samples.length - 1, now + far));
@@ -166,7 +174,7 @@ class Figure {
   // The part of a panel that was drawn over with the mouse; what is narrower or lower than a few points counts as whole.
   part({ panel, place: [x, y] }, [toX, toY]) {
     const { left, right, top, bottom } = panel.size;
-    const ends = (low, high, a, b) => (Math.abs(a - b) < 6 ? [low, high]
+    const ends = (low, high, a, b) => (Math.abs(a - b) < LEAST_PART ? [low, high]
       : [Math.min(a, b), Math.max(a, b)].map((end) => Math.max(low, Math.min(high, end))));
     return [...ends(left, right, x, toX), ...ends(top, bottom, y, toY)];
   }
@@ -216,6 +224,7 @@ class Figure {
       for (const { group, label } of panel.curves) if (group) group.style.display = hidden.has(label) ? "none" : "";
       panel.look();
     }
+    this.showAgain();
     for (const button of $$("button.switch", this.element)) {
       button.setAttribute("aria-pressed", String(!hidden.has(button.dataset.label)));
     }
@@ -226,6 +235,17 @@ function toggle(label) {
   if (!hidden.delete(label)) hidden.add(label);
   for (const figure of figures) figure.switched();
 }
+
+function leave() {
+  cursor = null;
+  kept = false;
+  for (const figure of figures) {
+    for (const panel of figure.panels) panel.look();
+    figure.readout.classList.remove("shown");
+  }
+}
+document.addEventListener("keydown", (event) => event.key === "Escape" && leave());
+document.addEventListener("click", (event) => !event.target.closest(".plot, .designs") && leave());
 
 const figures = [];
 for (const [name, panels] of Object.entries(data.figures)) {

@@ -1,6 +1,8 @@
 // A panel of a figure: what stands under the cursor, and how it is zoomed.
 const hidden = new Set(); // labels that are switched off, in all figures
 let cursor = null; // {panel, value}: where the reader looks, in base units of an axis
+let kept = false; // whether a tap keeps the readout until another, or Escape
+const LEAST_PART = 6; // points: a shorter stroke is a tap
 const LEAST_VIEW = 1e-3;
 
 // Numbers of the design that is shown, by the name of a curve: {x, value, low, high}.

@@ -1,0 +1,64 @@
+"""A tap keeps the readout; it also says where a camera is not usable, and what a map shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.browser.conftest import Open, Run
+from tests.browser.test_figures import known, over, reported
+from tradestudy.results.views.depth import where_measured
+from tradestudy.results.views.groups import camera_titles
+
+
+def tap(page: Any, figure: str, across: float, up: float, *, touch: bool) -> None:
+    """Tap or click at shares of what is in view of a figure."""
+    over(page, figure, across, up)
+    box = page.locator(f"#{figure} .frame > .scroll").bounding_box()
+    place = box["x"] + across * box["width"], box["y"] + up * box["height"]
+    page.touchscreen.tap(*place) if touch else page.mouse.click(*place)
+
+
+@pytest.mark.parametrize("touch", [False, True], ids=["mouse", "touch"])
+def test_a_tap_keeps_the_readout_until_another(visit: Open, headline: Run, touch: bool) -> None:
+    with visit(headline.report, touch=touch, width=390 if touch else 1280) as seen:
+        page, readout = seen.page, seen.page.locator("#whole_range .readout")
+        tap(page, "whole_range", 0.5, 0.3, touch=touch)
+        first = reported(page, "whole_range")
+        over(page, "close_range", 0.5, 0.3)
+        page.mouse.move(2, 2)
+        assert reported(page, "whole_range") == first
+        assert readout.is_visible()
+        tap(page, "whole_range", 0.7, 0.3, touch=touch)
+        assert reported(page, "whole_range")[0] != first[0]
+        tap(page, "close_range", 0.5, 0.3, touch=touch)
+        assert not readout.is_visible()
+        assert page.locator("#close_range .readout").is_visible()
+        page.keyboard.press("Escape")
+        assert page.locator(".readout.shown").count() == 0
+        assert page.locator(".cursor line").count() == 0
+
+
+def test_a_tap_beside_the_figures_removes_the_readout(visit: Open, headline: Run) -> None:
+    with visit(headline.report, touch=True) as seen:
+        tap(seen.page, "whole_range", 0.5, 0.3, touch=True)
+        assert seen.page.locator(".readout.shown").count() == 1
+        seen.page.locator("h2").first.tap()
+        assert seen.page.locator(".readout.shown").count() == 0
+
+
+def test_a_kept_readout_follows_switches_and_sliders(visit: Open, sweep: Run) -> None:
+    depth, titles = where_measured(sweep.tree["depth"].to_dataset()), camera_titles(sweep.tree)
+    with visit(sweep.report) as seen:
+        page = seen.page
+        tap(page, "whole_range", 0.5, 0.3, touch=False)
+        sliders = page.locator("#designs input")
+        for number in range(sliders.count()):
+            sliders.nth(number).focus()
+            sliders.nth(number).press("Home")
+        first = {name: 0 for name in depth["depth_uncertainty"].dims if name not in ("camera", "distance")}
+        values = reported(page, "whole_range")[1]
+        assert any(values == known(depth.isel(first), titles, place) for place in range(depth.sizes["distance"]))
+        page.locator("#whole_range button.switch").first.press("Enter")
+        assert len(reported(page, "whole_range")[1]) == len(values) - 1
