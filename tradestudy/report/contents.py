@@ -30,7 +30,7 @@ from tradestudy.report.sections.registers import (
     describe_requirements,
     list_claim_values,
 )
-from tradestudy.report.sections.results import describe_results, describe_verdicts
+from tradestudy.report.sections.results import describe_disparity_causes, describe_results, describe_verdicts
 from tradestudy.report.sections.trade_off import describe_trade_off, describe_value_of_information
 from tradestudy.results.views.headline import headline
 
@@ -53,8 +53,6 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_fresnel_answer(tree, drawings),
         *describe_light_spot_answer(tree, run, drawings),
     )
-    inferred = "calibration" in tree.children  # an inferred calibration is a result, a declared one an input
-    calibration = tuple(describe_calibration(tree, run, drawings))
     sections = (
         Contents(),
         *describe_stretches(tree),
@@ -67,7 +65,6 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_value_of_information(tree, drawings),
         *describe_trade_off(tree, drawings),
         *describe_results(tree, drawings),
-        *(calibration if inferred else ()),
         *describe_depth_of_field(tree, drawings),
         *describe_criteria(tree),
         *describe_fresnel_validity(tree, drawings),
@@ -85,7 +82,8 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_decision(tree, drawings),
         *list_claim_values(tree),
         *describe_requirements(tree),
-        *(() if inferred else calibration),
+        *describe_disparity_causes(tree),
+        *describe_calibration(tree, run, drawings),
         *describe_datasheet(tree),
         *describe_cost(tree, drawings),
         *list_decisions(tree),

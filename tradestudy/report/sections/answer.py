@@ -42,12 +42,13 @@ from tradestudy.results.views.decision import (
 )
 from tradestudy.results.views.depth import (
     best_of_any_matcher,
+    is_swept,
     least_broken,
     measured_words,
     off_axis_words,
     offset_words,
 )
-from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
+from tradestudy.results.views.designs import feasible_words
 from tradestudy.results.views.groups import camera_titles, consequences, group, has, perfectly_calibrated, titles_in
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
@@ -73,10 +74,10 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
             yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
         return
     yield Heading(text="The answer", anchor="answer")
-    designs, solved = tuple(_designs(tree)), tuple(_solved(tree))
+    designs, solved = feasible_words(tree), tuple(_solved(tree))
     if designs:
-        yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
-    yield from _requirements(requirement_conclusions(tree), _DECLARED if designs else "")
+        yield Callout(title="Which design", blocks=(Paragraph(f"{designs}."),), tone="answer")
+    yield from _requirements(requirement_conclusions(tree), _DECLARED if is_swept(tree) else "")
     if solved:
         yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
     if measured := tuple(say("{sentence}.", sentence=sentence) for sentence in measured_words(tree, of_scene="")):
@@ -100,7 +101,7 @@ def describe_stretches(tree: xr.DataTree) -> Iterator[Block]:
         return
     yield Heading(text="Camera by distance", anchor="stretches")
     yield Callout(
-        title=_which(titles_in(tree, "depth")) + (_DECLARED if any(_designs(tree)) else ""),
+        title=_which(titles_in(tree, "depth")) + (_DECLARED if is_swept(tree) else ""),
         blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_best(tree), *_changes(tree))),),
         tone="answer",
         name="answer-cameras",
@@ -157,18 +158,6 @@ def _requirement(one: RequirementConclusion) -> Spans:
         verdict=one.verdict.capitalize(),
         rest=requirement_details(one, brief=len(one.others) > _FEW_OTHERS),
     )
-
-
-def _designs(tree: xr.DataTree) -> Iterator[Spans]:
-    """Which requirements and cameras the designs of a sweep favour, and how they move crossovers and usable ranges."""
-    sentences = [
-        feasible_words(tree),
-        f"Best {favoured}" if (favoured := "; ".join(favoured_words(tree))) else "",
-        crossover_words(tree),
-        *usable_span_words(tree),
-    ]
-    for sentence in filter(None, sentences):
-        yield say("{sentence}.", sentence=sentence)
 
 
 def _never_best(tree: xr.DataTree) -> Iterator[Spans]:

@@ -16,10 +16,12 @@ from tradestudy.results.views.depth import (
     at_the_bound,
     best_of_any_matcher,
     declared_matchers,
+    is_swept,
     least_broken,
     nominal,
     table_depth,
 )
+from tradestudy.results.views.designs import crossover_words, favoured_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, in_words, listed, with_article
@@ -44,8 +46,18 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
         yield from pictures_of(drawings, "close_range", "mid_range")
         yield from _pictured(drawings, "Off the axis", "off-axis", "off_axis")
         yield from _over_the_picture(tree, drawings)
-        yield from describe_disparity_causes(tree)
-        yield from _pictured(drawings, "Swept designs", "sweeps", "sweep_map", "pareto")
+        if is_swept(tree):
+            yield Heading(text="Swept designs", anchor="sweeps", level=2)
+            yield Bullets(tuple(_of_designs(tree)))
+            yield from pictures_of(drawings, "sweep_map", "pareto")
+
+
+def _of_designs(tree: xr.DataTree) -> Iterator[Spans]:
+    """Which cameras the designs of a sweep favour, and how they move crossovers and usable ranges."""
+    favoured = "; ".join(favoured_words(tree))
+    sentences = [f"Best {favoured}" if favoured else "", crossover_words(tree), *usable_span_words(tree)]
+    for sentence in filter(None, sentences):
+        yield say("{sentence}.", sentence=sentence)
 
 
 def _pictured(drawings: Mapping[str, Drawing], title: str, anchor: str, *names: str) -> Iterator[Block]:
@@ -233,7 +245,7 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     found = group(tree, "disparity_causes")
     titles = titles_in(tree, "disparity_causes")
     middle = found.sizes["distance"] // 2
-    yield Heading(text="What the disparity error is made of", anchor="disparity-causes", level=2)
+    yield Heading(text="What the disparity error is made of", anchor="disparity-causes")
     yield Paragraph(
         say(
             "A disparity error derived from the simulated picture is the smallest that any matcher can reach. To find "

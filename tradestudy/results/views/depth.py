@@ -35,6 +35,11 @@ def swept(depth: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(d) for d in depth["depth_uncertainty"].dims if d not in ("camera", "distance"))
 
 
+def is_swept(tree: xr.DataTree) -> bool:
+    """Whether the study varies values, so that its answers are those of several designs."""
+    return has(tree, "depth") and bool(swept(group(tree, "depth")))
+
+
 def nominal(tree: xr.DataTree) -> xr.Dataset:
     """``/depth`` of one design: every swept parameter at its declared value, or at its first if that is not swept."""
     depth = group(tree, "depth")
