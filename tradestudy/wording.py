@@ -44,6 +44,11 @@ def listed(items: Sequence[str]) -> str:
     return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
 
 
+def few(items: Sequence[str], most: int = 3) -> str:
+    """Join items for a sentence, and count those beyond `most`: "a, b, c and 37 more"."""
+    return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} more"])
+
+
 _SPELLED: Final[Mapping[str, str]] = {
     "f_number": "f-number",
     "mla_distance": "array distance",

@@ -39,6 +39,10 @@ def test_the_baseline_for_one_per_cent_at_three_metres(goal: dict[str, str]) -> 
     (one,) = found.solutions
     assert uncertainty(study, {"stereo-75mm.baseline": f"{one.value} m"}, "stereo-75mm", 3.0) == pytest.approx(0.03)
     assert found.answer == "53.4 mm; declared: 75 mm"
+    assert [value for value, _ in (found.tried[0], found.tried[-1])] == pytest.approx([0.03, 0.15])
+    for value, tried in found.tried[::4]:
+        there = uncertainty(study, {"stereo-75mm.baseline": f"{value} m"}, "stereo-75mm", 3.0)
+        assert tried == pytest.approx(there)
 
 
 def test_an_answer_beyond_an_end_is_reported_with_the_remaining_factor() -> None:

@@ -185,7 +185,7 @@ def test_the_first_page_names_rigs_whose_views_support_less_than_they_claim(make
         coords={"posterior": [RIG, WIDE], "rig_distance": [0.3, 1.0]},
     )
     tree["calibration"] = xr.DataTree(data)
-    said = [plain_text(block.text) for block in describe_answer(tree, {}) if isinstance(block, Paragraph)]
+    said = [plain_text(block.text) for block in describe_answer(tree) if isinstance(block, Paragraph)]
     assert (
         "The calibration of Stereo 100 mm, f = 30.5 mm is good to 500 µm at 0.3 m, although it claims 400 µm: depths "
         "from random halves of its views differ by 1.25 times as much as claimed."

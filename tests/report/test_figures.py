@@ -22,7 +22,7 @@ from tradestudy.figures.style import length_tick, line_style, new_figure, plain_
 from tradestudy.figures.sweeps import frontier, moved_cameras, reference_distance
 from tradestudy.report.page_data import curve_values
 from tradestudy.results.views.decision import has_winners, winners
-from tradestudy.results.views.depth import nominal
+from tradestudy.results.views.depth import nominal, uniform_shares
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, NUMBER, pretty
 
@@ -30,13 +30,14 @@ HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
 
 
 def test_the_available_figures_follow_from_the_groups(tree: xr.DataTree, make_tree: Callable[..., xr.DataTree]) -> None:
-    base = ["whole_range", "close_range", "mid_range", "variance_shares"]
-    assert list(figures.build(tree)) == [*base, "readings"]
+    base = ["whole_range", "variance_shares"]
+    of_a_paper = ["whole_range", "close_range", "mid_range", "variance_shares", "readings"]
+    assert list(figures.build(tree)) == of_a_paper
     only_depth = xr.DataTree.from_dict({"/cameras": tree["cameras"].to_dataset(), "/depth": tree["depth"].to_dataset()})
     assert list(figures.build(only_depth)) == base
     assert not figures.build(xr.DataTree())
     with_sweep = make_tree(sweep={"baseline": [0.05, 0.1, 0.2]})
-    assert list(figures.build(with_sweep)) == [*base, "sweep_map", "pareto", "readings"]
+    assert list(figures.build(with_sweep)) == ["sweep_map", *of_a_paper[:-1], "pareto", "readings"]
 
 
 def test_a_figure_that_does_not_exist_is_refused_with_those_that_do(tree: xr.DataTree) -> None:
@@ -144,9 +145,10 @@ def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree
     range_, point = ([one.get_xydata() for one in axes.lines if one.get_marker() == marker] for marker in "|D")
     np.testing.assert_allclose(range_, [[[0.1, 2.0], [0.4, 8.0]]])
     np.testing.assert_allclose(point, [[[1.0, 40.0]]])
-    assert [text.xy for text in axes.texts if isinstance(text, Annotation) and text.get_text() == "required"] == [
-        (1.0, 40.0)
-    ]
+    named = {text.get_text(): text for text in axes.texts}
+    assert "below 2 % from 0.1 m to 0.4 m" in named
+    assert isinstance(at_one_metre := named["any camera at 1 m"], Annotation)
+    assert at_one_metre.xy == (1.0, 40.0)
     without = tree.copy()
     del without["requirements"]
     assert "requirement" not in figures.build(without)["whole_range"].caption
@@ -221,7 +223,21 @@ def test_ranges_of_one_winner_touch_and_cover_the_whole_range(tree: xr.DataTree)
     assert all(a[1] == b[0] for a, b in itertools.pairwise(stretches))
 
 
+def test_a_camera_whose_variance_is_nearly_all_noise_has_no_panel_of_shares(tree: xr.DataTree) -> None:
+    figure = figures.figure(tree, "variance_shares")
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [camera.title for camera in traces(tree)[1:]]
+    assert uniform_shares(tree) == {"r5": "noise"}
+    alone = tree.copy()
+    alone["depth"] = xr.DataTree(tree["depth"].to_dataset().sel(camera=["r5"]))
+    assert "variance_shares" not in figures.build(alone)
+
+
 def test_shares_are_stacked_to_one_and_small_ones_named(tree: xr.DataTree) -> None:
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    depth["variance_share"].loc[{"camera": "r5", "part": "noise"}] = 0.9
+    depth["variance_share"].loc[{"camera": "r5", "part": "relative rotation"}] = 0.1
+    tree = tree.copy()
+    tree["depth"] = xr.DataTree(depth)
     figure = figures.figure(tree, "variance_shares")
     inside = {text.get_text().replace("\n", " ") for axes in figure.axes for text in axes.texts}
     below = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
@@ -296,8 +312,8 @@ def test_near_axes_are_in_millimetres_and_begin_with_the_study(make_tree: Callab
     tree = make_tree()
     near = tree["depth"].to_dataset().copy(deep=True)
     near = near.assign_coords(distance=np.linspace(0.042, 0.08, near.sizes["distance"]))
-    only = xr.DataTree.from_dict({"/cameras": tree["cameras"].to_dataset(), "/depth": near})
-    drawn = figures.build(only)
+    named = {f"/{name}": tree[name].to_dataset() for name in ("cameras", "claims")}
+    drawn = figures.build(xr.DataTree.from_dict({**named, "/depth": near}))
     assert "from 42\u00a0mm to 80\u00a0mm" in drawn["close_range"].caption
     for name in ("close_range", "whole_range", "variance_shares"):
         figure = drawn[name].draw()
@@ -449,7 +465,8 @@ def test_a_figure_of_many_cameras_shows_those_that_answers_name_and_says_so(tree
     groups = {name: tree[name].to_dataset() for name in ("cameras", "depth")}
     many = {name: data.isel(camera=np.arange(25) % 3).assign_coords(camera=keys) for name, data in groups.items()}
     many["cameras"]["title"] = ("camera", [f"Camera {number}" for number in range(25)])
-    crowd = xr.DataTree.from_dict({**many, "decision": tree["decision"].to_dataset()})
+    decision = tree["decision"].to_dataset().drop_vars("judged_uncertainty")  # of the three cameras alone
+    crowd = xr.DataTree.from_dict({**many, "claims": tree["claims"].to_dataset(), "decision": decision})
     assert [camera.key for camera in traces(crowd)] == [*keys[:16], "r5", "stereo-65deg"]
     for name in ("whole_range", "close_range", "variance_shares"):
         drawing = figures.build(crowd)[name]

@@ -130,11 +130,16 @@ class Solution:
 
 @dataclass(frozen=True, kw_only=True)
 class Solved:
-    """Every solution of an inverse question within its ends, ascending, with the answer in words."""
+    """Every solution of an inverse question within its ends, ascending, with the answer in words.
+
+    `tried` has the values at which the depth uncertainty [m] of a camera was computed, each with that uncertainty (the
+    geometric mean over scrambles or plans), for a question that gives it a required value; otherwise it is empty.
+    """
 
     solutions: tuple[Solution, ...]
     dimension: Dimension
     answer: str
+    tried: tuple[tuple[float, float], ...] = ()
 
     @property
     def value(self) -> float:
@@ -169,10 +174,14 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     places = [math.log(varying.possible(math.exp(log))) for log in np.linspace(math.log(low), math.log(high), _PLACES)]
     places = list(dict.fromkeys(places))
     means = np.array([ratios.mean(log) for log in places])
+    tried: tuple[tuple[float, float], ...] = ()
+    if question.equal is None:
+        widths = np.where(means >= _LOG_OF_UNBOUNDED, np.inf, question.goal * np.exp(means))
+        tried = tuple(zip(map(math.exp, places), widths.tolist(), strict=True))
     if np.all(np.abs(means) <= _ROUNDING):
         throughout = "equal throughout" if question.equal is not None else f"exactly {_goal_words(question)} throughout"
         answer = f"{throughout}, from {pretty(low, dimension)} to {pretty(high, dimension)}"
-        return Solved(solutions=(), dimension=dimension, answer=answer)
+        return Solved(solutions=(), dimension=dimension, answer=answer, tried=tried)
     find = ratios.whole_number if varying.is_counted else ratios.crossing
     found = [
         find((places[k], places[k + 1]))
@@ -186,13 +195,13 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         if question.equal is None and question.errors != "noise" and np.all(means > 0.0):
             best = math.exp(places[int(np.argmin(means))])
             answer += _larger_noise(definition.with_values(varying.changes(best)), question)
-        return Solved(solutions=(), dimension=dimension, answer=answer)
+        return Solved(solutions=(), dimension=dimension, answer=answer, tried=tried)
     answer = _answer(definition, question, found)
     if ratios.plans > 1:
         answer += f"; mean over {ratios.plans} arrangements of the calibration views"
     if question.errors == "calibration" and question.equal is None:
         answer += _larger_noise(definition.with_values(varying.changes(found[0].value)), question)
-    return Solved(solutions=tuple(found), dimension=dimension, answer=answer)
+    return Solved(solutions=tuple(found), dimension=dimension, answer=answer, tried=tried)
 
 
 class _Ratios:
@@ -535,9 +544,18 @@ def questions_group(definition: StudyDefinition, progress: Progress) -> xr.Datas
         progress("inverse questions", done / len(questions))
         solved.append((solve_requirement if question.requirement else solve)(definition.under(name), question))
     progress("inverse questions", 1.0)
+    tried = np.full((len(solved), max(1, *(len(answer.tried) for answer in solved)), 2), np.nan)
+    for row, answer in zip(tried, solved, strict=True):
+        row[: len(answer.tried)] = np.reshape(answer.tried, (-1, 2))
     return dataset(
         "decision",
         {
+            "solved_path": [question.paths[0] for question in questions.values()],
+            "solved_goal": [question.goal if question.camera else math.nan for question in questions.values()],
+            "solved_place": [question.place for question in questions.values()],
+            "solved_errors": [question.errors for question in questions.values()],
+            "solved_tried_value": tried[..., 0],
+            "solved_tried_uncertainty": tried[..., 1],
             "solution_count": [len(answer.solutions) for answer in solved],
             "solved_value": [answer.value for answer in solved],
             "solved_error": [answer.error for answer in solved],

@@ -21,7 +21,8 @@ _LINE_HEIGHT: Final = 1.3  # of the size of letters
 # Without clipping by boxes and circles, in which matplotlib spends a tenth of the time of a figure.
 _JOINING: Final = {"arrowstyle": "-", "patchA": None, "shrinkA": 0.0, "shrinkB": 0.0}
 _UNSEEN: Final = 0.1  # pixels, 100 per inch: less than a tenth of a point, as rounding to whole steps adds a sixth
-_BESIDE: Final = 12.0  # points between a panel and the names
+_BESIDE: Final = 12.0  # points between a panel and the names that lines join to their curves
+_NEAR: Final = 4.0  # points between a panel and the other names
 _TOGETHER: Final = 0.007  # of the height of a panel: closer curves look like one curve
 _LONG_TOGETHER: Final = 0.1  # of the points: one curve hides another that is this close at more of them
 
@@ -53,22 +54,30 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
     levels = np.array([_fraction(axes, "y", end[1]) for _, end in ends])
     # Of curves that leave through the top edge, the one that leaves first gets the highest name.
     levels -= 1e-6 * np.array([_fraction(axes, "x", end[0]) for _, end in ends])
-    for (curve, end), name, level in zip(ends, names, spread(levels, sizes), strict=True):
-        color = readable(curve.color)
+    placed = spread(levels, sizes)
+    # A name level with an end at the edge of the panel needs no line.
+    edge = 1.0 - _BESIDE / width
+    joined = [
+        abs(level - own) * height > 0.5 * SMALLEST or _fraction(axes, "x", end[0]) < edge
+        for (_, end), level, own in zip(ends, placed, levels, strict=True)
+    ]
+    for (curve, end), name, level, is_joined in zip(ends, names, placed, joined, strict=True):
         axes.annotate(
             name,
             end,
-            xytext=(1.0 + _BESIDE / width, level),
+            xytext=(1.0 + (_BESIDE if is_joined else _NEAR) / width, level),
             textcoords="axes fraction",
-            color=color,
+            color=readable(curve.color),
             fontsize=SMALLEST,
             linespacing=1.0,
             va="center",
             annotation_clip=False,
             label=curve.name,
             gid=DECLARED,
-            arrowprops={**_JOINING, "color": SOFT, "linewidth": 0.4, "relpos": (-0.02, 0.5)},
-        )  # fmt: skip
+            arrowprops={**_JOINING, "color": SOFT, "alpha": 0.5, "linewidth": 0.4, "relpos": (-0.02, 0.5)}
+            if is_joined
+            else None,
+        )
 
 
 def fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, known: Flags, **look: Any) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
@@ -20,6 +20,7 @@ from tradestudy.figures.style import (
     DECLARED,
     FAINT,
     INK,
+    MOST_CAMERAS,
     PANEL_TITLE,
     PANELS_IN_A_ROW,
     SMALL,
@@ -46,12 +47,14 @@ from tradestudy.figures.style import (
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
 from tradestudy.results.views.depth import field_words, nominal, of_camera, where_measured, where_usable, worst_corner
+from tradestudy.results.views.finding import MOST_CURVES
 from tradestudy.results.views.groups import FloatArray, group, records
 from tradestudy.wording import distance as distance_words
 
 MM = 1e3
 _WIDEST = 1e3  # factor by which bounds may extend the axis of the depth uncertainty beyond its curves
 _UNUSABLE_WIDTH, _USABLE_WIDTH, _WIDER = 0.8, 1.7, 1.2  # points: wider by this much for each curve on top
+_LETTERS_OF_BOUND: Final = 36  # of the name of a requirement
 _LETTERS_ACROSS: Final = 62  # of a name written into the bar of the best camera
 _LETTER: Final = 0.62  # mean width of a letter, of its size
 _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), (1e-1, "10 %"), (1.0, "100 %"))
@@ -162,35 +165,40 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
 
 
 @styled()
-def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
-    """Judged uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
-    depth, shown = where_measured(nominal(tree)), traces(tree)
-    figure = new_figure(2.55 + 0.17 * len(shown))
+def draw_whole_range(tree: xr.DataTree, most: int = MOST_CAMERAS) -> StudyFigure:
+    """Judged uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below.
+
+    The figure has at most `most` cameras, and the tightest requirements.
+    """
+    depth, shown = where_measured(nominal(tree)), traces(tree, most=most)
+    figure = new_figure(2.75 + 0.17 * len(shown))
     rows = len(shown) + (len(shown) > 1)
     curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 0.16 * rows + 0.2))
     distance = np.asarray(depth["distance"].values, dtype=float)
     depth = depth.assign(judged_uncertainty=judged_uncertainty(depth))
     drawn = [of_camera(depth, "judged_uncertainty", camera.key) for camera in shown]
-    log_axis(curves, "y", tick=length_tick)
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
-    bounds = list(required_uncertainties(tree))
+    bounds = required_uncertainties(tree)[:MOST_CURVES]
     low, high = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
-    required_mm = [MM * end for _, bound in bounds for end in bound.tolist()] or [np.nan]
+    required_mm = [MM * end for one in bounds for end in one.bound.tolist()] or [np.nan]
     # An absurd bound, far below or above all curves, is not worth flattening them.
     low = max(np.fmin(low, 0.5 * min(required_mm)), low / _WIDEST)
     high = min(np.fmax(high, 2.0 * max(required_mm)), high * _WIDEST)
+    log_axis(curves, "y", tick=length_tick, ends=(float(low), float(high)))
     curves.set(ylim=(low, high), ylabel="depth uncertainty (68 %)")
     draw_curves(curves, depth, shown, drawn, variable="judged_uncertainty")
     edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
-    required = [np.interp(distance, over, bound, left=np.nan, right=np.nan) for over, bound in bounds]
+    required = [np.interp(distance, one.over, one.bound, left=np.nan, right=np.nan) for one in bounds]
     draw_relative_guides(curves, distance, [*drawn, *required], edges)
-    for k, (over, bound) in enumerate(bounds):
-        if over[0] == over[1]:
-            _required_at(curves, float(over[0]), float(bound[0]))
-            continue
-        dashes = {"linestyle": (0, (4, 1.5)), "linewidth": 1.1, "marker": "|", "markersize": 4.0}
-        curves.plot(over, bound * MM, color=INK, zorder=2.1, **dashes)
-        _name_along(curves, distance, required[k], "required", [*drawn, *required[:k], *required[k + 1 :]], edges)
+    for k, one in enumerate(bounds):
+        name, others = shortened(one.says, _LETTERS_OF_BOUND), [*drawn, *required[:k], *required[k + 1 :]]
+        look = {"linestyle": (0, (4, 1.5)), "linewidth": 1.1, "marker": "|", "markersize": 4.0}
+        if one.is_point:
+            look |= {"linestyle": "", "marker": "D", "markersize": 3.5}
+        ends = slice(1 if one.is_point else 2)
+        curves.plot(one.over[ends], one.bound[ends] * MM, color=INK, zorder=2.1, **look)
+        if one.is_point or not _name_along(curves, distance, required[k], name, others, edges):
+            _name_beside(curves, one, name, below=k % 2 == 1)
     _bars(bars, depth, shown)
     if has_winners(tree):
         if len(shown) > 1:
@@ -200,25 +208,44 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def _required_at(axes: Axes, distance: float, bound: float) -> None:
-    """Mark a required uncertainty [m] at a single distance [m], named towards the middle of the panel."""
-    axes.plot([distance], [bound * MM], color=INK, zorder=2.1, linestyle="", marker="D", markersize=3.5)
-    is_left = math.log(distance) < np.mean(np.log(axes.get_xlim()))
+def _name_beside(axes: Axes, required: RequiredUncertainty, name: str, *, below: bool) -> None:
+    """Name a required uncertainty above or below its end that is farther from the edge of the panel."""
+    is_left = np.log(required.over).mean() < np.mean(np.log(axes.get_xlim()))
+    end = 0 if is_left else -1
     axes.annotate(
-        "required", (distance, bound * MM), xytext=(4.0 if is_left else -4.0, 0.0), textcoords="offset points",
-        ha="left" if is_left else "right", va="center", color=SOFT, fontsize=SMALL,
+        name, (float(required.over[end]), float(required.bound[end]) * MM), xytext=(0.0, -3.5 if below else 3.5),
+        textcoords="offset points", ha="left" if is_left else "right", va="top" if below else "bottom", color=INK,
+        fontsize=SMALL, zorder=4, bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0.0, "pad": 0.5},
     )  # fmt: skip
 
 
-def required_uncertainties(tree: xr.DataTree) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Requirements on the depth uncertainty at computed distances: the ends of these, and the bounds there [m]."""
-    for row in records(tree, "requirements", "requirement"):
-        if row["quantity"] == "depth_uncertainty":
-            distance = group(tree, "depth")["distance"].values
-            over = np.array([row["over_near"], row["over_far"]], dtype=float)
-            if over[0] <= distance[-1] and over[1] >= distance[0]:
-                over = np.clip(over, distance[0], distance[-1])
-                yield over, float(row["bound"]) * (over if row["bound_is_relative"] else np.ones(2))
+@dataclass(frozen=True, kw_only=True)
+class RequiredUncertainty:
+    """The largest depth uncertainty [m] that a requirement allows, at both ends of its computed distances [m]."""
+
+    says: str
+    over: FloatArray
+    bound: FloatArray
+
+    @property
+    def is_point(self) -> bool:
+        """Whether it concerns a single distance."""
+        return bool(self.over[0] == self.over[1])
+
+
+def required_uncertainties(tree: xr.DataTree) -> list[RequiredUncertainty]:
+    """Requirements on the depth uncertainty at computed distances: first those that must hold, the tightest first."""
+    rows = [row for row in records(tree, "requirements", "requirement") if row["quantity"] == "depth_uncertainty"]
+    rows.sort(key=lambda row: (row["priority"] != "must", float(np.nan_to_num(row["margin_percent"], nan=-np.inf))))
+    found = []
+    for row in rows:
+        distance = group(tree, "depth")["distance"].values
+        over = np.array([row["over_near"], row["over_far"]], dtype=float)
+        if over[0] <= distance[-1] and over[1] >= distance[0]:
+            over = np.clip(over, distance[0], distance[-1])
+            bound = float(row["bound"]) * (over if row["bound_is_relative"] else np.ones(2))
+            found.append(RequiredUncertainty(says=str(row["says"]), over=over, bound=bound))
+    return found
 
 
 def draw_relative_guides(
@@ -244,8 +271,11 @@ def draw_relative_guides(
 
 def _name_along(
     axes: Axes, distance: FloatArray, line: FloatArray, name: str, others: Sequence[FloatArray], edges: Sequence[float]
-) -> None:
-    """Write the name of a line [m] on it, where there is room between curves [m] and vertical lines at `edges` [m]."""
+) -> bool:
+    """Write the name of a line [m] on it, where there is room between curves [m] and vertical lines at `edges` [m].
+
+    Returns whether there is room.
+    """
     (left, right), (bottom, top) = np.log(axes.get_xlim()), np.log(axes.get_ylim())
     wide, tall = panel_size(axes)
     x = (np.log(distance) - left) / (right - left)
@@ -256,7 +286,7 @@ def _name_along(
     width, height = _LETTER * SMALL * len(name) / wide, 1.6 * SMALL / tall
     place = _free_place(x, known[0], known[1:], uprights, (width, height))
     if place is None:
-        return
+        return False
     drawn = np.isfinite(known[0])
     before, foot, after = np.interp([place - 0.5 * width, place, place + 0.5 * width], x[drawn], known[0][drawn])
     slope = float(np.degrees(np.arctan2(tall * (after - before), wide * width)))
@@ -264,6 +294,7 @@ def _name_along(
         place, float(foot), name, transform=axes.transAxes, color=SOFT, fontsize=SMALL, ha="center", va="bottom",
         rotation_mode="anchor", rotation=slope,
     )  # fmt: skip
+    return True
 
 
 def _free_place(
@@ -366,10 +397,10 @@ def shown_parts(depth: xr.Dataset) -> list[str]:
 
 
 @styled()
-def draw_variance_shares(tree: xr.DataTree) -> StudyFigure:
+def draw_variance_shares(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> StudyFigure:
     """Draw shares of the variance of inverse depth against distance, stacked to 1, and paler where not usable."""
-    depth, shown = where_measured(nominal(tree)), traces(tree)
-    names = shown_parts(depth)
+    depth = where_measured(nominal(tree))
+    names = shown_parts(depth.sel(camera=[camera.key for camera in shown]))
     figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
     panels = camera_panels(figure, len(shown), depth["distance"].values)
     panels[0].set(ylim=(0.0, 1.0), yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])

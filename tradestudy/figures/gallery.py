@@ -29,14 +29,17 @@ from tradestudy.figures.depth import (
     shown_parts,
 )
 from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.first import first_of_all
+from tradestudy.figures.goals import goals_drawing
 from tradestudy.figures.pictures import (
     depth_loop_drawings,
     depth_map_drawings,
+    measured_scene_drawing,
     pictures_drawing,
     uncertainty_map_drawings,
 )
 from tradestudy.figures.program import cost_drawing, hard_cases_drawing
-from tradestudy.figures.style import CameraTrace, selection_words, traces
+from tradestudy.figures.style import MOST_CAMERAS, CameraTrace, selection_words, traces
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.results import JUDGED
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
@@ -46,12 +49,14 @@ from tradestudy.results.views.depth import (
     nominal,
     of_camera,
     swept,
+    uniform_shares,
     where_measured,
     where_usable,
     worst_corner,
 )
 from tradestudy.results.views.designs import design_words, parameter_words
-from tradestudy.results.views.groups import camera_titles, has
+from tradestudy.results.views.finding import MOST_CURVES
+from tradestudy.results.views.groups import camera_titles, has, titles_in
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, in_words, listed, span, with_article
 
@@ -60,17 +65,21 @@ _NEAR_ZERO = 0.1  # of the farthest distance: an axis that would begin nearer be
 
 
 def all_drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
-    """List every figure that the groups of `tree` allow, by name, in the order of a report."""
-    return {drawing.name: drawing for drawing in _all(tree)}
+    """List every figure that the groups of `tree` allow, by name: first the one that answers the study's question."""
+    return first_of_all(tree, {drawing.name: drawing for drawing in _all(tree)})
 
 
 def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if "depth_of_field" in tree.children:
         yield from depth_of_field.focus_drawings(tree)
     if "depth" in tree.children:
-        yield _whole_range(tree)
-        yield from _paper_figures(tree)
-        yield _shares(tree)
+        if len(titles_in(tree, "depth")) > MOST_CURVES:
+            yield _over_distance(tree, "deciding_cameras", MOST_CURVES)
+        yield _over_distance(tree, "whole_range", MOST_CAMERAS)
+        if "claims" in tree.children:  # of a paper, whose figures show both
+            yield from _paper_figures(tree)
+        if uncertain := tuple(camera for camera in traces(tree) if camera.key not in uniform_shares(tree)):
+            yield _shares(tree, uncertain)
         if "depth_field" in tree.children:
             yield _off_axis(tree)
         yield from uncertainty_map_drawings(tree)
@@ -80,8 +89,12 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
             yield from _sweeps(tree)
     if (pictures := pictures_drawing(tree)) is not None:
         yield pictures
+    if (scene := measured_scene_drawing(tree)) is not None:
+        yield scene
     yield from depth_map_drawings(tree)
     yield from depth_loop_drawings(tree)
+    if (goals := goals_drawing(tree)) is not None:
+        yield goals
     if (worth := worths_drawing(tree)) is not None:
         yield worth
     if (ranks := rank_drawing(tree)) is not None:
@@ -98,8 +111,8 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
         yield cost_drawing(tree)
 
 
-def _whole_range(tree: xr.DataTree) -> Drawing:
-    depth, shown = nominal(tree), traces(tree)
+def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
+    depth, shown, every = nominal(tree), traces(tree, most=most), titles_in(tree, "depth")
     measured = where_measured(depth)
     caption = (
         "Depth uncertainty (half the width of the central 68.27 % interval), bold where the camera is usable. "
@@ -110,10 +123,15 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
             f" Of {listed(larger)}, the error radius is drawn where it is larger than that: requirements and ranks are "
             "judged by the larger of both."
         )
-    kinds = {"dashed" if over[0] < over[1] else "diamonds" for over, _ in required_uncertainties(tree)}
+    required = required_uncertainties(tree)
+    kinds = {"dashed" if one.over[0] < one.over[1] else "diamonds" for one in required[:MOST_CURVES]}
     if kinds:
-        caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows."
-    caption += _selection_words(tree)
+        caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows"
+        caption += "." if len(required) <= MOST_CURVES else f", for the tightest of {len(required)}."
+    caption += _selection_words(tree) if most > MOST_CURVES else _design_words(tree)
+    if most < len(every) and most == MOST_CURVES:
+        left = counted(len(every) - most, "other camera")
+        caption += f" {left}: figure in section “Where each camera is usable”."
     if has_winners(tree) and len(shown) > 1:
         among = [title for key, title in camera_titles(tree).items() if key in candidates(tree)]
         caption += (
@@ -123,12 +141,12 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         if len(tuple(reported_winners(tree))) > 1:
             caption += " Dotted: where this changes."
     return Drawing(
-        name="whole_range",
+        name=name,
         caption=caption,
         alt="Log-log chart of depth uncertainty against distance. "
         + _usable_words(depth, shown)
         + _winner_words(tree, shown),
-        draw=partial(draw_whole_range, tree),
+        draw=partial(draw_whole_range, tree, most),
     )
 
 
@@ -140,11 +158,15 @@ def _is_judged_by_radius(measured: xr.Dataset, camera: str) -> bool:
 
 def _selection_words(tree: xr.DataTree) -> str:
     """Say which of the swept designs the curves show, and which cameras; empty if all."""
-    depth, cameras = nominal(tree), selection_words(tree)
+    return _design_words(tree) + selection_words(tree)
+
+
+def _design_words(tree: xr.DataTree) -> str:
     if not (names := swept(tree["depth"].to_dataset())):
-        return cameras
+        return ""
+    depth = nominal(tree)
     values = {name: sweeps.shown_value(depth[name], depth[name].item()) for name in names}
-    return f" Of the swept designs, the figure shows {design_words(tree, values)}.{cameras}"
+    return f" Of the swept designs, the figure shows {design_words(tree, values)}."
 
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
@@ -205,8 +227,8 @@ def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) 
 _ERRORS: Final = {"array": "microlens positions"}
 
 
-def _shares(tree: xr.DataTree) -> Drawing:
-    depth = nominal(tree)
+def _shares(tree: xr.DataTree, cameras: tuple[CameraTrace, ...]) -> Drawing:
+    depth = nominal(tree).sel(camera=[camera.key for camera in cameras])
     every, shown = largest_shares(depth), shown_parts(depth)
     silent = listed(
         [_ERRORS.get(name, in_words(name)) for name, most in every.items() if most >= 0.0 and name not in shown]
@@ -221,18 +243,19 @@ def _shares(tree: xr.DataTree) -> Drawing:
         f"matching noise, which averaging reduces; coloured: error sources that averaging does not reduce{pale}{blank}."
         + (f" Not drawn, since never above 0.5 %: {silent}." if silent else "")
         + _selection_words(tree),
-        alt="One chart per camera of stacked shares against distance. Largest shares: " + _largest_shares(tree),
-        draw=partial(draw_variance_shares, tree),
+        alt="One chart per camera of stacked shares against distance. "
+        f"Largest shares: {_largest_shares(tree, cameras)}",
+        draw=partial(draw_variance_shares, tree, cameras),
     )
 
 
-def _largest_shares(tree: xr.DataTree) -> str:
+def _largest_shares(tree: xr.DataTree, cameras: tuple[CameraTrace, ...]) -> str:
     """Name, for every camera, the part with the largest share of the variance, and where that changes."""
     depth = nominal(tree)
     distances = np.asarray(depth["distance"].values, dtype=np.float64).tolist()
     sentences = []
     largest = dict(zip(map(str, depth["camera"].values), largest_parts(depth)[0][0], strict=True))
-    for camera in traces(tree):
+    for camera in cameras:
         places = zip(distances, largest[camera.key], strict=True)
         groups = itertools.groupby(places, key=lambda one: one[1])
         stretches = [(next(group)[0], part) for part, group in groups if part is not None]

@@ -28,9 +28,10 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.figures.value_tables import Tables, depth_map_tables, picture_tables, uncertainty_map_tables
+from tradestudy.results.views.finding import MOST_CURVES
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import LENGTH, pretty, significant
-from tradestudy.wording import distance, listed, span
+from tradestudy.wording import counted, distance, listed, span
 
 _MOST = 6  # cameras
 _LONGEST = 30
@@ -143,6 +144,31 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
 
 
+def measured_scene_drawing(tree: xr.DataTree) -> Drawing | None:
+    """The figure of the cameras that measure a rendered scene best; None for any other study."""
+    if not has(tree, "pictures", "map_depth") or not best_of_scene(tree):
+        return None
+    others = group(tree, "pictures").sizes["mapped_camera"] - len(best_of_scene(tree))
+    return Drawing(
+        name="measured_scene",
+        caption="From left to right: the picture, the depth measured in it, and its error on one scale for all "
+        "(red: too far; larger errors have the colour of the end). Each block shows the median of its points; grey "
+        "blocks have no depth."
+        + (f" {counted(others, 'other camera')}: section “Depth measured in the pictures”." if others > 0 else ""),
+        alt="Pictures, measured depths and their errors. Median error and half the central 68.27 % interval: "
+        + _error_words(tree),
+        draw=partial(draw_measured_scene, tree),
+    )
+
+
+def best_of_scene(tree: xr.DataTree) -> list[str]:
+    """The cameras that measure a rendered scene best, at most three, by the root mean square of bias and spread."""
+    data = group(tree, "pictures")
+    errors = np.hypot(data["depth_bias"].values, data["depth_spread"].values)
+    order = [k for k in np.argsort(errors, kind="stable") if np.isfinite(errors[k])]
+    return [str(data["mapped_camera"].values[k]) for k in order[:MOST_CURVES]]
+
+
 def _error_words(tree: xr.DataTree) -> str:
     """Bias and spread of the measured depth of each camera."""
     data, titles = group(tree, "pictures"), camera_titles(tree)
@@ -192,6 +218,30 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
             figure.colorbar(
                 shown, ax=everything, label=label, location="bottom", fraction=0.02, aspect=60, panchor=False
             )
+    return figure
+
+
+@styled()
+def draw_measured_scene(tree: xr.DataTree) -> StudyFigure:
+    """Draw a row for each of the best cameras: its picture, the depth measured in it, and its error on one scale."""
+    data, titles, keys = group(tree, "pictures"), camera_titles(tree), best_of_scene(tree)
+    first = dict(zip(reversed(data["camera_of"].values), reversed(range(data.sizes["picture"])), strict=True))
+    near, far = ends_of_depth(data["true_depth"].values)
+    rows = data.set_index(mapped_camera="mapped_camera").sel(mapped_camera=keys)
+    limit = float(np.max(np.abs(rows["depth_bias"]) + _ERROR_SPREADS * rows["depth_spread"])) * 1e3
+    figure = new_figure(0.8 + 1.55 * len(keys))
+    panels = figure.subplots(len(keys), 3, squeeze=False)
+    for (picture, deep, wrong), key in zip(panels, keys, strict=True):
+        one = rows.sel(mapped_camera=key)
+        _grey(picture, data["brightness"].values[first[key]], shortened(titles[key], _LONGEST))
+        bare(deep, "measured depth" if key == keys[0] else "")
+        bare(wrong, "depth error" if key == keys[0] else "")
+        height, width = cropped(one["map_hidden"].values).shape
+        depths, errors = (one[name].values[:height, :width] * 1e3 for name in ("map_depth", "map_depth_error"))
+        depth_scale = _map(deep, depths, (near * 1e3, far * 1e3), "cividis")
+        error_scale = _map(wrong, errors, (-limit, limit), "RdBu_r")
+    for column, scale, label in ((1, depth_scale, "measured depth [mm]"), (2, error_scale, "depth error [mm]")):
+        figure.colorbar(scale, ax=panels[:, column].tolist(), label=label, location="bottom", fraction=0.05, pad=0.02)
     return figure
 
 

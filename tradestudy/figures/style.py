@@ -24,7 +24,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from matplotlib.transforms import Bbox
 
 from tradestudy.figures.fonts import printable
-from tradestudy.results.views.decision import tied
+from tradestudy.results.views.finding import cameras_by_weight
 from tradestudy.results.views.groups import FloatArray, camera_titles, titles_in
 
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
@@ -253,17 +253,20 @@ def log_axis(
     tick: Callable[[float, int | None], str] = plain_number,
     ends: tuple[float, float] | None = None,
 ) -> None:
-    """Make an axis logarithmic, with plain numbers; a `dense` one, for few decades, also labels 2 and 5.
+    """Make an axis logarithmic, with plain numbers.
 
-    The axis is dense, too, between `ends` less than a factor of 30 apart or with fewer than two powers of ten between
-    them. Less than a factor of 4 apart, ticks are evenly spaced, since no number 1, 2 or 5 may lie between the ends.
+    Its ticks are powers of ten; between `ends` less than a factor of 3000 apart also 3; and if `dense`, less than a
+    factor of 30 apart, or with fewer than two powers of ten between them, 2 and 5 instead. Less than a factor of 4
+    apart, ticks are evenly spaced, since no number 1, 2 or 5 may lie between the ends.
     """
+    subs: tuple[float, ...] = (1.0,)
     if ends is not None:
         powers_of_ten = math.floor(math.log10(ends[1])) - math.ceil(math.log10(ends[0])) + 1
         dense = dense or ends[1] < 30.0 * ends[0] or powers_of_ten < 2
+        subs = (1.0, 3.0) if ends[1] < 3000.0 * ends[0] else subs
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
-    axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else (1.0,), numticks=20))
+    axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else subs, numticks=20))
     axis.set_major_formatter(FuncFormatter(tick))
     axis.set_minor_locator(NullLocator())  # minor ticks would take a quarter of the time of a figure
     axis.set_minor_formatter(NullFormatter())
@@ -339,14 +342,9 @@ class CameraTrace:
         return {"label": self.title, "gid": "/".join(filter(None, (variable, self.key, where)))}
 
 
-def traces(tree: xr.DataTree, name: str = "depth") -> tuple[CameraTrace, ...]:
+def traces(tree: xr.DataTree, name: str = "depth", most: int = MOST_CAMERAS) -> tuple[CameraTrace, ...]:
     """The traces of the cameras of a group that figures show; :func:`selection_words` names their choice."""
-    every = titles_in(tree, name)
-    decision = tree["decision"].to_dataset() if "decision" in tree.children else xr.Dataset()
-    best = np.unique(decision["best_camera"].values.astype(str)).tolist() if "best_camera" in decision else []
-    compared = (decision.attrs.get(which, "") for which in ("first", "second", "candidates"))
-    first = [key for names in (*best, *compared) for key in tied(names) if key in every]
-    keys = list(dict.fromkeys([*first, *every]))[:MOST_CAMERAS]
+    keys = cameras_by_weight(tree, name)[:most]
     return tuple(trace for trace in all_traces(tree) if trace.key in keys)
 
 
@@ -355,8 +353,8 @@ def selection_words(tree: xr.DataTree, name: str = "depth") -> str:
     if (count := len(titles_in(tree, name))) <= MOST_CAMERAS:
         return ""
     return (
-        f" The figure shows {MOST_CAMERAS} of {count} cameras: first those that are best at some distance, then those "
-        "that the decision compares, then others in the order of the study. The tables contain all."
+        f" The figure shows {MOST_CAMERAS} of {count} cameras: first those that meet requirements or are best at some "
+        "distance, then those that the decision compares, then those nearly as certain. The tables contain all."
     )
 
 

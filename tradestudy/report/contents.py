@@ -8,7 +8,7 @@ from typing import Any
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Appendices, Contents, PageBreak, Report, literal
+from tradestudy.report.document import Appendices, Contents, PageBreak, Report, literal, pictures_of
 from tradestudy.report.sections.answer import describe_answer, describe_stretches
 from tradestudy.report.sections.budget import list_budgets
 from tradestudy.report.sections.calibration import describe_calibration
@@ -45,13 +45,15 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
     run
         The content of ``run.json``: how long each step took, and on which machine.
     drawings
-        The figures that the tree allows.
+        The figures that the tree allows, the first of which belongs to the first page.
     """
+    first, drawings = dict(list(drawings.items())[:1]), dict(list(drawings.items())[1:])
     first_page = (
-        *describe_sharp_answer(tree, drawings),
-        *describe_answer(tree, drawings),
-        *describe_fresnel_answer(tree, drawings),
-        *describe_light_spot_answer(tree, run, drawings),
+        *describe_sharp_answer(tree),
+        *describe_answer(tree),
+        *describe_fresnel_answer(tree),
+        *describe_light_spot_answer(tree, run),
+        *pictures_of(first, *first),
     )
     sections = (
         Contents(),
@@ -77,7 +79,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_contradictions(tree),
         *describe_method(tree),
         *describe_effects(tree),
-        *list_depths(tree),
+        *list_depths(tree, drawings),
         *list_budgets(tree),
         *describe_decision(tree, drawings),
         *list_claim_values(tree),

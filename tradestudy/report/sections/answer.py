@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -17,7 +16,6 @@ from tradestudy.report.document import (
     Paragraph,
     Span,
     Spans,
-    pictures_of,
     say,
     with_subscripts,
 )
@@ -66,7 +64,7 @@ _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68
 _DECLARED: Final = " (study as declared)"
 
 
-def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_answer(tree: xr.DataTree) -> Iterator[Block]:
     """Say which requirements and designs are met, on what the answers rest, and what reverses them."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         yield from _requirements(requirement_conclusions(tree))  # of cameras that measure no depth
@@ -92,7 +90,6 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     ]
     if sentences:  # in one paragraph, so that the page has room for its figure
         yield Paragraph(tuple(span for text in sentences for span in (*text, Span(" "))))
-    yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
 
 
 def describe_stretches(tree: xr.DataTree) -> Iterator[Block]:

@@ -98,7 +98,7 @@ _NEGLIGIBLE_SHARE = 1e-6  # what the numerical error of a share amounts to
 _ERROR_SOURCES = ("noise", "calibration", "both")
 
 
-def list_depths(tree: xr.DataTree) -> Iterator[Block]:
+def list_depths(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write tables of discrimination, uncertainty, its largest part, equivalent baselines and failed measurements."""
     if has(tree, "depth"):
         declared = "place" in tree["decision"].coords if has(tree, "decision") else False
@@ -106,6 +106,7 @@ def list_depths(tree: xr.DataTree) -> Iterator[Block]:
         yield _values_at_places(tree)
         yield _decisive_parts(tree)
         yield from _over_places(tree)
+        yield from pictures_of(drawings, "close_range", "mid_range")
 
 
 def _values_at_places(tree: xr.DataTree) -> Table:

@@ -32,7 +32,7 @@ _SPOT = {
 }
 
 
-def describe_sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_sharp_answer(tree: xr.DataTree) -> Iterator[Block]:
     """Say which camera keeps the scene sharp, at what resolution, with how many exposures and moving parts."""
     if not has(tree, "depth_of_field", "scene_share"):
         return
@@ -41,7 +41,6 @@ def describe_sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) ->
     yield _answer_table(tree, rows)
     for finding in _diffraction_finding(tree):
         yield Paragraph(finding)
-    yield from pictures_of(drawings, "depth-of-field")
 
 
 def _scene(tree: xr.DataTree) -> str:

@@ -30,7 +30,7 @@ from tradestudy.units import significant
 _METRICS = {"peak": "Peak", "l1": "L1", "largest": "Largest"}
 
 
-def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_fresnel_answer(tree: xr.DataTree) -> Iterator[Block]:
     """Say from which f-number on Fresnel's law may be used, for each lens, and how the lens phase affects that."""
     if not has(tree, "fresnel_validity", "psf_error"):
         return
@@ -47,7 +47,6 @@ def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
         ),
         tone="answer",
     )
-    yield from pictures_of(drawings, "fresnel_error")
 
 
 def describe_fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:

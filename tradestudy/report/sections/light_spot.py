@@ -57,9 +57,7 @@ _ERRORS = {
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
 
 
-def describe_light_spot_answer(
-    tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]
-) -> Iterator[Block]:
+def describe_light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
     """Say how far the methods differ on the detector, and how long each takes."""
     if not has(tree, "images", "image"):
         return
@@ -70,7 +68,6 @@ def describe_light_spot_answer(
         blocks=(Bullets(tuple(_findings(data, run))),),
         tone="answer",
     )
-    yield from pictures_of(drawings, "light_spot")
     if any(data["published_words"].values):
         yield Paragraph(_NOT_STATED)
 

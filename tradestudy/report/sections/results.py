@@ -10,7 +10,7 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Spans, Table, Text, pictures_of, say
-from tradestudy.report.words import share
+from tradestudy.report.words import part_words, share
 from tradestudy.results.views.decision import Flips, answer_title, flips, readings_in_words
 from tradestudy.results.views.depth import (
     at_the_bound,
@@ -20,11 +20,12 @@ from tradestudy.results.views.depth import (
     least_broken,
     nominal,
     table_depth,
+    uniform_shares,
 )
 from tradestudy.results.views.designs import crossover_words, favoured_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
-from tradestudy.wording import counted, distance, in_words, listed, with_article
+from tradestudy.wording import counted, distance, few, in_words, listed, with_article
 
 _NOWHERE = "nowhere"
 _MISSING = (
@@ -38,12 +39,10 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
     if has(tree, "depth"):
         yield Heading(text="Results", anchor="results")
         yield from _usable_range(tree)
-        if "requirement_margins" in drawings:  # the first page shows margins instead
-            yield from pictures_of(drawings, "whole_range")
+        yield from pictures_of(drawings, "whole_range", "deciding_cameras")
         yield Heading(text="What decides the uncertainty", anchor="parts", level=2)
+        yield from _uniform(tree)
         yield from pictures_of(drawings, "variance_shares")
-        yield Heading(text="Depth discrimination and uncertainty", anchor="depth", level=2)
-        yield from pictures_of(drawings, "close_range", "mid_range")
         yield from _pictured(drawings, "Off the axis", "off-axis", "off_axis")
         yield from _over_the_picture(tree, drawings)
         if is_swept(tree):
@@ -67,15 +66,24 @@ def _pictured(drawings: Mapping[str, Drawing], title: str, anchor: str, *names: 
         yield from pictures
 
 
+def _uniform(tree: xr.DataTree) -> Iterator[Paragraph]:
+    """Name the cameras of whose variance one part makes nearly all, which a figure would show as a blank panel."""
+    titles, by_part = titles_in(tree, "depth"), dict[str, list[str]]()
+    for camera, part in uniform_shares(tree).items():
+        by_part.setdefault(part, []).append(titles[camera])
+    for part, names in by_part.items():
+        share_words = f"More than 95 % of the variance of {few(names)} at all distances"
+        yield Paragraph(f"{share_words} comes from {part_words(part)}.")
+
+
 def _over_the_picture(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Show maps of depth uncertainty for each rig that has any."""
     if not has(tree, "depth_map"):
         return
     yield Heading(text="Over the picture", anchor="depth-map", level=2)
     for key in map(str, group(tree, "depth_map")["camera"].values):
-        drawing = drawings[f"depth-map-{key}"]
-        yield Paragraph(drawing.alt)
-        yield from pictures_of(drawings, drawing.name)
+        yield from (Paragraph(one.alt) for one in pictures_of(drawings, f"depth-map-{key}"))
+        yield from pictures_of(drawings, f"depth-map-{key}")
 
 
 def _usable_range(tree: xr.DataTree) -> Iterator[Block]:

@@ -79,6 +79,21 @@ def where_measured(depth: xr.Dataset) -> xr.Dataset:
     )
 
 
+_UNIFORM: Final = 0.95  # of the variance
+
+
+def uniform_shares(tree: xr.DataTree) -> dict[str, str]:
+    """The cameras, by key, of whose variance one part makes more than 95 % at all distances and in all designs."""
+    depth = where_measured(group(tree, "depth"))
+    least = depth["variance_share"].min([dim for dim in depth["variance_share"].dims if dim not in ("camera", "part")])
+    return {
+        str(camera): str(part)
+        for camera, shares in zip(depth["camera"].values, least.transpose("camera", "part").values, strict=True)
+        for part, share in zip(depth["part"].values, shares, strict=True)
+        if share > _UNIFORM
+    }
+
+
 def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], ...]:
     """The usable ranges of a camera, as (near, far) in metres; empty where it is usable nowhere."""
     return ranges_of(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
