@@ -5,6 +5,7 @@ namespace of its page, as a doctest where it shows a session. One of `yaml` is a
 into, a fragment of one. What a block needs besides stands in a comment before it, which readers do not see:
 
     <!-- file: NAME -->        write this block to a file of the page's folder; a study is loaded from it
+    <!-- more: FILE -->        append this block to a file of the page's folder, a study, which is then loaded
     <!-- into: FILE [PATH] --> merge this YAML into a study, below a dotted path of it, and load that
     <!-- exit: STATUS -->      the command ends with this status
     <!-- slow -->              left to `python -m tests.docs.slow`
@@ -37,7 +38,7 @@ LANGUAGES = ("sh", "yaml", "python", "text")
 
 _PROGRAM = "python -m tradestudy "
 _FENCE = re.compile(r"^(?P<indent> *)(?P<fence>```+|~~~+)(?P<language>\S*)")
-_DIRECTIVE = re.compile(r"^<!-- (?P<name>file|into|exit|slow|elsewhere|output)(?:: (?P<value>.*))? -->$")
+_DIRECTIVE = re.compile(r"^<!-- (?P<name>file|more|into|exit|slow|elsewhere|output)(?:: (?P<value>.*))? -->$")
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.]*\d)(?! ?(?:ms|s|min)\b)")
 
 
@@ -113,7 +114,11 @@ class Session:
         self.printed = printed.getvalue()
 
     def _yaml(self, block: Block) -> None:
-        if "into" in block.said:
+        if "more" in block.said:
+            with (self.folder / block.said["more"]).open("a", encoding="utf-8") as file:
+                file.write(block.text)
+            tradestudy.load(self.folder / block.said["more"])
+        elif "into" in block.said:
             base, _, place = block.said["into"].partition(" ")
             path = self.folder / base
             fragment: Any = _yaml(block.text)
