@@ -116,3 +116,12 @@ def test_packed_values_are_refused_by_name(tmp_path):
         read_calibration(tmp_path / "packed.nc")
     data.to_netcdf(tmp_path / "plain.nc", engine="h5netcdf")
     assert read_calibration(tmp_path / "plain.nc").draws == pytest.approx(draws.values)
+
+
+def test_hdf5_without_dimensions_is_named(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "plain.nc", "w") as file:
+        file["parameter"] = np.array([b"yaw"])
+        file["draws"] = np.zeros((200, 1))
+    with pytest.raises(CalibrationFileError, match=r"plain\.nc cannot be read: not a \.nc file"):
+        read_calibration(tmp_path / "plain.nc")

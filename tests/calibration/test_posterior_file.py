@@ -131,6 +131,69 @@ def test_a_reference_says_where_errors_are_zero(tmp_path):
     np.testing.assert_array_equal(group.draws, draws)
 
 
+def stated(path, names=NAMES, mean=(0.0, 0.1), spread=SPREAD, more=None, units=None):
+    """The calibration of a rig of 100 mm from a NetCDF file of draws with more variables and units of the draws."""
+    draws = mean + spread * np.random.default_rng(5).standard_normal((2000, len(names)))
+    data = xarray.Dataset({"draws": (("draw", "parameter"), draws)} | (more or {}), coords={"parameter": list(names)})
+    data["draws"].attrs |= {} if units is None else {"units": units}
+    data.to_netcdf(path, engine="h5netcdf")
+    return posterior_of_file(path, "rig", stereo(baseline=0.1))
+
+
+def test_a_reference_other_than_the_declared_values_is_refused_or_named(tmp_path):
+    """A reference of 80 mm and 50 µm of spread for a rig of 100 mm; and one that differs by two deviations."""
+    spread = np.array([1.7e-4, 5e-5])
+    with pytest.raises(
+        CalibrationFileError, match=r"reference of baseline in far.nc .*80 mm, .*49.5 µm.*within 3 .*declared 100 mm"
+    ):
+        stated(tmp_path / "far.nc", mean=(0.0, 0.08), spread=spread, more={"reference": ("parameter", [0.0, 0.08])})
+    near = stated(tmp_path / "near.nc", spread=spread, more={"reference": ("parameter", [0.0, 0.1001])})
+    assert near.remark == "the reference in the file counts as the declared values, which shifts baseline by −100 µm"
+    assert near.groups[0].nominal[1] == pytest.approx(-1e-4, abs=5e-6)
+    same = stated(tmp_path / "same.nc", spread=spread, more={"reference": ("parameter", [0.0, 0.1])})
+    assert not same.remark
+    error = {"names": ("yaw",), "mean": [0.0], "spread": np.array([1e-4]), "more": {"reference": ("parameter", [2e-4])}}
+    assert "which shifts yaw by −0.0002 rad" in stated(tmp_path / "error.nc", **error).remark
+
+
+def test_weights_of_draws_are_refused_and_other_variables_named(tmp_path):
+    half = np.arange(2000) < 1000
+    with pytest.raises(CalibrationFileError, match=r"not read: weight .*resample the draws by their weights"):
+        stated(tmp_path / "one.nc", more={"weight": ("draw", np.where(half, 1.98, 0.02))})
+    others = {"weight": ("draw", np.ones(2000)), "correlation": ((), 0.3), "draw": ("draw", np.arange(2000))}
+    assert stated(tmp_path / "two.nc", more=others).remark.endswith("not used from the file: weight and correlation")
+
+
+def test_units_other_than_si_are_refused(tmp_path):
+    yaw = {"names": ("yaw",), "mean": [0.0], "spread": np.array([0.01])}
+    message = r"{} in .* states another unit for yaw: {} \(allowed: rad\); convert the numbers"
+    for more, units, says in (
+        ({"units": ("parameter", ["deg"])}, None, ("units", "deg")),
+        ({"unit": ("parameter", np.array([b"deg"]))}, None, ("unit", "deg")),
+        ({}, "deg", ("draws", "deg")),
+        ({}, "mrad", ("draws", "mrad")),
+        ({}, "m", ("draws", "m")),
+        ({}, "rad, m", ("draws", "rad, m")),
+        ({"reference": ("parameter", [0.0], {"units": "deg"})}, "rad", ("reference", "deg")),
+    ):
+        with pytest.raises(CalibrationFileError, match=message.format(*says)):
+            stated(tmp_path / "rig.nc", **yaw, more=more, units=units)
+    for units in ("rad", "radians", "SI", ""):
+        assert stated(tmp_path / "rig.nc", **yaw, units=units).remark == ""
+    assert stated(tmp_path / "rig.nc", units="rad, m").remark
+    data = {"mean": ("parameter", [0.0]), "covariance": (("parameter", "parameter_"), [[1e-8]], {"units": "deg^2"})}
+    xarray.Dataset(data, coords={"parameter": ["yaw"]}).to_netcdf(tmp_path / "cov.nc", engine="h5netcdf")
+    with pytest.raises(CalibrationFileError, match=r"covariance in .* for yaw: deg\^2 \(allowed: rad\^2\)"):
+        posterior_of_file(tmp_path / "cov.nc", "rig", stereo(baseline=0.1))
+    best = saved(tmp_path / "best.nc")
+    with xarray.open_dataset(best, engine="h5netcdf") as found:
+        found.load()
+    found["best"].attrs["units"] = "mm"
+    found.to_netcdf(tmp_path / "mm.nc", engine="h5netcdf")
+    with pytest.raises(CalibrationFileError, match=r"best in mm.nc states another unit"):
+        posterior_of_file(tmp_path / "mm.nc", "rig", stereo())
+
+
 def saved(path, **changes):
     """A posterior of the simulated rig with narrow draws."""
     draws = true_rig() + 1e-9 * np.random.default_rng(0).standard_normal((200, 18))

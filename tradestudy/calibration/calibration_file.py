@@ -4,9 +4,10 @@ CSV with draws: the first line names the parameters, and every other line is one
 first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
 covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
 the names in a text variable ``parameter``. With draws, ``reference(parameter)`` may give the values at which the errors
-are zero. Numbers are in SI units, and in pixels where the name ends in ``_px``. The
-posterior of a rig calibrated from corners also has ``best(parameter)`` and ``pixels(side)``, and the attribute
-``lens_model`` unless its lenses are pinholes with k1 and k2.
+are zero. Numbers are in SI units, and in pixels where the name ends in ``_px``; ``units``, an attribute or a variable,
+may say so. Another variable over draws, such as weights, is refused. The posterior of a rig calibrated from corners
+also has ``best(parameter)`` and ``pixels(side)``, and the attribute ``lens_model`` unless its lenses are pinholes with
+k1 and k2.
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import require_regular_file
 
 MINIMUM_DRAWS = 100  # fewer cannot determine a 95 % interval
+_UNITS: Final = ("unit", "units")
+_HAS_UNITS: Final = ("parameter", "draws", "reference", "best", "mean", "covariance")
+_READ_WITH_DRAWS: Final = ("parameter", "draws", "reference", "best", "pixels", *_UNITS)
+_READ_WITH_COVARIANCE: Final = ("parameter", "mean", "covariance", *_UNITS)
 _SYMMETRY_LIMIT = 1e-9  # relative
 _NEGATIVE_LIMIT = 1e-10  # of the largest eigenvalue of the correlation matrix: the rounding of numbers in a file
 
@@ -47,11 +52,17 @@ class CalibrationCovariance:
         Best values.
     covariance : array (P, P)
         Their covariance, symmetric and positive semidefinite.
+    stated_units : tuple of (variable, parameter, unit)
+        Units that the file states.
+    unread : tuple of str
+        What the file contains besides.
     """
 
     names: tuple[str, ...]
     mean: FloatArray
     covariance: FloatArray
+    stated_units: tuple[tuple[str, str, str], ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,6 +83,8 @@ class CalibrationDraws:
         Columns and rows of the rig's pictures.
     lens
         Lens model of both cameras of the rig.
+    stated_units, unread
+        As in `CalibrationCovariance`.
     """
 
     names: tuple[str, ...]
@@ -80,6 +93,8 @@ class CalibrationDraws:
     best: FloatArray | None = None
     pixels: tuple[int, int] | None = None
     lens: FreeLens = RADIAL_LENS
+    stated_units: tuple[tuple[str, str, str], ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDraws:
@@ -112,7 +127,7 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
         require_regular_file(path)
         path.open("rb").close()  # raises with the message of the operating system
         found = _READERS[path.suffix](path)
-    except (OSError, UnicodeDecodeError, KeyError) as error:
+    except (OSError, ValueError, KeyError) as error:
         raise CalibrationFileError(
             f"{path.name} cannot be read",
             value=getattr(error, "strerror", None) or f"not a {path.suffix} file",
@@ -196,9 +211,7 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
                 limit="variables named parameter and draws, or parameter, mean and covariance",
                 remedy="rename the variables",
             )
-        names = tuple(
-            name.decode() if isinstance(name, bytes) else str(name) for name in file.variables["parameter"][...]
-        )
+        names = _texts(file.variables["parameter"][...])
         packed = [
             f"{variable}.{key}"
             for variable, values in file.variables.items()
@@ -212,8 +225,14 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
                 limit="values as they are, in SI units",
                 remedy="write it without packing (encoding) in xarray or netCDF4",
             )
+        read = _READ_WITH_DRAWS if "draws" in file.variables else _READ_WITH_COVARIANCE
+        others = [one for one in file.variables if one not in (*read, *file.dimensions)]
+        units = _stated_units(names, {one: values for one, values in file.variables.items() if one in read})
         if "draws" in file.variables:
-            return _netcdf_draws(names, file.variables, str(file.attrs.get("lens_model", "")))
+            _require_equal_draws(path, {one: file.variables[one] for one in others}, file.variables["draws"].shape)
+            found = _netcdf_draws(names, file.variables, str(file.attrs.get("lens_model", "")))
+            others += ["lens_model"] if found.best is None and "lens_model" in file.attrs else []
+            return replace(found, stated_units=units, unread=(*others, *file.groups))
         if "mean" not in file.variables:
             raise CalibrationFileError(
                 f"{path.name} has a covariance without its mean",
@@ -223,7 +242,43 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
             )
         mean = np.asarray(file.variables["mean"][...], dtype=np.float64)
         covariance = np.asarray(file.variables["covariance"][...], dtype=np.float64)
-        return CalibrationCovariance(names=names, mean=mean, covariance=covariance)
+        unread = (*others, *file.groups)
+        return CalibrationCovariance(names=names, mean=mean, covariance=covariance, stated_units=units, unread=unread)
+
+
+def _texts(values: Any) -> tuple[str, ...]:
+    """Text of a variable or of an attribute, also as a table of characters, as xarray writes bytes."""
+    table = np.asarray(values)
+    rows = [b"".join(row) for row in table] if table.dtype == "S1" and table.ndim == 2 else table.ravel()
+    return tuple(one.decode() if isinstance(one, bytes) else str(one) for one in rows)
+
+
+def _stated_units(names: tuple[str, ...], variables: Mapping[str, Any]) -> tuple[tuple[str, str, str], ...]:
+    """Variable, parameter and unit, of every unit that variables or their attributes state."""
+    found: list[tuple[str, str, str]] = []
+    for variable, values in variables.items():
+        if variable in _UNITS:
+            stated = _texts(values[...])
+        elif variable in _HAS_UNITS and "units" in values.attrs:
+            stated = tuple(one.strip() for one in ",".join(_texts(values.attrs["units"])).split(","))
+        else:
+            continue
+        # One for all, or a list that does not match the parameters and hence is the unit of none.
+        stated = stated if len(stated) == len(names) else (", ".join(stated),) * len(names)
+        found += [(variable, name, unit) for name, unit in zip(names, stated, strict=True)]
+    return tuple(found)
+
+
+def _require_equal_draws(path: Path, others: Mapping[str, Any], shape: tuple[int, ...]) -> None:
+    """Refuse numbers that say that draws are not equally probable, or of different chains, unless all are equal."""
+    for name, values in others.items():
+        if shape[0] in values.shape and np.asarray(values[...]).dtype.kind in "biuf" and np.ptp(1.0 * values[...]) != 0:
+            raise CalibrationFileError(
+                f"{path.name} has a number for each draw that is not read",
+                value=name,
+                limit="draws that are equally probable",
+                remedy="resample the draws by their weights; remove the variable",
+            )
 
 
 def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any], lens: str) -> CalibrationDraws:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, cast
+from typing import Final, Literal, cast
 
 import numpy as np
 
@@ -22,11 +22,12 @@ from tradestudy.calibration.sources import CALIBRATION, group_of_draws, in_words
 from tradestudy.cameras.calibrated_pair import CalibratedPair, PairGeometry
 from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.depth_measurement import PIXEL_NOISE
+from tradestudy.cameras.depth_measurement import PIXEL_NOISE, ErrorVocabulary
 from tradestudy.cameras.plenoptic import PlenopticCamera
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.joint import JointDraws, JointNormal
 from tradestudy.uncertainty.sources import ErrorClass, Group
+from tradestudy.unit_registry import resolve_unit
 from tradestudy.wording import listed
 
 _DEVIATIONS: Final = 3.0  # from its mean, within which a value is taken for the one that the file is about
@@ -35,7 +36,7 @@ _ROUNDING: Final = 1e-9  # of a mean, relative
 
 
 def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
-    """Write a posterior as a NetCDF file with full precision, for `read_calibration`.
+    """Write a posterior as a NetCDF file with full precision, for `read_calibration`; with a reference, as errors.
 
     Parameters
     ----------
@@ -49,9 +50,12 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
     with h5netcdf.File(path, "w") as file:
         file.dimensions = {"draw": len(posterior.draws), "parameter": len(posterior.names)}
         file.create_variable("parameter", ("parameter",), data=np.array(posterior.names, dtype=np.bytes_))
-        file.create_variable("draws", ("draw", "parameter"), data=posterior.draws)
-        if posterior.reference is not None:
-            file.create_variable("reference", ("parameter",), data=posterior.reference)
+        reference = posterior.reference if posterior.best is None else None
+        zero = np.zeros(len(posterior.names))
+        draws = posterior.draws - (zero if reference is None else reference)
+        file.create_variable("draws", ("draw", "parameter"), data=draws)
+        if reference is not None:
+            file.create_variable("reference", ("parameter",), data=zero)
         if posterior.best is not None:
             file.dimensions["side"] = 2
             file.create_variable("best", ("parameter",), data=posterior.best)
@@ -65,7 +69,8 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
 
     Without best values or a reference, the numbers are errors if the mean of each lies within three standard deviations
     of 0; their mean is kept. They are values of the parameters if each mean lies within three of the declared value;
-    their mean then counts as this value, as ``remark`` says. The closer of the two is taken.
+    their mean then counts as this value, as ``remark`` says. The closer of the two is taken. A reference must lie as
+    close to 0 or to the declared values; errors are relative to it, and ``remark`` says by how much it differs.
 
     Parameters
     ----------
@@ -79,16 +84,20 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     Raises
     ------
     CalibrationFileError
-        The file is unreadable or inconsistent, names parameters that the camera does not have, or has means that are
-        neither those of errors nor the declared values.
+        The file is unreadable or inconsistent, names parameters that the camera does not have, states units other than
+        SI, or has means or a reference that are neither those of errors nor the declared values.
     GeometryContradictionError
         The file contradicts the declared geometry.
     """
     found = read_calibration(path)
     if isinstance(found, CalibrationDraws) and found.best is not None:
-        return _of_rig(path, name, camera, found)
+        calibration = _of_rig(path, name, camera, found)
+        _require_units(path, found, calibration.vocabulary or {})
+        return replace(calibration, remark=_not_used(found.unread))
     _require_known(path, found.names, [name for name in camera.error_vocabulary if name != PIXEL_NOISE])
+    _require_units(path, found, camera.error_vocabulary)
     group, remark = _group(path, camera, found)
+    remark = "; ".join(filter(None, (remark, _not_used(found.unread))))
     return Calibration(groups=(group,), source="posterior", remark=remark)
 
 
@@ -192,18 +201,24 @@ def _group(path: Path, camera: DepthCamera, found: CalibrationCovariance | Calib
             covariance=found.covariance,
             error_class=ErrorClass.RIG,
         ), remark
+    spread = found.draws.std(axis=0)
     if found.reference is None:
-        zero, remark = _reference(path, camera, found.names, found.draws.mean(axis=0), found.draws.std(axis=0))
+        zero, remark = _reference(path, camera, found.names, found.draws.mean(axis=0), spread)
     else:
-        zero, remark = found.reference, ""
+        zero, remark = _reference(path, camera, found.names, found.reference, spread, what="reference")
     errors = found.draws - zero
     return JointDraws(name=CALIBRATION, parameters=found.names, draws=errors, error_class=ErrorClass.RIG), remark
 
 
 def _reference(
-    path: Path, camera: DepthCamera, names: tuple[str, ...], mean: FloatArray, deviation: FloatArray
+    path: Path,
+    camera: DepthCamera,
+    names: tuple[str, ...],
+    mean: FloatArray,
+    deviation: FloatArray,
+    what: Literal["mean", "reference"] = "mean",
 ) -> tuple[FloatArray, str]:
-    """Values at which the errors are zero, with a remark unless they are 0; see `posterior_of_file`."""
+    """Values at which the errors are zero, with a remark if that shifts anything; see `posterior_of_file`."""
     by_name = _declared_values(camera)
     declared = np.array([by_name.get(name, 0.0) for name in names])
     # The mean of equal numbers differs from them by rounding.
@@ -215,20 +230,23 @@ def _reference(
     if away[worst] > _DEVIATIONS:
         value, spread, usual = (in_words(each[worst], camera, names[worst]) for each in (mean, deviation, declared))
         raise CalibrationFileError(
-            f"the mean of {names[worst]} in {path.name} is neither that of an error nor the declared value",
+            f"the {what} of {names[worst]} in {path.name} is neither that of an error nor the declared value",
             value=f"{value}, with a standard deviation of {spread}",
             limit=f"within {_DEVIATIONS:g} standard deviations of 0"
             + (f", or of the declared {usual}" if declared[worst] else ""),
             remedy="correct the file or the declared value; declare a large known error under errors, with its mean",
         )
-    if not are_values:
+    if not are_values and what == "mean":
         return np.zeros(len(names)), ""
     shifts = [
         f"{name} by {in_words(shift, camera, name)}"
-        for name, shift, size in zip(names, declared - mean, from_declared, strict=True)
+        for name, shift, size in zip(names, (declared if are_values else 0.0) - mean, away, strict=True)
         if size > _NO_SHIFT
     ]
-    remark = "the file contains values of the parameters, not errors; their means count as the declared values"
+    if what == "reference":
+        remark = "the reference in the file counts as the declared values" if shifts else ""
+    else:
+        remark = "the file contains values of the parameters, not errors; their means count as the declared values"
     return mean, remark + (f", which shifts {listed(shifts)}" if shifts else "")
 
 
@@ -256,3 +274,22 @@ def _require_known(path: Path, names: tuple[str, ...], known: Collection[str]) -
             limit=", ".join(known),
             remedy="rename or remove them",
         )
+
+
+def _require_units(path: Path, found: CalibrationCovariance | CalibrationDraws, vocabulary: ErrorVocabulary) -> None:
+    """Refuse a stated unit that is not the one in which numbers are read."""
+    for variable, name, stated in found.stated_units:
+        unit: str = vocabulary[name].unit
+        unit = f"{unit}^2" if variable == "covariance" and unit != "1" else unit
+        expected = None if unit == "1" else resolve_unit(unit, absolute=False)
+        if stated not in ("", "SI", unit) and resolve_unit(stated, absolute=False) != expected:
+            raise CalibrationFileError(
+                f"{variable} in {path.name} states another unit for {name}",
+                value=stated,
+                limit=unit,
+                remedy="convert the numbers, and correct their unit",
+            )
+
+
+def _not_used(unread: tuple[str, ...]) -> str:
+    return f"not used from the file: {listed(unread)}" if unread else ""
