@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -72,10 +73,20 @@ def test_harmless_attributes_of_xml_are_used_or_named(tmp_path: Path) -> None:
         "is_fisheye: false",
         "rvec: [0.004, -0.013, 0.0021]",
         "imageSize: [640, 480]",
-        "yaw_deg: -0.745",
         "camera1: left",
         f"P2: [880, 0, 320, {-880 * LENGTH}, 0, 880, 240, 0, 0, 0, 1, 0]",
         "fx1: 882.5",
+        "fx_left: 882.5\nFX_RIGHT: 880.25",
+        "fx_0: 882.5\nfx_1: 880.25",
+        "left_cx: 320.125\nright: {cx: 318.5, cy: 241.25}",
+        "right_principal_point: [318.5, 241.25]",
+        "quaternion: [0.9999757, 0.002, -0.0064999, 0.00105]",  # cos and sin of half the angle; the real part first
+        "calib_width: 640\ncalib_height: 480",
+        "frame_size: {height: 480, width: 640}",
+        "calibration_resolution: 640x480",
+        "tvec: [-60.1, 0.2, 1.1]",
+        "translation_mm: [-60, 0, 1]",
+        "Tx: -60.1",
     ],
 )
 def test_second_values_that_agree_are_accepted(tmp_path: Path, line: str) -> None:
@@ -130,6 +141,44 @@ def test_second_values_that_agree_are_accepted(tmp_path: Path, line: str) -> Non
         ("half_resolution: true", "looks like a change of the pictures"),
         ("T_multiplier: 10", "looks like a scale"),
         ("fx1: 441.25", "contradicts the camera matrix that is read"),
+        ("fx_left: 880.25", "880.25 contradicts the camera matrix that is read, 882.5 px of camera 1"),
+        ("right: {fx: 882.5}", "882.5 contradicts the camera matrix that is read, 880.25 px of camera 2"),
+        (
+            "fx_0: 882.5\nfx_1: 882.5",
+            "rig.fx_1: 882.5 contradicts the camera matrix that is read, 880.25 px of camera 2",
+        ),
+        ("R_CX: 320.125", "320.125 contradicts the camera matrix that is read, 318.5 px of camera 2"),
+        ("cameras: [{fx: 882.5}, {fx: 882.5}]", "rig.cameras.1.fx: 882.5 contradicts"),
+        (
+            "cx: 882.5",
+            "882.5 contradicts the camera matrix that is read, 320.125 px of camera 1 and 318.5 px of camera 2",
+        ),
+        ("principal_point_left: [239.5, 320.125]", "239.5 contradicts the camera matrix"),
+        ("om: [-0.004, 0.013, -0.0021]", "the other way, like the inverse pose, contradicts the one that is read"),
+        ("rvec: [0.01376, 0.0, 0.0]", "a rotation by 0.788° about another axis contradicts the one that is read"),
+        ("rotation_vector_deg: [0.2292, 0.7448, 0.1203]", "about another axis contradicts"),
+        ("quaternion: [0.9999757, -0.002, 0.0064999, -0.00105]", "the other way, like the inverse pose, contradicts"),
+        ("tvec: [60.1, -0.2, -1.1]", "points the opposite way, like that of the inverse pose"),
+        (
+            "tvec: [0.0, 0.0, 60.1]",
+            "(0 m, 0 m, 60.1 mm) contradicts the translation that is read, (−60.1 mm, 200 µm, 1.1 mm)",
+        ),
+        ("Tx: 60.1", "60.1 mm contradicts the translation that is read, −60.1 mm"),
+        ("pose: {translation: {x: -60.1, y: 5.0, z: 1.1}}", "(−60.1 mm, 5 mm, 1.1 mm) contradicts the translation"),
+        (f"P2: [880, 0, 320, {880 * LENGTH}, 0, 880, 240, 0, 0, 0, 1, 0]", "points the opposite way"),
+        ("calib_width: 480", "a width of 480 px contradicts the size that is read, 640 × 480 px"),
+        ("calib_height: 640", "a height of 640 px contradicts the size that is read"),
+        ("frame_size: {height: 640, width: 480}", "480 × 640 px contradicts the size"),
+        ("calibration_resolution: 480x640", "480 × 640 px contradicts the size"),
+        ("tvec: [.nan, 0, 0]", "a number is not finite"),
+        ("R_stereo: {rotation: [1, 0, 0, 0, .inf, 0, 0, 0, 1]}", "a number is not finite"),
+        ("downsample: true", "looks like a scale of the pictures"),
+        ("T_scaling: true", "looks like a scale"),
+        ("T_scale: 640", "looks like a scale"),
+        ("resize: [480, 640]", "looks like a scale of the pictures"),
+        ("crop: true", "looks like a part of the picture"),
+        ("crop: [0, 0, 480, 480]", "looks like a part of the picture"),
+        ("x_offset: 640", "looks like a part of the picture"),
     ],
 )
 def test_keys_that_change_the_meaning_are_refused(tmp_path: Path, line: str, said: str) -> None:
@@ -151,6 +200,16 @@ def test_keys_that_change_the_meaning_are_refused(tmp_path: Path, line: str, sai
         "square_size: 25",
         "timeshift: 0.01",
         "left_camera: 1",
+        "yaw_deg: -0.745",  # angles whose order is unknown
+        "euler_deg: [0.2292, -0.7448, 0.1203]",
+        "pose: {rotation: [0.004, -0.013, 0.0021]}",
+        "fx: 882.5",  # of one camera; it does not say of which
+        "principal_point: [320.125, 239.5]",
+        "fx_left: 882.5 px",
+        "calibration_resolution: VGA",
+        "crop: [0, 0, 640, 480]",
+        "resize: [640, 480]",
+        "downsample: false",
     ],
 )
 def test_other_keys_are_named(tmp_path: Path, line: str) -> None:
@@ -236,3 +295,97 @@ def test_the_translation_beside_projections_must_agree_with_them(tmp_path: Path)
     assert "rig.T: 60.1 mm contradicts the baseline that is read, 120 mm" in refusal(path).replace(
         "\N{NO-BREAK SPACE}", " "
     )
+
+
+def turned_by(vector: list[float]) -> np.ndarray:
+    """A rotation matrix by OpenCV, from a rotation vector [rad]."""
+    return cv2.Rodrigues(np.array(vector))[0]
+
+
+def test_second_values_of_a_rig_with_unequal_cameras_are_told_apart(tmp_path: Path) -> None:
+    k1, k2 = (
+        np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]]) for f, cx, cy in ((1010, 640.5, 470), (980, 655, 480))
+    )
+    turn, moved = [0.002, 0.02, -0.003], np.array([-120.0, 0.4, 1.2])
+    back = -turned_by(turn).T @ moved
+    file = written.opencv(tmp_path / "rig.yml", size=(1280, 960), M1=k1, M2=k2, R=turned_by(turn), T=moved[:, None])
+    path, before = study(tmp_path, rig=IN_MM), file.read_text()
+    for lines, said in {
+        "fx_left: 980\nfx_right: 1010": "980 contradicts the camera matrix that is read, 1010 px of camera 1",
+        "cx_left: 655\ncx_right: 640.5": "655 contradicts the camera matrix that is read, 640.5 px of camera 1",
+        "om: [-0.002, -0.02, 0.003]": "a rotation by 1.16° the other way, like the inverse pose, contradicts",
+        f"tvec: {back.tolist()}": "points the opposite way, like that of the inverse pose",
+        "om: [0.0203224, 0, 0]": "a rotation by 1.16° about another axis contradicts",
+        "tvec: [0, 0, 120]": "contradicts the translation that is read",
+    }.items():
+        file.write_text(f"{before}{lines}\n")
+        assert said in refusal(path).replace("\N{NO-BREAK SPACE}", " ")
+    file.write_text(f"{before}fx_left: 1010\nfx_right: 980\ncx_left: 640.5\ncx_right: 655\nom: {turn}\n")
+    assert not unused(path)
+
+
+def test_second_values_of_a_vertical_rig_are_those_of_its_pictures_as_taken(tmp_path: Path) -> None:
+    k = np.array([[900.0, 0.0, 310.0], [0.0, 870.0, 250.0], [0.0, 0.0, 1.0]])
+    turn, moved = [0.004, -0.013, 0.0021], [0.2, -60.1, 1.1]
+    file = written.opencv(tmp_path / "rig.yml", M1=k, M2=k, R=turned_by(turn), T=np.array(moved)[:, None])
+    path, before = study(tmp_path, rig=IN_MM), file.read_text()
+    agree = f"fx: 900\nfy: 870\ncx: 310\ncy: 250\ncalib_width: 640\ncalib_height: 480\nrvec: {turn}\ntvec: {moved}\n"
+    file.write_text(before + agree)
+    assert not unused(path)
+    for line in (
+        "fx: 870",
+        "cx: 250",
+        "calib_width: 480",
+        "rvec: [-0.013, -0.004, 0.0021]",
+        "tvec: [-60.1, -0.2, 1.1]",
+    ):
+        file.write_text(f"{before}{line}\n")
+        assert "contradicts" in refusal(path)
+
+
+def test_second_values_of_a_rig_in_the_other_order_are_those_of_the_file(tmp_path: Path) -> None:
+    turn, moved = [0.004, -0.013, 0.0021], [60.1, 0.2, 1.1]
+    file = written.opencv(tmp_path / "rig.yml", R=turned_by(turn), T=np.array(moved)[:, None])
+    path, before = study(tmp_path, rig=f"{IN_MM}, pair: [2, 1]"), file.read_text()
+    file.write_text(f"{before}fx_1: 882.5\nfx_2: 880.25\nom: {turn}\ntvec: {moved}\nfx_left: 882.5\n")
+    assert unused(path) == "fx_left"  # of camera 1, or of the camera on the left
+    for line in ("fx_1: 880.25", "om: [-0.004, 0.013, -0.0021]", "tvec: [-60.1, 0.2, 1.1]", "fx_left: 900"):
+        file.write_text(f"{before}{line}\n")
+        assert "contradicts" in refusal(path)
+
+
+def test_second_values_belong_to_the_camera_of_their_file_or_mapping(tmp_path: Path) -> None:
+    chain = written.camchain(tmp_path / "chain.yaml").read_text()
+    both = "from: [left.yml, right.yml, rig.yml], length_unit: mm"
+    for number, k, values in (("1", written.K1, written.D1), ("2", written.K2, written.D2)):
+        name = {"1": "left", "2": "right"}[number]
+        lines = written.opencv(tmp_path / f"{name}.yml", camera_matrix=k, dist_coeffs=values[None]).read_text()
+        kept = lines[: lines.index("M1:")] + lines[lines.index("camera_matrix:") :]
+        (tmp_path / f"{name}.yml").write_text(f"{kept}fx: 882.5\n")
+    written.opencv(tmp_path / "rig.yml")
+    lines = (tmp_path / "rig.yml").read_text()
+    (tmp_path / "rig.yml").write_text(f"%YAML:1.0\n---\n{lines[lines.index('R: ') :]}")
+    assert "right.yml:" in (said := refusal(study(tmp_path, rig=both)))
+    assert "882.5 contradicts the camera matrix that is read, 880.25 px of right" in said
+    for first, second, agrees in ((882.5, 880.25, True), (880.25, 882.5, False)):
+        lines = chain.replace('{"', f'{{"fx": {first}, "', 1).replace('cam1: {"', f'cam1: {{"fx": {second}, "')
+        (tmp_path / "chain.yaml").write_text(lines)
+        path = study(tmp_path, rig="from: chain.yaml")
+        if agrees:
+            assert "fx" not in unused(path)
+        else:
+            assert "cam0.fx: 880.25 contradicts the camera matrix that is read, 882.5 px of cam0" in refusal(path)
+
+
+def test_a_flag_to_downsample_is_refused_in_every_camera_of_a_chain(tmp_path: Path) -> None:
+    written.camchain(tmp_path / "chain.yaml", downsample=True)
+    assert "cam0.downsample: this key looks like a scale" in refusal(study(tmp_path, rig="from: chain.yaml"))
+
+
+def test_the_inverse_translation_beside_projections_is_refused(tmp_path: Path) -> None:
+    _, _, p1, p2 = written.rectified()
+    p2[0, 3] *= 1e3  # the translation of `written` is in mm
+    written.opencv(tmp_path / "rig.yml", P1=p1, P2=p2, T=-1e3 * written.T[:, None])
+    said = refusal(study(tmp_path, rig=f"{IN_MM}, pictures: rectified"))
+    assert "rig.T: " in said
+    assert "points the opposite way" in said

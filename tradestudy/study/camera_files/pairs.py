@@ -132,6 +132,7 @@ _FARTHEST_CENTRE: Final = 0.12
 Those of whole sensors lie within 0.05. Exchanged sides move it by 0.125 (5 : 4) and 0.17 (4 : 3) or more; a size of
 another resolution by 0.125 (4/3 times the right one) and 0.25 (twice).
 """
+_ORDER, _UPPER = "order of cameras", "is upper"
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _PLACES: Final = 65  # points along each side of a picture at which directions are computed
 _LARGEST_TANGENTIAL: Final = 0.05
@@ -193,10 +194,10 @@ def paired(
         side = "above" if is_vertical else "to the left of"
         raise at.fail(f"{second.name} lies {pretty(baseline, LENGTH)} {side} {first.name}; {exchanged}")
     key = at.key
-    sides = ("upper", "lower: both pictures are rotated by 90°") if is_vertical else ("left", "right")
+    sides = (_UPPER, "lower: both pictures are rotated by 90°") if is_vertical else ("is left", "right")
     conventions = (
         *conventions,
-        Convention(name="order of cameras", says=f"{first.name} is {sides[0]}, {second.name} {sides[1]}", key=key),
+        Convention(name=_ORDER, says=f"{first.name} {sides[0]}, {second.name} {sides[1]}", key=key),
     )
     if not is_usual(baseline) and (says := _by_units(baseline, metre)):
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says + otherwise, key=key))
@@ -444,3 +445,35 @@ def _turned(camera: ImportedCamera, at: Located) -> ImportedCamera:
     return replace(
         camera, focal_lengths=(fy, fx), centre=(cy, columns - 1 - cx), pixels=(rows, columns), coefficients=turned
     )
+
+
+def as_filed(rig: ImportedRig, is_reversed: bool = False) -> ImportedRig:
+    """The pair as its files give it: a vertical one with its pictures as taken, not rotated to a horizontal one.
+
+    Parameters
+    ----------
+    rig
+        A pair from `paired`.
+    is_reversed
+        Whether the files give the right camera first; the result then leads from right to left.
+    """
+    rotation, translation, cameras = np.array(rig.rotation), np.array(rig.translation), (rig.left, rig.right)
+    if any(one.name == _ORDER and one.says.startswith(f"{rig.left.name} {_UPPER}") for one in rig.conventions):
+        rotation, translation = _QUARTER.T @ rotation @ _QUARTER, _QUARTER.T @ translation
+        cameras = _turned_back(rig.left), _turned_back(rig.right)
+    if is_reversed:
+        rotation, translation, cameras = rotation.T, -rotation.T @ translation, cameras[::-1]
+    return replace(
+        rig,
+        left=cameras[0],
+        right=cameras[1],
+        rotation=cast(Rotation, tuple(map(tuple, rotation.tolist()))),
+        translation=cast(Vector, tuple(translation.tolist())),
+    )
+
+
+def _turned_back(camera: ImportedCamera) -> ImportedCamera:
+    """Focal lengths, principal point and size from before `_turned`."""
+    assert camera.pixels is not None  # or `_turned` would have refused it
+    (fx, fy), (cx, cy), (columns, rows) = camera.focal_lengths, camera.centre, camera.pixels
+    return replace(camera, focal_lengths=(fy, fx), centre=(rows - 1 - cy, cx), pixels=(rows, columns))

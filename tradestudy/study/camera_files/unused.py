@@ -13,8 +13,11 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedCorners, ImportedRig
 from tradestudy.study.camera_files.located import UNUSED, CameraFile, Located, Request
+from tradestudy.study.camera_files.pairs import as_filed
+from tradestudy.study.camera_files.second_poses import rotation_problem, translation_problem
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, ScalarEntry, dotted
-from tradestudy.units import ANGLE, LENGTH, UnitError, parse, pretty
+from tradestudy.units import LENGTH, UnitError, parse
+from tradestudy.wording import listed
 
 _LENS: Final = re.compile(
     r"distor|dist_?coef|^dist(_?[0-9lr]|_left|_right)?$|^d_?([0-9lr]|left|right)?$|radial|tangential|^xi_?[0-9lr]?$"
@@ -34,7 +37,8 @@ _SIZE: Final = re.compile(
     r"(image|img|picture|frame)?_?(width|height|size|resolution))_?(px|pixels?)?_?([0-9lr]|left|right)?",
     re.IGNORECASE,
 )
-_PINHOLE: Final = re.compile(r"(f|c)_?(x|y)_?([0-9lr]|left|right)?", re.IGNORECASE)
+_SIDE: Final = r"((?:cam(?:era)?_?)?[0-9lr]|left|right)?"
+_PINHOLE: Final = re.compile(rf"{_SIDE}_?([fc])_?([xy])_?{_SIDE}", re.IGNORECASE)
 _WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _UNIT_WORDS: Final = {"unit", "units"}
 _NOT_OF_LENGTHS: Final = {
@@ -63,7 +67,8 @@ _SCALES: Final = {
     "subsampling",
 }
 _UNSET: Final = ("", "0", "0.", "0.0", "false", "no", "off", "none", "null", "normal", "auto")
-_SET: Final = ("1", "1.", "1.0", "true", "yes", "on")
+_YES: Final = ("true", "yes", "on")
+_SET: Final = ("1", "1.", "1.0", *_YES)
 _TURNED: Final = {
     "flip",
     "flipped",
@@ -86,9 +91,7 @@ _TRANSLATIONS: Final = {"translation", "tvec", "baseline", "tx"}
 _ELSEWHERE: Final = re.compile("rectif|imu|housing|spec|body|board|target|cameraData", re.IGNORECASE)
 """Parts of files with rotations or translations of something else than the pair."""
 _SPREAD: Final = {"error", "errors", "uncertainty", "std", "stddev", "sigma", "deviation", "tolerance", "covariance"}
-_AGREES: Final = 0.01
-"""Relative difference up to which a second value, such as a nominal baseline, says the same."""
-_ANGLE_AGREES: Final = 1e-3  # rad
+_AGREES: Final = 1e-3  # relative, of a focal length or principal point
 _LENSES: Final[Mapping[str, tuple[str, ...]]] = {
     **dict.fromkeys(("pinhole", "perspective"), ("rational", "kannala-brandt", "fov")),
     **dict.fromkeys(
@@ -114,7 +117,8 @@ class _Reading:
     """What was read, and how."""
 
     request: Request
-    found: Imported
+    found: Imported  # a pair as in the files: from their first to their second camera, pictures as taken
+    is_reversed: bool  # the first camera of the files is the right one
 
     @property
     def cameras(self) -> tuple[ImportedCamera, ...]:
@@ -158,7 +162,9 @@ def unused_keys(files: Sequence[CameraFile], request: Request, found: Imported) 
         model, another camera matrix, a scale other than 1, a part of the picture, another unit or convention, or
         contradicts the lens model, the baseline, the rotation, or the size and the matrix of the pictures.
     """
-    reading = _Reading(request=request, found=found)
+    is_reversed = isinstance(found, ImportedRig) and bool(request.pair) and _is_reversed(files, found)
+    filed = as_filed(found, is_reversed) if isinstance(found, ImportedRig) else found
+    reading = _Reading(request=request, found=filed, is_reversed=is_reversed)
     for value in [value for file in files for value in file.unused()]:
         if not value.path:
             raise value.fail("nothing in this file is needed beside the other files; remove it from from:")
@@ -172,11 +178,21 @@ def unused_keys(files: Sequence[CameraFile], request: Request, found: Imported) 
         yield Convention(name=UNUSED, says=", ".join(names), key=unused[0].key)
 
 
+def _is_reversed(files: Sequence[CameraFile], rig: ImportedRig) -> bool:
+    """Whether the files give the right camera first: in an earlier file, or by a lower number in one file."""
+    places = [
+        [camera.keys["focal_lengths"].startswith(f"{file.label}: ") for file in files].index(True)
+        for camera in (rig.left, rig.right)
+    ]
+    names = rig.left.name, rig.right.name  # such as cam2 and cam10
+    return (places[0], len(names[0]), names[0]) > (places[1], len(names[1]), names[1])
+
+
 def _parts(value: Located) -> Iterator[Located]:
     """A value and all values below it that have keys."""
-    if isinstance(value.path[-1], str):
-        yield value
     entry = value.entry
+    if isinstance(value.path[-1], str) and not (isinstance(entry, ScalarEntry) and entry.value is None):
+        yield value
     below: list[tuple[str | int, Entry]] = []
     if isinstance(entry, MappingEntry):
         below = [(key, member.entry) for key, member in entry.members.items()]
@@ -214,9 +230,8 @@ def _texts(value: Located) -> tuple[str, ...]:
 
 def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading) -> str:
     """Keys of lens models, other matrices, scales and parts of the picture."""
-    key, numbers, pixels = value.last, {*_numbers_in(value.entry)}, reading.pixels
-    sides = {0.0, *map(float, pixels or ())}
-    corner = {float(side - 1) for side in pixels or ()}
+    key, numbers = value.last, {*_numbers_in(value.entry)}
+    size, is_set = _size_named(value, reading), any(text.lower() in _YES for text in _texts(value))
     if reading.is_raw and _LENS.search(key) and any(numbers):
         return (
             "this key looks like a part of the lens model, but no such key is known here; rename it as the format "
@@ -227,12 +242,14 @@ def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading
             "this key looks like the camera matrix of undistorted pictures, but is not used; remove it or, if depth is "
             "measured in undistorted pictures, write it as the camera matrix, and zeros as distortion"
         )
-    if _SCALE.search(key) and not numbers <= {100.0 if "percent" in key.lower() else 1.0, *sides}:
+    is_neutral = numbers <= {0.0, 100.0 if "percent" in key.lower() else 1.0} or _size_in(value) == size
+    if _SCALE.search(key) and (is_set or not is_neutral):
         return (
             "this key looks like a scale of the pictures, but is not used; remove it if the camera matrix holds for "
             "the pictures in which depth is measured; if not, first multiply fx, fy, cx, cy and the size by the scale"
         )
-    if _PART.search(key) and not numbers <= sides | corner:
+    whole = ({0.0}, {0.0, *size}, {0.0, *(side - 1.0 for side in size)})
+    if _PART.search(key) and (is_set or {0.0, *numbers} not in whole):
         return (
             "this key looks like a part of the picture, but is not used; remove it if the pictures in which depth is "
             "measured are not cropped to it; if they are, first subtract its corner from cx and cy, and write its size "
@@ -244,9 +261,9 @@ def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading
 def _scales(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     if not _SCALES & {*words} or isinstance(value.entry, MappingEntry):
         return ""
-    neutral = {0.0, 100.0 if "percent" in words else 1.0, *map(float, reading.pixels or ())}
-    unread = [text for text in _texts(value) if not _is_number(text) and text.lower() not in (*_UNSET, *_SET, "full")]
-    if not unread and {*_numbers_in(value.entry)} <= neutral:
+    is_neutral = {*_numbers_in(value.entry)} <= {0.0, 100.0 if "percent" in words else 1.0}
+    unread = [text for text in _texts(value) if not _is_number(text) and text.lower() not in (*_UNSET, "full")]
+    if not unread and (is_neutral or _size_in(value) == _size_named(value, reading)):
         return ""
     return "this key looks like a scale, but is not used; multiply the values that it scales by it, and remove it"
 
@@ -345,57 +362,33 @@ def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     is_elsewhere = any(_ELSEWHERE.search(step) for step in value.path if isinstance(step, str))
     if not isinstance(rig, ImportedRig) or is_elsewhere or (_SPREAD | _UNIT_WORDS) & {*words}:
         return ""
+    is_parallel = not reading.is_raw  # to the baseline, while T and R are those of the cameras as they stand
     if value.last == "P2" and len(numbers) == 12 and numbers[0] > 0.0:  # by stereoRectify, P₂ = K′ [1, t]
-        numbers, words = [math.hypot(numbers[3], numbers[7]) / numbers[0]], ("baseline",)
+        numbers, words = [numbers[3] / numbers[0], numbers[7] / numbers[0], 0.0], ("translation",)
+        is_parallel = True
     quantity = {*words} - {"deg", "degree", "degrees", "matrix", "m", "cm", "mm", "um"}
     if _TRANSLATIONS & {*words} or quantity == {"t"}:
         metre = parse(f"1 {next(filter(_is_unit, words), reading.unit)}", LENGTH)
         lengths = [number * metre for number in numbers]
         with suppress(UnitError):
             lengths = lengths or [parse(text, LENGTH) for text in _texts(value)]
-        given, baseline = math.hypot(*lengths), math.hypot(*rig.translation)
         if not lengths and "baseline" in words and isinstance(value.entry, ScalarEntry):
             return f"'{value.entry.text[:40]}' is not a length; correct it, or remove it"
         if len(lengths) not in (1, 3) or not any(lengths):
             return ""
-        if abs(given - baseline) > _AGREES * baseline:
-            return (
-                f"{pretty(given, LENGTH)} contradicts the baseline that is read, {pretty(baseline, LENGTH)}; correct "
-                "the wrong one, or its unit"
-            )
+        if problem := translation_problem(lengths, words, rig.translation, is_parallel=is_parallel):
+            return problem
         value.use()
     elif (_ROTATIONS & {*words} or quantity == {"r"}) and any(numbers) and reading.is_raw:
-        angles = [*_angles_of(numbers)]
-        trace = np.trace(np.array(rig.rotation))
-        read = math.acos(min(max((float(trace) - 1.0) / 2.0, -1.0), 1.0))
-        if {"deg", "degree", "degrees"} & {*words}:
-            angles = [math.radians(angle) for angle in angles]
-        if not angles or min(angles) == 0.0:
-            return ""
-        is_part = len(numbers) == 1  # of several angles, such as the yaw
-        differ = min(max(angle - read, 0.0) if is_part else abs(angle - read) for angle in angles)
-        if differ > _ANGLE_AGREES + _AGREES * read:
-            return (
-                f"a rotation by {pretty(min(angles), ANGLE)} contradicts the one that is read, by "
-                f"{pretty(read, ANGLE)}; correct the wrong one, or remove this key if it describes something else"
-            )
-        value.use()
+        problem, agrees = rotation_problem(numbers, words, np.array(rig.rotation))
+        if agrees:
+            value.use()
+        return problem
     return ""
 
 
 def _is_unit(word: str) -> bool:
     return word in ("m", "cm", "mm", "um")
-
-
-def _angles_of(numbers: Sequence[float]) -> Iterator[float]:
-    """Angles of the rotations that a matrix, a rotation vector or angles [rad], or a quaternion may mean."""
-    if len(numbers) == 9:
-        yield math.acos(min(max((numbers[0] + numbers[4] + numbers[8] - 1.0) / 2.0, -1.0), 1.0))
-    elif len(numbers) in (1, 3):
-        yield math.hypot(*numbers)
-    elif len(numbers) == 4:
-        for real in (numbers[0], numbers[3]):
-            yield 2.0 * math.acos(min(abs(real), 1.0))
 
 
 def _sides(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
@@ -411,20 +404,80 @@ def _sides(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     )
 
 
+def _size_in(value: Located) -> tuple[float, ...]:
+    """Numbers of a size, width first; also of a text such as 640x480."""
+    if value.has("width", "height") and isinstance(members := value.entry, MappingEntry):
+        return tuple(one for key in ("width", "height") for one in _numbers_in(members.members[key].entry))
+    numbers, text = tuple(_numbers_in(value.entry)), " ".join(_texts(value))
+    return numbers or tuple(map(float, re.findall(r"\d+", text) if re.match(r"\d+ *[x×*,] *\d+", text) else ()))
+
+
+def _size_named(value: Located, reading: _Reading) -> tuple[float, ...]:
+    """The width, the height or both, as a key names them; empty if no size is read."""
+    key, size = value.last.lower(), tuple(map(float, reading.pixels or ()))
+    return size[:1] if "width" in key else size[1:] if "height" in key else size
+
+
+def _cameras_of(value: Located, reading: _Reading) -> tuple[ImportedCamera, ...]:
+    """The camera whose file, mapping or name a key shares, or whose side or number it names; all if none is told."""
+    cameras = reading.cameras
+    own = [one for one in cameras if value.key.startswith(re.sub(r"[^.:]*$", "", one.keys["focal_lengths"]))]
+    if len(cameras) < 2 or len(own) == 1:
+        return (*own,) or cameras
+    sides = {"1": 0, "2": 1} if reading.is_reversed else {"1": 0, "2": 1, "left": 0, "l": 0, "right": 1, "r": 1}
+    names = [{*_words_of((camera.name,))} for camera in cameras]
+    sides |= {word: side for side in (0, 1) for word in names[side] - names[1 - side]}
+    match = _PINHOLE.fullmatch(value.last)
+    words = {*_words_of((*value.path[:-1], *(match.groups("")[::3] if match else (value.last,))))}
+    if "0" in words or _counts_from_zero(value):
+        sides |= {"0": 0, "1": 1, "2": 2}
+    told = {sides[word] for word in words if word in sides}
+    return (cameras[told.pop()],) if len(told) == 1 and told <= {0, 1} else cameras
+
+
+def _counts_from_zero(value: Located) -> bool:
+    """Whether a list, or a key with 0 for the 1 of a key that leads to the value, shows that cameras count from 0."""
+    at = value.file.top
+    for step in value.path:
+        if isinstance(step, int) or ("1" in step and at.has(step.replace("1", "0"))):
+            return True
+        at = at.need(step)
+    return False
+
+
 def _second_values(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     """A size of the pictures, focal length or principal point beside the one that is read."""
-    numbers = {*_numbers_in(value.entry)}
     if reading.pixels is not None and _SIZE.fullmatch(value.last):
-        if not numbers <= {*map(float, reading.pixels)}:
-            return f"this contradicts the size that is read, {reading.pixels[0]} × {reading.pixels[1]} px; correct one"
-        value.use()
+        size, given = _size_named(value, reading), _size_in(value)
+        times, rest = divmod(len(given), len(size))
+        if given and given == size * times:
+            value.use()
+        elif (given and not rest) or not {*given} <= {*size}:
+            what = next((f"a {side} of " for side in ("width", "height") if side in value.last.lower()), "")
+            return (
+                f"{what}{' × '.join(f'{one:g}' for one in given)} px contradicts the size that is read, "
+                f"{reading.pixels[0]} × {reading.pixels[1]} px; correct one"
+            )
     is_pinhole = _PINHOLE.fullmatch(value.last) or {"principal", "point"} <= {*words}
     if reading.is_raw and reading.cameras and is_pinhole and not (_SPREAD | _UNIT_WORDS) & {*words}:
-        read = [one for camera in reading.cameras for one in (*camera.focal_lengths, *camera.centre)]
-        for number in numbers:
-            if not any(math.isclose(number, one, rel_tol=1e-3) for one in read):
-                return f"{number:g} contradicts the camera matrix that is read; correct one, or remove this key"
-        value.use()
+        return _pinhole_problem(value, words, _cameras_of(value, reading))
+    return ""
+
+
+def _pinhole_problem(value: Located, words: tuple[str, ...], cameras: Sequence[ImportedCamera]) -> str:
+    """How a focal length or a principal point contradicts those of the cameras that it may concern."""
+    match, numbers = _PINHOLE.fullmatch(value.last), [*_numbers_in(value.entry)]
+    axis = match[3].lower() if match else next((word for word in words if word in ("x", "y")), "")
+    pairs = [camera.focal_lengths if match and match[2] in "fF" else camera.centre for camera in cameras]
+    read = [(pair["xy".index(axis)],) if axis else pair for pair in pairs]
+    if len(numbers) != len(read[0]):
+        return ""
+    for number, values in zip(numbers, zip(*read, strict=True), strict=True):
+        if not any(math.isclose(number, one, rel_tol=_AGREES) for one in values):
+            shown = listed([f"{one:g} px of {camera.name}" for one, camera in zip(values, cameras, strict=True)])
+            return f"{number:g} contradicts the camera matrix that is read, {shown}; correct one, or remove this key"
+    if all(math.isclose(*both, rel_tol=_AGREES) for one in read for both in zip(numbers, one, strict=True)):
+        value.use()  # else it agrees with one of the cameras, and does not say which it concerns
     return ""
 
 
