@@ -61,6 +61,21 @@ def test_implausible_values_cause_a_warning_at_their_place_only(path: str, said:
     assert said.replace("\N{NO-BREAK SPACE}", " ") in line.replace("\N{NO-BREAK SPACE}", " ")
 
 
+def test_cameras_with_one_title_are_told_apart_by_their_keys(tmp_path: Path) -> None:
+    (tmp_path / "dup.yaml").write_text(
+        "format: 2\nstudy: dup\ntitle: T\nquestion: Q?\ncameras:\n"
+        "  near: {kind: stereo, title: Head, sensor: {pixels: [1280, 800], pixel_pitch: 3 um}, "
+        "lenses: {focal_length: 2.65 mm}, baseline: 20 mm, depth: {disparity_error: 0.1 px}}\n"
+        "  far: {like: near, baseline: 200 mm}\n  other: {like: near, title: Other}\n"
+        "scene: {distances: {from: 0.05 m, to: 4 m, points: 9}, wavelength: 550 nm}\n",
+        encoding="utf-8",
+    )
+    study = tradestudy.load(tmp_path / "dup.yaml")
+    titles = {name: one.title for name, one in study.definition.file.cameras.items()}
+    assert titles == {"near": "Head (near)", "far": "Head (far)", "other": "Other"}
+    assert any("far is called Head (far)" in str(one) for one in study.warnings)
+
+
 def test_a_basis_of_a_list_silences_warnings_about_its_values() -> None:
     lengths, path = "[500 um, 550 mm, 600 um]", "raytrix-r5.microlenses.focal_lengths"
     assert len(tradestudy.load(ROBOT, [f"{path}={lengths}"]).warnings) == 1

@@ -129,6 +129,7 @@ _LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit w
 def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
     """Warnings about unusual values, one for each place; values with a stated basis are exempt."""
     found = [
+        *_equal_titles(definition),
         *_outside_the_usual(definition),
         *_light(definition),
         *_unequal_pixels(definition),
@@ -173,6 +174,15 @@ def _contradictory(definition: StudyDefinition) -> Iterator[Problem]:
             continue
         what = f"{one.what}: {one.stated}, but {one.implied}; {one.consequence or f'used: {one.used}'}"
         yield definition.document.problem(path, what)
+
+
+def _equal_titles(definition: StudyDefinition) -> Iterator[Problem]:
+    """Cameras with one title, which differ by their keys in every output."""
+    for name, camera in definition.file.cameras.items():
+        path = ("cameras", name, "title")
+        if isinstance(entry := definition.document.entry(path), ScalarEntry) and entry.value != camera.title:
+            what = f"is the title of another camera too, so that {name} is called {camera.title}; give it its own title"
+            yield definition.document.problem(path, what)
 
 
 def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:

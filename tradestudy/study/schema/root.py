@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, Self, get_args
 
@@ -118,10 +119,15 @@ class StudyFile(Part):
     @field_validator("cameras", mode="before")
     @classmethod
     def _titled(cls, cameras: object) -> object:
-        """Give each camera without a title its key as title."""
+        """Give each camera without a title its key as title, and add the keys to equal titles."""
         if not isinstance(cameras, Mapping):
             return cameras
-        return {name: {"title": str(name), **one} if isinstance(one, Mapping) else one for name, one in cameras.items()}
+        titles = {name: one.get("title", str(name)) for name, one in cameras.items() if isinstance(one, Mapping)}
+        shared = Counter(map(str, titles.values()))
+        for name, title in titles.items():
+            if isinstance(title, str) and shared[title] > 1:
+                titles[name] = f"{title} ({name})"
+        return {name: {**one, "title": titles[name]} if name in titles else one for name, one in cameras.items()}
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:
