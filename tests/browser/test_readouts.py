@@ -10,6 +10,7 @@ from tests.browser.conftest import Open, Run
 from tests.browser.test_figures import known, over, reported
 from tradestudy.results.views.depth import where_measured
 from tradestudy.results.views.groups import camera_titles
+from tradestudy.wording import limit_words
 
 
 def tap(page: Any, figure: str, across: float, up: float, *, touch: bool) -> None:
@@ -62,3 +63,27 @@ def test_a_kept_readout_follows_switches_and_sliders(visit: Open, sweep: Run) ->
         assert any(values == known(depth.isel(first), titles, place) for place in range(depth.sizes["distance"]))
         page.locator("#whole_range button.switch").first.press("Enter")
         assert len(reported(page, "whole_range")[1]) == len(values) - 1
+
+
+def test_the_readout_says_why_a_camera_is_not_usable(visit: Open, headline: Run, sweep: Run) -> None:
+    """Against the limits of the results, as declared and with the sliders at their first values."""
+    for run in (headline, sweep):
+        depth, titles = run.tree["depth"].to_dataset(), camera_titles(run.tree)
+        first = {name: 0 for name in depth["depth_uncertainty"].dims if name not in ("camera", "distance")}
+        with visit(run.report) as seen:
+            page, frame = seen.page, seen.page.locator("#whole_range .frame > .scroll")
+            for slider in page.locator("#designs input").all():
+                slider.press("Home")
+            frame.focus()
+            frame.press("Home")
+            for place in range(0, depth.sizes["distance"], 10):
+                at = depth.isel(distance=place, **first)
+                for key in map(str, depth["camera"].values):
+                    row = page.locator(f'#whole_range .readout .row[data-label="{titles[key]}"]')
+                    said = [text.strip() for text in row.locator(".unusable").all_inner_texts()]
+                    one = at.sel(camera=key)
+                    assert bool(said) == (not one["usable"].item())
+                    broken = [limit_words(str(k)) for k in one["limit"].values[one["limit_met"].values == 0]]
+                    assert all(words in said[0] for words in broken)
+                    assert not said or said[0].startswith("not usable: ")
+                frame.press("ArrowUp")

@@ -6,6 +6,7 @@ import base64
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import compress, groupby
 from typing import Any, Final
 
 import numpy as np
@@ -32,7 +33,7 @@ from tradestudy.results.views.designs import path_words, value_words
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.results.views.requirement_conclusions import conclusions_of_design
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import listed
+from tradestudy.wording import limit_words, listed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +48,8 @@ class CurveValues:
         Values shown beside it: the ends of an interval, or the steps nearer and farther.
     beside
         Name of the interval, such as "95 %"; empty for steps nearer and farther.
+    unusable
+        Where its camera is not usable: first and last place in `x`, and the limits that it breaks there, in words.
     """
 
     x: FloatArray
@@ -54,6 +57,7 @@ class CurveValues:
     low: FloatArray | None = None
     high: FloatArray | None = None
     beside: str = ""
+    unusable: tuple[tuple[int, int, str], ...] = ()
 
 
 def curve_values(tree: xr.DataTree) -> Mapping[str, CurveValues]:
@@ -80,12 +84,15 @@ def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
         for values in (depth["depth_uncertainty"], judged_uncertainty(depth))
     )
     parts = list(map(str, depth["part"].values))
+    broken = by_design(depth, depth["limit_met"], "camera", "distance", "limit") == 0
+    limits = [limit_words(str(limit)) for limit in depth["limit"].values]
 
     def of_camera(design: int, k: int, camera: str) -> dict[str, CurveValues]:
         at = design, k
+        interval = {"low": low[at], "high": high[at], "beside": beside, "unusable": _stretches(broken[at], limits)}
         return {
             **{
-                f"{name}/{camera}": CurveValues(x=x, value=values[at], low=low[at], high=high[at], beside=beside)
+                f"{name}/{camera}": CurveValues(x=x, value=values[at], **interval)
                 for name, values in (("depth_uncertainty", uncertainty), ("judged_uncertainty", judged))
             },
             f"depth_discrimination/{camera}": CurveValues(x=x, value=nearer[at], low=nearer[at], high=farther[at]),
@@ -100,6 +107,13 @@ def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
         {name: curve for k, camera in enumerate(cameras) for name, curve in of_camera(design, k, camera).items()}
         for design in range(len(uncertainty))
     ]
+
+
+def _stretches(broken: npt.NDArray[np.bool_], limits: Sequence[str]) -> tuple[tuple[int, int, str], ...]:
+    """Stretches of places at which the same limits are broken, of shape (place, limit): first, last, and the limits."""
+    words = [listed(list(compress(limits, row))) for row in broken.tolist()]
+    runs = [(limit, [place for place, _ in run]) for limit, run in groupby(enumerate(words), lambda place: place[1])]
+    return tuple((places[0], places[-1], limit) for limit, places in runs if limit)
 
 
 MOST_DESIGNS: Final = 500  # with more designs, a page would be too large to share
@@ -243,6 +257,7 @@ def page_data(
     data = {
         "figures": {name: [_panel(name, panel, values, pool) for panel in one.panels] for name, one in figures.items()},
         "values": {name: pool.curve(one) for name, one in values.items()},
+        "unusable": _unusable(values),
         "designs": None if designs is None else _designs(designs, pool, write),
     }
     return json.dumps({**data, "arrays": pool.texts}, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
@@ -279,6 +294,7 @@ def _designs(every: PageDesigns, pool: _Pool, write: Callable[[Block], str]) -> 
         "curves": {
             name: [pool.curve(design.curves[name])[1:4] for design in every.designs] for name in every.designs[0].curves
         },
+        "unusable": [_unusable(design.curves) for design in every.designs],
         "usable": [
             {camera: [[_short(near), _short(far)] for near, far in found] for camera, found in design.usable.items()}
             for design in every.designs
@@ -286,6 +302,11 @@ def _designs(every: PageDesigns, pool: _Pool, write: Callable[[Block], str]) -> 
         "best": [[[_short(start), _short(end), names] for start, end, names in one.best] for one in every.designs],
         "blocks": [{name: write(block) for name, block in design.blocks.items()} for design in every.designs],
     }
+
+
+def _unusable(curves: Mapping[str, CurveValues]) -> dict[str, tuple[tuple[int, int, str], ...]]:
+    """Where each camera is not usable."""
+    return {name.partition("/")[2]: curve.unusable for name, curve in curves.items() if curve.unusable}
 
 
 def _short(distance: float) -> float:

@@ -134,10 +134,12 @@ class Figure {
     const points = rows.length === 1 && rows[0].curve.kind === "points";
     const at = points ? rows[0].x : value;
     const title = [panel.title, `${panel.x.label || "at"} ${worded(panel.x, at)}`].filter(Boolean).join(" · ");
-    this.readout.replaceChildren(html("div", { class: "at" }, title), ...rows.map(({ curve, x, y, beside }) =>
+    const shares = rows.every(({ curve }) => curve.name.startsWith("variance_share")); // of one camera: said once
+    const unusable = (broken) => broken && html("span", { class: "unusable" }, ` not usable: ${broken}`);
+    this.readout.replaceChildren(html("div", { class: "at" }, title, shares ? unusable(rows[0]?.broken ?? "") : ""), ...rows.map(({ curve, x, y, beside, broken }) =>
       html("div", { class: "row", "data-label": curve.label },
         swatch(curve.color), `${curve.label} `,
-        html("b", {}, worded(panel.y, y)), " ", html("span", { class: "interval" }, beside),
+        html("b", {}, worded(panel.y, y)), " ", html("span", { class: "interval" }, beside), shares ? "" : unusable(broken),
         x !== value && !points ? ` (at ${worded(panel.x, x)})` : "")));
     this.readout.classList.toggle("shown", rows.length > 0);
   }

@@ -15,6 +15,14 @@ const valuesOf = (name) => {
   return { x: numbers(own[0]), value: numbers(value), low: numbers(low), high: numbers(high), beside: own[4] };
 };
 
+// Which limits the camera of a curve of the results breaks at the k-th distance; empty where it is usable.
+const brokenLimits = (curve, k) => {
+  if (!(baseName(curve) in data.values)) return "";
+  const stretches = (design === null ? data : data.designs).unusable;
+  const own = (design === null ? stretches : stretches[design])[curve.name.split("/")[1]] ?? [];
+  return own.find(([first, last]) => first <= k && k <= last)?.[2] ?? "";
+};
+
 class Panel {
   constructor(figure, spec) {
     Object.assign(this, spec);
@@ -63,7 +71,7 @@ class Panel {
     for (const curve of this.read) {
       if (hidden.has(curve.label)) continue;
       const points = this.points(curve), { x, y } = points;
-      const one = (k) => ({ curve, x: x[k], y: y[k], beside: Number.isNaN(y[k]) ? "" : this.beside(curve, points, k) });
+      const one = (k) => ({ curve, x: x[k], y: y[k], beside: Number.isNaN(y[k]) ? "" : this.beside(curve, points, k), broken: brokenLimits(curve, k) });
       if (curve.kind !== "points") {
         const k = nearest(x, value, this.x);
         if (k >= 0) found.push(one(k));
