@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ruamel.yaml import YAML
 
 import tradestudy
 from tests.docs.blocks import PAGES, ROOT
@@ -86,9 +85,3 @@ def test_the_figure_of_the_readme_shows_the_limits_of_the_usable_ranges() -> Non
     assert re.findall(r"(?:From|to)\s(\d\.\d+)", described.split("10 m.")[1]) == written
     (axes,) = runpy.run_path(str(ROOT / "docs" / "pictures" / "draw.py"))["answer"](result).axes
     assert [label.get_text() for label in axes.get_xticklabels()] == ["0.05", *written, "10"]
-
-
-def test_the_citation_names_this_version() -> None:
-    cited = YAML(typ="safe", pure=True).load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    assert {"cff-version", "message", "title", "authors"} <= cited.keys()
-    assert cited["version"] == tradestudy.__version__
