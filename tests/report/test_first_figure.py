@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pypdfium2 as pdfium
 import pytest
 import xarray as xr
 
@@ -12,8 +13,11 @@ from tests.report.layout import unreadable
 from tradestudy import figures
 from tradestudy.figures.style import traces
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import PageBreak, Picture
+from tradestudy.report.document import Bullets, Callout, PageBreak, Picture, plain_text
+from tradestudy.report.pdf import render_pdf
 from tradestudy.results.views.finding import MOST_CURVES, MOST_WORDS, cameras_by_weight, short
+from tradestudy.results.views.terminal import terminal_lines
+from tradestudy.wording import few
 
 
 def _first_picture(tree: xr.DataTree, record: dict[str, object]) -> Picture:
@@ -31,7 +35,9 @@ def _crowd(tree: xr.DataTree, copies: int) -> xr.DataTree:
     many = {name: data.isel(camera=places).assign_coords(camera=keys) for name, data in groups.items()}
     titles = [*tree["cameras"]["title"].values, *(f"Copy {number}" for number in range(copies))]
     many["cameras"]["title"] = ("camera", titles)
-    return xr.DataTree.from_dict({**{name: tree[name].to_dataset() for name in tree.children}, **many})
+    crowd = xr.DataTree.from_dict({**{name: tree[name].to_dataset() for name in tree.children}, **many})
+    crowd.attrs = tree.attrs
+    return crowd
 
 
 def test_three_cameras_need_one_figure_and_many_a_first_one_of_three(
@@ -125,3 +131,46 @@ def test_a_planned_calibration_shows_its_error_against_the_views_with_the_goal(t
     np.testing.assert_allclose(goal.get_ydata(), 1.0)
     np.testing.assert_allclose(answer.get_xdata(), 10.0)
     assert [text.get_text() for text in axes.texts] == ["goal: 1 mm"]
+
+
+def _demanding(tree: xr.DataTree, count: int) -> xr.DataTree:
+    """The synthetic study with copies of its requirements, each named by its number."""
+    declared = tree["requirements"].to_dataset()
+    many = declared.isel(requirement=np.arange(count) % declared.sizes["requirement"])
+    many = many.assign_coords(requirement=[f"need-{number}" for number in range(count)])
+    many["says"] = ("requirement", [f"need {number}" for number in range(count)])
+    demanding = tree.copy()
+    demanding["requirements"] = xr.DataTree(many)
+    return demanding
+
+
+def test_page_one_names_the_requirements_that_decide_and_counts_the_others(
+    tree: xr.DataTree, record: dict[str, object]
+) -> None:
+    demanding = _demanding(_crowd(tree, 37), 50)
+    drawings = figures.build(demanding)
+    report = compose_report(demanding, record, drawings)
+    (callout,) = (
+        block for block in report.blocks if isinstance(block, Callout) and block.name == "answer-requirements"
+    )
+    (bullets,) = (block for block in callout.blocks if isinstance(block, Bullets))
+    assert len(bullets.items) == 5
+    assert "46 more requirements (section “Requirements”)" in plain_text(bullets.items[-1])
+    shown = [block.name for block in report.blocks if isinstance(block, Picture)]
+    pictures = {name: drawings[name].draw().svg() for name in shown}
+    with pdfium.PdfDocument(render_pdf(report, pictures)) as document:
+        first_page = document[0].get_textpage().get_text_range()
+    assert "Figure 1" in first_page
+    assert "Contents" not in first_page
+
+
+def test_lines_on_the_terminal_stay_readable_with_many_cameras_and_requirements(tree: xr.DataTree) -> None:
+    lines = list(terminal_lines(_demanding(_crowd(tree, 97), 50)))
+    assert max(map(len, lines)) <= 400
+
+
+def test_a_short_list_counts_what_it_leaves_out() -> None:
+    names = [f"N{number}" for number in range(40)]
+    assert few(names, 2) == "N0, N1 and 38 more"
+    assert few(names[:3], 2) == "N0, N1 and N2"  # as long as with "1 more"
+    assert few(names[:1]) == "N0"

@@ -47,13 +47,14 @@ from tradestudy.figures.style import (
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
 from tradestudy.results.views.depth import field_words, nominal, of_camera, where_measured, where_usable, worst_corner
-from tradestudy.results.views.finding import MOST_CURVES
 from tradestudy.results.views.groups import FloatArray, group, records
 from tradestudy.wording import distance as distance_words
 
 MM = 1e3
 _WIDEST = 1e3  # factor by which bounds may extend the axis of the depth uncertainty beyond its curves
 _UNUSABLE_WIDTH, _USABLE_WIDTH, _WIDER = 0.8, 1.7, 1.2  # points: wider by this much for each curve on top
+MOST_BOUNDS: Final = 2  # named requirements
+_MOST_CROSSOVERS: Final = 10
 _LETTERS_OF_BOUND: Final = 36  # of the name of a requirement
 _LETTERS_ACROSS: Final = 62  # of a name written into the bar of the best camera
 _LETTER: Final = 0.62  # mean width of a letter, of its size
@@ -178,7 +179,7 @@ def draw_whole_range(tree: xr.DataTree, most: int = MOST_CAMERAS) -> StudyFigure
     depth = depth.assign(judged_uncertainty=judged_uncertainty(depth))
     drawn = [of_camera(depth, "judged_uncertainty", camera.key) for camera in shown]
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
-    bounds = required_uncertainties(tree)[:MOST_CURVES]
+    bounds = required_uncertainties(tree)[:MOST_BOUNDS]
     low, high = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
     required_mm = [MM * end for one in bounds for end in one.bound.tolist()] or [np.nan]
     # An absurd bound, far below or above all curves, is not worth flattening them.
@@ -187,7 +188,7 @@ def draw_whole_range(tree: xr.DataTree, most: int = MOST_CAMERAS) -> StudyFigure
     log_axis(curves, "y", tick=length_tick, ends=(float(low), float(high)))
     curves.set(ylim=(low, high), ylabel="depth uncertainty (68 %)")
     draw_curves(curves, depth, shown, drawn, variable="judged_uncertainty")
-    edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
+    edges = crossovers(tree)
     required = [np.interp(distance, one.over, one.bound, left=np.nan, right=np.nan) for one in bounds]
     draw_relative_guides(curves, distance, [*drawn, *required], edges)
     for k, one in enumerate(bounds):
@@ -367,6 +368,12 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
     names = [*(shortened(camera.title) for camera in shown), "best camera"]
     axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))
     axes.get_yticklabels()[-1].set_fontweight("bold")
+
+
+def crossovers(tree: xr.DataTree) -> list[float]:
+    """The distances [m] at which the best camera changes; none where there are too many to mark and to name."""
+    edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
+    return edges if len(edges) <= _MOST_CROSSOVERS else []
 
 
 def _crossovers(panels: tuple[Axes, Axes], edges: Sequence[float]) -> None:

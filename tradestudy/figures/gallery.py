@@ -20,6 +20,8 @@ from tradestudy.figures.decision import (
     worths_drawing,
 )
 from tradestudy.figures.depth import (
+    MOST_BOUNDS,
+    crossovers,
     draw_discrimination_and_uncertainty,
     draw_off_axis,
     draw_variance_shares,
@@ -124,10 +126,10 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
             "judged by the larger of both."
         )
     required = required_uncertainties(tree)
-    kinds = {"dashed" if one.over[0] < one.over[1] else "diamonds" for one in required[:MOST_CURVES]}
+    kinds = {"dashed" if one.over[0] < one.over[1] else "diamonds" for one in required[:MOST_BOUNDS]}
     if kinds:
         caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows"
-        caption += "." if len(required) <= MOST_CURVES else f", for the tightest of {len(required)}."
+        caption += "." if len(required) <= MOST_BOUNDS else f", for the two tightest of {len(required)}."
     caption += _selection_words(tree) if most > MOST_CURVES else _design_words(tree)
     if most < len(every) and most == MOST_CURVES:
         left = counted(len(every) - most, "other camera")
@@ -138,7 +140,7 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
             f" Last bar: the usable {f'one of the candidates {listed(among)}' if among else 'camera'} with the "
             "smallest uncertainty, or several whose uncertainties differ by less than the numerical error."
         )
-        if len(tuple(reported_winners(tree))) > 1:
+        if crossovers(tree):
             caption += " Dotted: where this changes."
     return Drawing(
         name=name,

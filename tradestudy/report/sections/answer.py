@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
@@ -49,15 +50,19 @@ from tradestudy.results.views.depth import (
 from tradestudy.results.views.designs import feasible_words
 from tradestudy.results.views.groups import camera_titles, consequences, group, has, perfectly_calibrated, titles_in
 from tradestudy.results.views.requirement_conclusions import (
+    VERDICTS,
     RequirementConclusion,
     requirement_conclusions,
     requirement_details,
 )
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import significant
-from tradestudy.wording import DECLARED_VALUE, distance, limit_words, listed, span, with_article
+from tradestudy.wording import DECLARED_VALUE, counted, distance, few, limit_words, listed, span, with_article
 
 _MOST_REASONS = 3
+_MOST_REQUIREMENTS: Final = 4
+_MOST_INPUTS: Final = 2  # on which answers rest
+_MOST_OTHERS: Final = 5  # cameras that are nowhere best, or usable nowhere
 _FEW_OTHERS = 2  # cameras that miss a requirement, each with its reason; more would push the figure off the page
 _CLOSE = 0.1  # relative difference of two distances, across which the causes of errors hardly change
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
@@ -127,12 +132,24 @@ def _which(measuring: Mapping[str, str]) -> str:
 def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -> Iterator[Callout]:
     """The verdict on each requirement, those that must hold first; `of` names the design in words."""
     if requirements:
+        most = _MOST_REQUIREMENTS if len(requirements) > _MOST_REQUIREMENTS + 1 else len(requirements)
         missed = any(one.met is not True and one.priority == "must" for one in requirements)
         yield Callout(
             title=f"Requirements{of}",
-            blocks=(Bullets(tuple(map(_requirement, requirements))),),
+            blocks=(Bullets((*map(_requirement, requirements[:most]), *_counted(requirements[most:]))),),
             tone="warning" if missed else "answer",
             name="answer-requirements",
+        )
+
+
+def _counted(others: Sequence[RequirementConclusion]) -> Iterator[Spans]:
+    """How many other requirements have which verdict."""
+    verdicts = Counter(VERDICTS[one.met] for one in others)
+    if others:
+        yield say(
+            "**{count} more requirements** (section “Requirements”): {verdicts}.",
+            count=str(len(others)),
+            verdicts=listed([f"{number} {verdict}" for verdict, number in verdicts.items()]),
         )
 
 
@@ -159,20 +176,24 @@ def _requirement(one: RequirementConclusion) -> Spans:
 
 def _never_best(tree: xr.DataTree) -> Iterator[Spans]:
     """Candidates that are best nowhere, or usable nowhere, and why."""
-    for words in never_best_words(tree):
-        yield say("{words}.", words=words)
-    for title, why in never_usable(tree):
+    words = tuple(never_best_words(tree))
+    for one in words[:_MOST_OTHERS]:
+        yield say("{words}.", words=one)
+    nowhere = tuple(never_usable(tree))
+    for title, why in nowhere[:_MOST_OTHERS]:
         yield say("**{title} is usable nowhere** ({why}).", title=title, why=why)
+    for count, what in ((len(words), "best nowhere"), (len(nowhere), "usable nowhere")):
+        if count > _MOST_OTHERS:
+            left = counted(count - _MOST_OTHERS, "other camera is", "other cameras are")
+            yield say("{left} " + what + " ([](#usable-range-table)).", left=left)
 
 
 def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
     """Say where answers hold, which cameras are biased, and which inputs are contradictory or assumed perfect."""
     if worse := off_axis_words(tree):
-        yield say(
-            "**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=listed(worse)
-        )
+        yield say("**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=few(worse))
     if biased := offset_words(tree):
-        yield say("**Biased**: {biased}.", biased=listed(biased))
+        yield say("**Biased**: {biased}.", biased=few(biased))
     if conclusion := trade_off_conclusion(tree):
         yield say("**Weighing all criteria** ([](#trade-off-table)): {conclusion}.", conclusion=conclusion)
     for sentence in consequences(tree):
@@ -181,7 +202,7 @@ def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
         yield say(
             "**The calibration of {cameras} is assumed perfect:** the study declares no errors, corners, target or "
             "posterior for it.",
-            cameras=listed(titles),
+            cameras=few(titles),
         )
 
 
@@ -212,7 +233,9 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """The inputs on which the answers rest, with the basis of each."""
     if inputs := rests_on(tree):
-        named = ", and on ".join(f"the {one.removeprefix('the ')}" for one in inputs)
+        named = ", and on ".join(f"the {one.removeprefix('the ')}" for one in inputs[:_MOST_INPUTS])
+        if left := len(inputs) - _MOST_INPUTS if len(inputs) > _MOST_INPUTS else 0:
+            named += f", and on {counted(left, 'other input')} (section “Requirements”)"
         yield say("**The answers rest on** {inputs}.", inputs=named)
 
 
@@ -318,7 +341,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
         words = listed([limit_words(best.limits[number]) for number in fewest])
         reasons.setdefault(words, []).append(best.titles[key])
     alone = len(measuring) == 1
-    explained = [words if alone else f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][
+    explained = [words if alone else f"{few(cameras)}: {words}" for words, cameras in reasons.items() if words][
         :_MOST_REASONS
     ]
     beside = [

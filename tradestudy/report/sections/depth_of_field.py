@@ -25,6 +25,7 @@ from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
 from tradestudy.wording import counted, listed
 
+_MOST_ROWS = 12  # cameras on the first page
 _SPOT = {
     "none": "defocus alone",
     "fwhm": "with diffraction (width at half maximum)",
@@ -72,6 +73,7 @@ def _ends(found: tuple[tuple[float, float], ...]) -> str:
 
 def _answer_table(tree: xr.DataTree, rows: Sequence[SharpCamera]) -> Table:
     first = by_first_criterion(tree)
+    most = _MOST_ROWS if len(rows) > _MOST_ROWS + 1 else len(rows)
 
     def cells(row: SharpCamera) -> tuple[Text, ...]:
         sharp = share(row.share) if row.share > 0.0 else "none"
@@ -102,8 +104,9 @@ def _answer_table(tree: xr.DataTree, rows: Sequence[SharpCamera]) -> Table:
             Column(title="Exposures", align="right"),
             Column(title="Moving parts", align="right", weight=4),
         ),
-        rows=tuple(cells(row) for row in rows),
+        rows=tuple(cells(row) for row in rows[:most]),
         notes=(
+            *([f"{len(rows) - most} more cameras: section “Depth of field”."] if len(rows) > most else []),
             "Resolves in scene: the largest of sampling interval, defocus blur and radius of the Airy disc on the "
             "object, where it is coarsest within the scene. Diffraction spot: width at half maximum on the object. "
             "Distances are from the principal plane.",

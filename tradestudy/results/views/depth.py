@@ -291,13 +291,13 @@ def off_axis(tree: xr.DataTree, camera: str) -> OffAxis:
 def off_axis_words(tree: xr.DataTree) -> list[str]:
     """How much less certain depth is off the axis, where it is most so, and where there is none.
 
-    Cameras that it hardly affects are left out.
+    The worst camera is first; cameras that it hardly affects are left out.
     """
     if not has(tree, "depth"):
         return []
     found = []
-    for camera, title in titles_in(tree, "depth").items():
-        worst = off_axis(tree, camera)
+    each = [(title, off_axis(tree, camera)) for camera, title in titles_in(tree, "depth").items()]
+    for title, worst in sorted(each, key=lambda one: (not one[1].unseen, -one[1].ratio)):
         if worst.unseen:
             found.append(f"{with_article(title)} measures no depth ({worst.unseen})")
         if worst.ratio > _CLEARLY_WORSE:
@@ -312,7 +312,7 @@ _REPORTED: Final = 0.1  # of the depth uncertainty
 def offset_words(tree: xr.DataTree) -> list[str]:
     """The cameras whose median is off by more than a tenth of the depth uncertainty where they are usable.
 
-    Each with the distance at which the offset is the largest share of the depth uncertainty.
+    Each with the distance at which the offset is the largest share of the depth uncertainty; the worst first.
     """
     if not has(tree, "depth", "depth_quantile"):
         return []
@@ -330,11 +330,12 @@ def offset_words(tree: xr.DataTree) -> list[str]:
         side = "far" if offset[worst] > 0.0 else "near"
         off = pretty(abs(float(offset[worst])), LENGTH, digits=2)
         of_it = pretty(float(shares[worst]), FRACTION, digits=2)
-        found.append(
+        words = (
             f"half of all measurements by {with_article(titles[camera])} are at least {off} too {side} at "
             f"{distance(float(places[worst]))}, {of_it} of the depth uncertainty there"
         )
-    return found
+        found.append((float(shares[worst]), words))
+    return [words for _, words in sorted(found, key=lambda one: -one[0])]
 
 
 _CAUSES: Final = "disparity_causes"

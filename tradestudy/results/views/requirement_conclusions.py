@@ -19,10 +19,11 @@ from tradestudy.results.views.designs import (
 )
 from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import listed
+from tradestudy.wording import few
 
 _WORST: Final = "worst "
 _NO_MARGIN: Final = 1e-6  # rounding
+_NAMED: Final = 2  # other cameras that a sentence names; of more, it gives the number
 ANY, ALL = "any", "all"
 """What `RequirementConclusion.of` is if one camera suffices, and if every camera must meet it."""
 _ON_LOWER_BOUND: Final = " on the lower bound of matching"
@@ -204,9 +205,9 @@ def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: An
     )
 
 
-def requirement_sentence(one: RequirementConclusion) -> str:
+def requirement_sentence(one: RequirementConclusion, *, brief: bool = False) -> str:
     """Whether a requirement is met, by which camera, with what margin and where; in a sweep, by which designs."""
-    return f"{one.verdict.capitalize()}: {requirement_details(one)}"
+    return f"{one.verdict.capitalize()}: {requirement_details(one, brief=brief)}"
 
 
 def requirement_details(one: RequirementConclusion, *, brief: bool = False) -> str:
@@ -251,11 +252,11 @@ def _others_words(one: RequirementConclusion, *, brief: bool) -> Iterator[str]:
         missed = []  # the closest one tells
     silent = [f"{other.camera} ({other.reason})" for other in one.others if other.met is None]
     if met:
-        yield f"{'also' if one.met else 'but'} by {listed(met)}"
+        yield f"{'also' if one.met else 'but'} by {few(met, _NAMED)}"
     if missed:
-        yield f"{'not' if one.met else 'nor'} by {listed(missed)}"
+        yield f"{'not' if one.met else 'nor'} by {few(missed, _NAMED)}"
     if silent:
-        yield f"undecided for {listed(silent)}"
+        yield f"undecided for {few(silent, _NAMED)}"
 
 
 def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> OtherVerdict | None:
@@ -343,7 +344,7 @@ def _range_words(one: RequirementConclusion) -> str:
     parts = [along.words + (f" by {along.camera}" if several else "") for along in ranges]
     words = f"met with the {ranges[0].parameter} " + " and ".join(parts)
     never = [title for title in candidates if title not in {along.camera for along in ranges}]
-    return f"{words}; nowhere by {listed(never)}" if never and several else words
+    return f"{words}; nowhere by {few(never, _NAMED)}" if never and several else words
 
 
 def _met_ranges(tree: xr.DataTree, number: int) -> tuple[MetRange, ...] | None:

@@ -32,9 +32,11 @@ from tradestudy.results.views.requirement_conclusions import (
 )
 from tradestudy.results.views.trade_off import candidates_by_rank, trade_off_conclusion
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers, wave_words
-from tradestudy.wording import counted, listed, plain_span, with_unit_symbols
+from tradestudy.wording import counted, few, listed, plain_span, with_unit_symbols
 
 _SEVERAL: Final = 2
+_LONGEST_LINE: Final = 400  # characters
+_COUNTING: Final = 30  # of them for the number of clauses left out
 
 
 def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
@@ -46,6 +48,14 @@ def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
             where = f"from {plain_span(one.near, one.far)}"
             nobody.setdefault(one.words.removesuffix(where), []).append(where)
     yield from (why + listed(where) for why, where in nobody.items())
+
+
+def _line(head: str, clauses: Sequence[str]) -> str:
+    """A line of clauses, as many as it has room for, and the number of the others."""
+    lengths = np.cumsum([len(head), *(len(clause) + 2 for clause in clauses)])[1:]
+    shown = len(clauses) if lengths[-1] <= _LONGEST_LINE else max(1, int(np.sum(lengths < _LONGEST_LINE - _COUNTING)))
+    left = [f"and {len(clauses) - shown} more in the report"] * (shown < len(clauses))
+    return f"{head}: {'; '.join([*clauses[:shown], *left])}"
 
 
 def _claim_words(tree: xr.DataTree) -> Iterator[str]:
@@ -77,7 +87,8 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     feasible = feasible_designs(tree)
     if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):
         lines.append(feasible_words(tree))
-    judged = [requirement_sentence(one) for one in requirements]
+    sentences = [(requirement_sentence(one), requirement_sentence(one, brief=True)) for one in requirements]
+    judged = [full if len(full) <= _LONGEST_LINE else brief for full, brief in sentences]
     lines += judged[:1]
     solved = [f"{question_words(says)} {answer}" for says, answer in solved_questions(tree)]
     lines += solved
@@ -88,25 +99,25 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     lines += [*measured_words(tree), *wave_words(tree), *_claim_words(tree)]
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":
-        last = [f"Rests on (measure first): {'; '.join(rests)}"]
+        last = [_line("Rests on (measure first)", rests)]
     else:
-        last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
+        last = ([_line("Rests on", rests)] if rests else []) + [first] * bool(first)
     if worse := off_axis_words(tree):
         unless = ", unless a place is named" if requirements else ""
-        last.append(f"On the optical axis{unless}; off it, {listed(worse)}")
+        last.append(f"On the optical axis{unless}; off it, {few(worse)}")
     said = {one.camera for one in requirements if one.at_lower_bound and one.met}
     if bounds := [title for title in lower_bounds(tree) if title not in said]:
-        last.append(f"Lower bound, as no matcher is declared: the disparity error of {listed(bounds)}")
+        last.append(f"Lower bound, as no matcher is declared: the disparity error of {few(bounds)}")
     if biased := offset_words(tree):
-        last.append(f"Biased: {listed(biased)}")
+        last.append(f"Biased: {few(biased)}")
     if perfect := perfectly_calibrated(tree):
-        last.append(f"Assumed perfect: the calibration of {listed(perfect)}")
+        last.append(f"Assumed perfect: the calibration of {few(perfect)}")
     last += [f"Contradictory inputs of {one}" for one in consequences(tree)]
     if ranges:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
         nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
         head = "Best" if len(camera_titles(tree)) >= _SEVERAL else "Usable"
-        last.append(f"{head}{designs}: {'; '.join([*_range_words(ranges), *never_best_words(tree), *nowhere])}")
+        last.append(_line(f"{head}{designs}", [*_range_words(ranges), *never_best_words(tree), *nowhere]))
     room = max(most - len(last), needed + 1)
     if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
         hidden = lines[room - 1 :]
