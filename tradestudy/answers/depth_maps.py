@@ -82,8 +82,8 @@ class PicturesToRead:
         Values of the pictures and their true depth [m], by name.
     waves
         Diffraction in each picture; None if it was rendered by rays.
-    error_source
-        Which error sources the predicted uncertainty includes; see `depth_uncertainty`.
+    has_errors
+        Whether the camera that takes the pictures has errors of its calibration.
     middle
         Distance of the middle of the scene [m].
     """
@@ -93,7 +93,7 @@ class PicturesToRead:
     values: Mapping[str, NDArray[Any]]
     depths: Mapping[str, NDArray[np.float32]]
     waves: Mapping[str, Waves | None]
-    error_source: str
+    has_errors: bool
     middle: float
 
 
@@ -206,7 +206,7 @@ def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: 
             values={its.name: its.values for its in rendering.pictures if its.camera == one.taken.name},
             depths={its.name: its.depth for its in rendering.pictures if its.camera == one.taken.name},
             waves=_waves(rendering, one),
-            error_source="both" if rendering.image.rig == "drawn" else "noise",
+            has_errors=rendering.image.rig == "drawn",
             middle=sum(rendering.scene.extent) / 2.0,
         )
         for one in readers
@@ -240,8 +240,11 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
     with part_of_point(_WHITE, _READ):
         found = one.reader.read(pictures)
     truth = one.reader.truth(point.depths, {name: its.pure for name, its in pictures.items()})
-    predicted = predicted_uncertainty(one.taken.camera, np.asarray(truth.depth, np.float64), point.error_source)
-    scored = score(found, truth, predicted, one.search.window_px)
+    depth = np.asarray(truth.depth, np.float64)
+    predicted, shift = predicted_uncertainty(one.taken.camera, depth, "noise"), np.zeros(depth.shape)
+    if point.has_errors:
+        shift = predicted_uncertainty(one.taken.camera, depth, "calibration")
+    scored = score(found, truth, predicted, one.search.window_px, shift)
     return MeasuredDepth(
         camera=one.taken.name,
         search=one.search,
@@ -279,7 +282,7 @@ def window_at(settings: PictureSettings, camera: DepthCamera, distance: float) -
 def _matcher(point: PicturesToRead, found: DepthMap, truth: TrueDepth) -> str:
     """The matcher fitted to the errors, as a declaration for study files; or why there is none."""
     camera = point.reader.taken.camera
-    if point.error_source == "both" and isinstance(camera, DepthCamera) and camera.calibration.groups:
+    if point.has_errors and isinstance(camera, DepthCamera) and camera.calibration.groups:
         return (
             "no matcher can be fitted to these errors, because they include those of the calibration; set "
             "scene.image.rig to as-designed"

@@ -128,12 +128,13 @@ class DepthScore:
     own
         Median of the standard deviations that the map derives from its texture [m]: the effect of noise in each window,
         to first order. Interpolation between pixels can lower it by a few per cent.
-    predicted
-        Median of the camera's predicted depth uncertainty at the true distances [m]; NaN where there is none.
+    predicted, predicted_bias
+        Median of the camera's predicted depth uncertainty at the true distances from noise, which spreads depths, and
+        from the errors of the calibration, which shift them [m]; NaN where there is none.
     relative_bias, relative_spread
-        Bias and spread of the errors relative to the prediction at their distances.
+        Bias and spread of the errors relative to the predicted effect of noise at their distances.
     within
-        Fraction of errors within three times the predicted depth uncertainty.
+        Fraction of errors within three times the predicted depth uncertainty from both.
     filled, available
         Measured points as a fraction of the seen ones, and seen points as a fraction of all.
     bias_px, spread_px
@@ -161,6 +162,7 @@ class DepthScore:
     spread: float
     own: float
     predicted: float
+    predicted_bias: float
     relative_bias: float
     relative_spread: float
     within: float
@@ -196,7 +198,9 @@ class DepthScore:
         )
 
 
-def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: float) -> DepthScore:
+def score(
+    found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: float, calibration: Samples | float = 0.0
+) -> DepthScore:
     """Compare a map with the truth.
 
     Parameters
@@ -204,9 +208,11 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: floa
     found, truth
         Measured and true depth in the same pixels.
     predicted
-        Depth uncertainty at the true depth of each pixel [m]; NaN where there is none.
+        Depth uncertainty from noise at the true depth of each pixel [m]; NaN where there is none.
     window_px
         Side of the matched windows [pixels of the map].
+    calibration
+        Depth uncertainty from the errors of the calibration [m], if the pictures have them.
     """
     measured = found.reason == Reason.MEASURED
     both = measured & truth.measurable
@@ -215,7 +221,8 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: floa
     points, seen, filled = (
         np.bincount(block[one], minlength=_BLOCKS**2) for one in (surface | truth.measurable, truth.measurable, both)
     )
-    of_errors = _Errors.of(found, truth, predicted, both, block)
+    shift = np.broadcast_to(calibration, both.shape)
+    of_errors = _Errors.of(found, truth, (predicted, shift), both, block)
     neighbours = [_Pairs.of(found, truth, both, block, lag) for lag in (1, odd_window(window_px))]
 
     def numbers(keep: BoolArray) -> dict[str, float]:
@@ -251,17 +258,24 @@ class _Errors:
 
     error: FloatArray
     predicted: FloatArray
+    shift: FloatArray
     own: FloatArray
     own_px: FloatArray
     block: NDArray[np.intp]
 
     @classmethod
     def of(
-        cls, found: DepthMap, truth: TrueDepth, predicted: Samples, both: BoolArray, block: NDArray[np.intp]
+        cls,
+        found: DepthMap,
+        truth: TrueDepth,
+        predicted: tuple[Samples, Samples],
+        both: BoolArray,
+        block: NDArray[np.intp],
     ) -> _Errors:
         return cls(
             error=np.asarray((found.depth - truth.depth)[both], np.float64),
-            predicted=np.asarray(predicted[both], np.float64),
+            predicted=np.asarray(predicted[0][both], np.float64),
+            shift=np.asarray(predicted[1][both], np.float64),
             own=np.asarray(found.deviation[both], np.float64),
             own_px=np.asarray(found.disparity_deviation[both], np.float64),
             block=block[both],
@@ -271,20 +285,23 @@ class _Errors:
         """Statistics of some parts of the map."""
         among = keep[self.block]
         error, predicted, own = self.error[among], self.predicted[among], self.own[among]
+        shift = self.shift[among]
         with np.errstate(divide="ignore", invalid="ignore"):  # not finite if nothing is predicted
             relative, over_bound = error / predicted, error / own
         bias, spread = middle_and_spread(error)
         relative_bias, relative_spread = middle_and_spread(relative)
         bias_px, spread_px = middle_and_spread(over_bound * self.own_px[among])
-        relative = relative[np.isfinite(relative)]
+        allowed = 3.0 * np.hypot(predicted, shift)
+        known = np.isfinite(relative)
         return {
             "bias": bias,
             "spread": spread,
             "own": middle_and_spread(own)[0],
             "predicted": middle_and_spread(predicted)[0],
+            "predicted_bias": middle_and_spread(shift)[0],
             "relative_bias": relative_bias,
             "relative_spread": relative_spread,
-            "within": _ratio(float(np.count_nonzero(np.abs(relative) <= 3.0)), relative.size),
+            "within": _ratio(float(np.count_nonzero(np.abs(error[known]) <= allowed[known])), int(known.sum())),
             "bias_px": bias_px,
             "spread_px": spread_px,
             "over_bound": middle_and_spread(over_bound)[1],

@@ -76,8 +76,8 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield Heading(text="Depth measured in the pictures", anchor="depth-maps", level=2)
     yield Paragraph(
         "Each camera measures depth in its pictures with its own estimator, as if its calibration were perfect. "
-        "Calibration errors of the camera that takes the pictures, if any, therefore appear mainly as a bias; the "
-        "predicted uncertainty includes them. Points that the estimator cannot see in two pictures do not count as "
+        "Calibration errors of the camera that takes the pictures, if any, therefore appear mainly as a bias. Points "
+        "that the estimator cannot see in two pictures do not count as "
         "failures; points without depth, or with a false depth, do."
     )
     yield from pictures_of(drawings, "depth_maps", "depth_achieved")
@@ -110,8 +110,9 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
         columns=(*first, *_columns("Bias", "Spread", "Predicted", "Within 3σ", "Filled", "Paired (predicted)")),
         rows=tuple(cells if one is None else (*cells, *_of_depth(one)) for cells, one in rows),
         notes=(
-            "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the predicted "
-            "depth uncertainty. Within 3σ: fraction of errors of at most three times the predicted uncertainty. "
+            "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the depth "
+            "uncertainty from noise; in brackets, that from the errors of the calibration, if the pictures have them. "
+            "Within 3σ: fraction of errors of at most three times the predicted uncertainty from both. "
             "Paired: fraction of all points on a surface that appear in two of the pictures that the estimator "
             "compares; in brackets, the predicted fraction. Filled: fraction of paired points that have a depth. In "
             "raw pictures, a point counts once in every micro-image that shows it; in the prediction, only once.",
@@ -140,7 +141,8 @@ def _columns(*titles: str) -> tuple[Column, ...]:
 def _of_depth(one: xr.Dataset) -> Iterator[str]:
     yield _shown(one, "bias", LENGTH)
     yield _shown(one, "spread", LENGTH)
-    yield or_dash(float(one["depth_predicted"].item()), length)
+    noise, shift = (float(one[key].item()) for key in ("depth_predicted", "depth_predicted_bias"))
+    yield or_dash(noise, length) + (f" ({length(shift)})" if shift > 0.0 else "")
     yield _shown(one, "within", FRACTION)
     yield _shown(one, "filled", FRACTION)
     available, predicted = (float(one[key].item()) for key in ("depth_available", "predicted_availability"))

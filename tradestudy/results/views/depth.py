@@ -370,7 +370,7 @@ def best_of_any_matcher(titles: tuple[str, ...]) -> str:
     return f"The {what.format(listed(titles))} derived from the picture; no matcher does better."
 
 
-_NUMBERS: Final = ("spread", "spread_error", "bias", "bias_error", "predicted", "filled")
+_NUMBERS: Final = ("spread", "spread_error", "bias", "bias_error", "predicted", "predicted_bias", "filled")
 
 
 def measured_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
@@ -423,10 +423,12 @@ def _of_scene(tree: xr.DataTree) -> Iterator[str]:
         if not np.isfinite(row["spread"]):
             yield f"{row['camera']} measured nothing"
             continue
-        spread, predicted, bias = (pretty(row[key], LENGTH, digits=2) for key in ("spread", "predicted", "bias"))
+        keys = ("spread", "predicted", "bias", "predicted_bias")
+        spread, predicted, bias, shift = (pretty(row[key], LENGTH, digits=2) for key in keys)
         yield (
             f"{row['camera']} measured {pretty(row['filled'], FRACTION, digits=2)} of the points visible in two "
             f"pictures, with a spread of ±{spread}"
-            + (f" (predicted uncertainty: ±{predicted})" if np.isfinite(row["predicted"]) else "")
+            + (f" (predicted: ±{predicted})" if np.isfinite(row["predicted"]) else "")
             + f" and a bias of {bias}"
+            + (f" (predicted: within ±{shift} in 68 % of cases)" if row["predicted_bias"] > 0.0 else "")
         )
