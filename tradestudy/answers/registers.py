@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy.accuracy import QUANTITIES
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.effects import Change, Changes
+from tradestudy.effects import OFF, Change, Changes
 from tradestudy.models.plan import Plan
 from tradestudy.models.plan_text import summary
 from tradestudy.results import dataset
@@ -31,6 +31,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
     """/cameras: titles, kinds, notes and derived properties."""
     parts, cameras = definition.file.cameras, definition.case.all_cameras
     properties = [(name, *item) for name, camera in cameras.items() for item in camera.properties()]
+    is_off = definition.file.effects.forced().get("calibration") == OFF
     return dataset(
         "cameras",
         {
@@ -44,7 +45,10 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
             ],
             "note": [_note(definition, name) for name in parts],
             "perfect_calibration": [
-                float(isinstance(camera, DepthCamera) and camera.calibration.inferred and not camera.calibration.groups)
+                float(
+                    isinstance(camera, DepthCamera)
+                    and (is_off or (camera.calibration.inferred and not camera.calibration.groups))
+                )
                 for camera in cameras.values()
             ],
             "focal_length": [camera.gathering_lens.focal_length for camera in cameras.values()],

@@ -74,6 +74,8 @@ def test_an_error_that_is_declared_is_not_taken_as_perfect(tmp_path: Path) -> No
         "rig": 0.0,
         "bare": 1.0,
     }
+    off = tradestudy.load(path, ["effects={calibration: 'off'}"]).run()
+    assert "Assumed perfect: the calibration of rig and bare" in off.lines()
 
 
 @pytest.mark.parametrize(

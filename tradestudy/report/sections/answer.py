@@ -201,7 +201,7 @@ def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
     if titles := perfectly_calibrated(tree):
         yield say(
             "**The calibration of {cameras} is assumed perfect:** the study declares no errors, corners, target or "
-            "posterior for it.",
+            "posterior for it, or its `effects` switch the errors off.",
             cameras=few(titles),
         )
 

@@ -65,7 +65,7 @@ def _by_key(tree: xr.DataTree, variable: str) -> dict[str, str]:
 
 
 def perfectly_calibrated(tree: xr.DataTree) -> tuple[str, ...]:
-    """Titles of the cameras that measure depth and declare no calibration errors."""
+    """Titles of the cameras that measure depth without calibration errors: none are declared, or they are off."""
     if not has(tree, "cameras", "perfect_calibration"):
         return ()
     cameras = group(tree, "cameras")
