@@ -375,6 +375,21 @@ def test_the_curve_of_margins_passes_zero_at_the_limit_that_the_sentence_gives(s
     assert len(line.get_markevery()) == len(swept.data["depth"]["stereo-75mm.baseline"])  # only designs are marked
 
 
+def test_of_many_requirements_the_three_tightest_have_curves_and_the_others_are_counted(swept: Result) -> None:
+    tree = swept.data.copy()
+    data = tree["requirements"].to_dataset()
+    number = [one for one, says in enumerate(data["requirement"].values) if says == "per-cent"] * 5
+    many = data.isel(requirement=number).assign_coords(requirement=[f"need-{k}" for k in range(5)])
+    many = many.assign(
+        says=("requirement", [f"need {k}" for k in range(5)]), margin_percent=("requirement", [5.0, 1.0, 4.0, 2.0, 3.0])
+    )
+    tree["requirements"] = xr.DataTree(many)
+    drawing = figures.build(tree)["requirement_margins"]
+    assert "2 other requirements" in drawing.caption
+    named = {line.get_label() for line in drawing.draw().axes[0].get_lines()}
+    assert {one for one in named if str(one).startswith("need")} == {"need 1", "need 3", "need 4"}
+
+
 def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:
     assert "requirement_margins" in swept.figure_names
     tree = swept.data.copy()

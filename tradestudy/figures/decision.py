@@ -43,11 +43,12 @@ from tradestudy.figures.sweeps import axis_label, axis_unit, axis_values, shown_
 from tradestudy.figures.value_tables import Tables, grid, rank_tables
 from tradestudy.results.views.conclusions import worths
 from tradestudy.results.views.designs import common_ranges, must_hold, parameter_words, path_words
+from tradestudy.results.views.finding import MOST_CURVES
 from tradestudy.results.views.groups import FloatArray, camera_titles, group
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import distance
+from tradestudy.wording import counted, distance
 
 ERROR_SOURCE_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
 _ROW = 0.27  # inches
@@ -309,7 +310,9 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     if len(dims) == 2 and np.ptp(_least(data, dims)) == 0.0:  # equal margins have no contours
         return None
     names = parameter_words(tree, dims)
-    conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
+    conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree)[:MOST_CURVES])
+    left = data.sizes["requirement"] - MOST_CURVES if len(dims) == 1 else 0
+    more = f" {counted(left, 'other requirement')}: section “Requirements”." if left > 0 else ""
     shown = "Smallest margin of the requirements that must be met" if len(dims) == 2 else "Margin of each requirement"
     marks = (
         "Thick line: a margin of 0. Filled dots: designs that meet all of them."
@@ -321,7 +324,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         name="requirement_margins",
         caption=f"{shown}, against the {names}. {marks} "
         "Dashed: the study as declared. If no camera is usable over 30 % of the range, on a logarithmic scale, the "
-        "margin is −30 % or less.",
+        f"margin is −30 % or less.{more}",
         alt=f"Margins over the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),
@@ -349,38 +352,58 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
         for low, high in common_ranges(data, must_hold(data)):
             axes.axvspan(low * factor, high * factor, color=SOFT, alpha=0.3, linewidth=0)
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    handles = []
-    for number, says in enumerate(data["says"].values):
-        style = line_style(number)
+    drawn = []
+    for number in _deciding(data):
+        style, words = line_style(number), printable(str(data["says"].values[number]))
         margins = np.asarray(data["design_margin_percent"].values[:, number], dtype=np.float64)
-        look: dict[str, Any] = {"marker": style.marker, "markersize": 4}
-        words = printable(str(says))
         # A straight line between two designs would not cross 0 at the limit that was found between them.
         limits = _limits(data, number, dim)
         places = np.append(x, limits)
         order = np.argsort(places, kind="stable")
+        curve = NamedCurve(
+            name=words, color=style.color, x=places[order], y=np.append(margins, np.zeros(limits.size))[order]
+        )
         axes.plot(
-            places[order],
-            np.append(margins, np.zeros(limits.size))[order],
+            curve.x,
+            curve.y,
             color=style.color,
             linestyle=style.dash,
             clip_on=False,
             label=words,
+            marker=style.marker,
+            markersize=4,
             markevery=np.flatnonzero(order < x.size).tolist(),
-            **look,
         )
-        handles.append((style.handle(**look), words))
+        drawn.append(curve)
     if data[dim].dtype.kind in "fiu":
         _mark_declared(axes, data[dim])
         if _is_geometric(x):
-            log_axis(axes, "x", dense=True, tick=lambda value, _: plain_number(value))
+            ends = float(x.min()), float(x.max())
+            log_axis(axes, "x", dense=True, tick=lambda value, _: plain_number(value), ends=ends)
     else:
         axes.set_xticks(x, names)
     axes.set_yscale("symlog", linthresh=_LINEAR_WITHIN)
     axes.yaxis.set_major_formatter(FuncFormatter(_per_cent))
     axes.set(xlabel=axis_label(tree, data[dim]), ylabel="margin of the worst value")
-    legend(figure, [one for one, _ in handles], [words for _, words in handles], columns=1)
+    name_ends(axes, drawn)
+    axes.text(
+        0.01,
+        0.0,
+        "met above",
+        transform=axes.get_yaxis_transform(),
+        fontsize=SMALL,
+        va="bottom",
+        color=INK,
+        gid=DECLARED,
+    )
     return figure
+
+
+def _deciding(data: xr.Dataset) -> list[int]:
+    """The requirements with the smallest margins in the declared study, those that must hold first; at most three."""
+    margins = np.nan_to_num(np.asarray(data["margin_percent"].values, dtype=np.float64), nan=-np.inf)
+    order = np.lexsort((margins, ~must_hold(data)))
+    return sorted(order[:MOST_CURVES].tolist())
 
 
 def _limits(data: xr.Dataset, requirement: int, dim: str) -> FloatArray:
@@ -420,7 +443,8 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     axes.margins(0.03)
     for name, values in (("x", x), ("y", y)):
         if _is_geometric(values):
-            log_axis(axes, name, dense=True, tick=lambda value, _: plain_number(value))
+            ends = float(values.min()), float(values.max())
+            log_axis(axes, name, dense=True, tick=lambda value, _: plain_number(value), ends=ends)
     axes.set(xlabel=axis_label(tree, data[dims[0]]), ylabel=fill(axis_label(tree, data[dims[1]]), _LETTERS_UP))
     return figure
 

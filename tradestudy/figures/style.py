@@ -256,17 +256,22 @@ def log_axis(
     """Make an axis logarithmic, with plain numbers.
 
     Its ticks are powers of ten; between `ends` less than a factor of 3000 apart also 3; and if `dense`, less than a
-    factor of 30 apart, or with fewer than two powers of ten between them, 2 and 5 instead. Less than a factor of 4
-    apart, ticks are evenly spaced, since no number 1, 2 or 5 may lie between the ends.
+    factor of 30 apart, or with fewer than two powers of ten between them, 2 and 5 instead. Less than a factor of 10
+    apart, they are 1, 2, 3, 5 and 7; less than a factor of 4 apart, they are evenly spaced, since none of these may
+    lie between the ends.
     """
-    subs: tuple[float, ...] = (1.0,)
+    subs: tuple[float, ...] = (1.0, 2.0, 5.0) if dense else (1.0,)
     if ends is not None:
         powers_of_ten = math.floor(math.log10(ends[1])) - math.ceil(math.log10(ends[0])) + 1
-        dense = dense or ends[1] < 30.0 * ends[0] or powers_of_ten < 2
-        subs = (1.0, 3.0) if ends[1] < 3000.0 * ends[0] else subs
+        if ends[1] < 10.0 * ends[0]:
+            subs = (1.0, 2.0, 3.0, 5.0, 7.0)
+        elif dense or ends[1] < 30.0 * ends[0] or powers_of_ten < 2:
+            subs = (1.0, 2.0, 5.0)
+        elif ends[1] < 3000.0 * ends[0]:
+            subs = (1.0, 3.0)
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
-    axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else subs, numticks=20))
+    axis.set_major_locator(LogLocator(base=10.0, subs=subs, numticks=20))
     axis.set_major_formatter(FuncFormatter(tick))
     axis.set_minor_locator(NullLocator())  # minor ticks would take a quarter of the time of a figure
     axis.set_minor_formatter(NullFormatter())
