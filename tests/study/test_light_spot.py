@@ -111,6 +111,14 @@ def test_a_spot_off_the_axis_is_imaged_on_its_own_side() -> None:
     assert pixels.sum(axis=1) @ place / pixels.sum() == pytest.approx(-250 * scale, abs=1.0)
 
 
+def test_a_spot_is_refused_only_where_rays_leave_the_picture_dark() -> None:
+    part = tradestudy.load(STUDY, [*SMALL, "light_spot.spot.x=7 mm"]).file.light_spot
+    assert part is not None
+    assert not spot_images.spot_image(part, "geometric").pixels.any()
+    with pytest.raises(StudyError, match="puts the light"):
+        tradestudy.load(STUDY, [*SMALL, "light_spot.spot.x=7.2 mm"])
+
+
 def test_measures_of_the_images_agree_with_their_definitions(result: Result) -> None:
     data = result.data["images"].to_dataset()
     exact, rays = image(result, "kirchhoff"), image(result, "geometric")
@@ -284,6 +292,9 @@ def test_the_spread_group_varies_one_thing_at_a_time(result: Result) -> None:
         ("light_spot.methods=[kirchhoff, kirchhoff]", "methods: repeats"),
         ("light_spot.methods=[kirchhoff, geometric]", "not one of light_spot.methods"),
         ("light_spot.tolerance=50 %", "out of range"),
+        # 30 mm · 15.271/150; 3 lenses of 126.5 um; twice the 586 um of light and lenses, times 150/15.271
+        ("light_spot.spot.x=30 mm", "spot.x: puts the light 3.05.mm off .* microlenses reach only to 190.*11.[56].mm"),
+        ("light_spot.spot.y=-30 mm", "spot.y: puts the light 3.05.mm off the axis"),
         (
             "light_spot.microlenses.focal_length=[0.4 mm]",
             "this list has only one value; the value without brackets or at least 2 are expected",

@@ -230,6 +230,7 @@ _NO_SQUARE_EDGE: Final = (
     "boundary waves need circular apertures, but light_spot.microlenses.aperture is square; use kirchhoff, which "
     "computes the same integral"
 )
+_WIDENED: Final = 2.0  # by aberrations, and between array and detector: less is not certain to miss them
 _WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, sides along the rows
 
 
@@ -484,6 +485,26 @@ class LightSpotPart(Part):
             yield MistakeAt(
                 ("microlenses", "lens_phase"), "is undefined when the image lies on the array; use parabolic"
             )
+        if self.spot.distance != self.main_lens.focal_length:
+            yield from self._mistakes_of_place()
+
+    def _mistakes_of_place(self) -> Iterator[MistakeAt]:
+        """Light that by rays lands beside the microlenses, and beside the detector if it passes beside microlenses."""
+        lens, spot, array = self.main_lens, self.spot, self.microlenses
+        radius, scale = lens.focal_length / lens.f_number / 2.0, self.mla_distance / spot.distance
+        lit = radius * abs(1.0 - self.mla_distance / self.main_image_distance) + spot.diameter / 2.0 * scale
+        half, what = array.lenses_across * array.pitch / 2.0, "microlenses reach"
+        side = self.detector.pixels * self.detector.pixel_pitch / 2.0
+        if array.interstices == "clear" and side > half:
+            half, what = side, "detector reaches"
+        for key in ("x", "y"):
+            place = abs(getattr(spot, key)) * scale
+            if place > (most := _WIDENED * (half + lit)):
+                yield MistakeAt(
+                    ("spot", key),
+                    f"puts the light {pretty(place, LENGTH)} off the axis, but the {what} only to "
+                    f"{pretty(half, LENGTH)}; at most {pretty(most / scale, LENGTH)} is expected",
+                )
 
     @property
     def main_image_distance(self) -> float:
