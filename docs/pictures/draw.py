@@ -111,7 +111,7 @@ def write_small(figure: Figure, name: str) -> None:
 def shrink(picture: Image.Image, name: str) -> None:
     """Write a picture `WIDTH` wide."""
     size = (WIDTH, round(picture.height * WIDTH / picture.width))
-    picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).save(HERE / f"{name}.webp", quality=80, method=6)
+    picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).save(HERE / f"{name}.webp", quality=60, method=6)
 
 
 def main(runs: Path | None) -> None:
