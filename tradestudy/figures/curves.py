@@ -21,8 +21,7 @@ _LINE_HEIGHT: Final = 1.3  # of the size of letters
 # Without clipping by boxes and circles, in which matplotlib spends a tenth of the time of a figure.
 _JOINING: Final = {"arrowstyle": "-", "patchA": None, "shrinkA": 0.0, "shrinkB": 0.0}
 _UNSEEN: Final = 0.1  # pixels, 100 per inch: less than a tenth of a point, as rounding to whole steps adds a sixth
-_BESIDE: Final = 12.0  # points between a panel and the names that lines join to their curves
-_NEAR: Final = 4.0  # points between a panel and the other names
+_BESIDE: Final = 12.0  # points between a panel and the names
 _TOGETHER: Final = 0.007  # of the height of a panel: closer curves look like one curve
 _LONG_TOGETHER: Final = 0.1  # of the points: one curve hides another that is this close at more of them
 
@@ -65,7 +64,7 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
         axes.annotate(
             name,
             end,
-            xytext=(1.0 + (_BESIDE if is_joined else _NEAR) / width, level),
+            xytext=(1.0 + _BESIDE / width, level),
             textcoords="axes fraction",
             color=readable(curve.color),
             fontsize=SMALLEST,
