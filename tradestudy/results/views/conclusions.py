@@ -216,10 +216,15 @@ def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
 def never_best_words(tree: xr.DataTree) -> Iterator[str]:
     """The candidates that are usable but nowhere best, in words, the closest first, without factors that round to 1."""
     for title, ratio in sorted(never_best(tree), key=lambda one: one[1]):
-        step = 10.0 ** (math.floor(math.log10(ratio)) - 1)  # of the second digit
-        factor = significant(step * math.floor(ratio / step * (1.0 + _ROUNDING)), 2)  # "at least": never rounded up
+        factor = at_least(ratio)
         why = f" (at least {factor} times as uncertain)" if factor != "1" else ""
         yield f"{title} is best nowhere{why}"
+
+
+def at_least(ratio: float) -> str:
+    """A factor with two digits that is not larger than the ratio, but for rounding."""
+    step = 10.0 ** (math.floor(math.log10(ratio)) - 1)
+    return significant(step * math.floor(ratio / step * (1.0 + _ROUNDING)), 2)
 
 
 def lower_bounds(tree: xr.DataTree) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import xarray as xr
 
 from tradestudy.light_methods import title_within_a_sentence
 from tradestudy.results import judged_uncertainty
-from tradestudy.results.views.conclusions import BestRange, best_ranges, never_best, question_words, rests_on
+from tradestudy.results.views.conclusions import BestRange, at_least, best_ranges, never_best, question_words, rests_on
 from tradestudy.results.views.decision import solved_questions
 from tradestudy.results.views.depth import (
     SharpCamera,
@@ -60,6 +60,7 @@ def _of_sweep(tree: xr.DataTree) -> str:
     what = {1: "the requirement", 2: "both requirements"}.get(
         feasible.required, f"all {feasible.required} requirements"
     )
+    what += " with one camera or another" if feasible.by_any and len(camera_titles(tree)) > 1 else ""
     if not feasible.count:
         return f"none of {feasible.designs} designs meets {what}: {feasible.best.words} comes closest{_deciding(tree)}"
     if feasible.count == feasible.designs:
@@ -269,7 +270,7 @@ def _requirement_words(met: Sequence[RequirementConclusion]) -> str:
 def _lead_words(tree: xr.DataTree) -> str:
     """By how much the best camera leads, if all others are usable and best nowhere."""
     factors = [factor for _, factor in never_best(tree)]
-    if not factors or (least := significant(min(factors), 2)) == "1":
+    if not factors or (least := at_least(min(factors))) == "1":
         return ""
     return f"; every other camera is at least {least} times as uncertain"
 
