@@ -18,10 +18,10 @@ from tradestudy.imaging.scenes.pattern import read_depths, read_picture
 from tradestudy.provenance import file_hash
 
 
-def png(width: int, height: int) -> bytes:
-    """A PNG file that claims a size and has no pixels."""
-    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(b"")), (b"IEND", b""))
+def png(width: int, height: int, *, bits: int = 8, kind: int = 0, pixels: bytes = b"") -> bytes:
+    """A PNG file of grey (kind 0) or RGB (2) that claims a size and by default has no pixels."""
+    header = struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(pixels)), (b"IEND", b""))
     parts = (
         struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
     )
@@ -101,6 +101,31 @@ def test_pictures_that_viewers_show_otherwise_are_refused(tmp_path: Path) -> Non
             for read in (read_picture, lambda file: read_depths(file, 1.0)):
                 with pytest.raises(OutOfRangeError, match=reason):
                     read(tmp_path / name)
+
+
+def test_samples_that_would_be_read_otherwise_than_stored_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "rgb.png").write_bytes(png(4, 2, bits=16, kind=2, pixels=2 * (b"\0" + bytes(range(24)))))
+    (tmp_path / "grey.png").write_bytes(png(4, 2, bits=16, pixels=2 * (b"\0" + bytes(range(8)))))
+    (tmp_path / "few.png").write_bytes(png(4, 2, bits=4, pixels=2 * b"\0\x12\x34"))
+    grey = Image.fromarray(np.full((4, 4), 7, np.uint16))
+    grey.save(tmp_path / "black.tif")
+    white = (
+        (tmp_path / "black.tif")
+        .read_bytes()
+        .replace(struct.pack("<HHII", 0x0106, 3, 1, 1), struct.pack("<HHII", 0x0106, 3, 1, 0))
+    )
+    (tmp_path / "white.tif").write_bytes(white)
+    for name, reason, readers in (
+        ("rgb.png", "bits of each colour.*16 in .*convert to 16-bit grey or 8-bit colour", (read_picture,)),
+        ("few.png", "bits of each depth.*4 in .*8 or 16", (lambda file: read_depths(file, 1.0),)),
+        ("white.tif", "zero.*white", (read_picture, lambda file: read_depths(file, 1.0))),
+    ):
+        for read in readers:
+            with pytest.raises(OutOfRangeError, match=reason):
+                read(tmp_path / name)
+    np.testing.assert_array_equal(read_picture(tmp_path / "grey.png")[0, 0], [0x0001, 0x0203, 0x0405, 0x0607])
+    np.testing.assert_array_equal(read_depths(tmp_path / "black.tif", 1.0), np.full((4, 4), 7.0))
+    assert read_picture(tmp_path / "few.png").shape == (1, 2, 4)
 
 
 def test_opaque_alpha_changes_nothing(tmp_path: Path) -> None:

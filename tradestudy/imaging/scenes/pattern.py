@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,9 @@ MOST_PIXELS: Final = 100_000_000
 LARGEST_VALUE: Final = 1e12
 """Largest brightness or depth of a file: squares of depths are computed in single precision."""
 _ORIENTATION: Final = 0x0112  # tag of EXIF and TIFF
+_BITS: Final = 0x0102  # tag of TIFF, bits of each sample
+_ZERO: Final = 0x0106  # tag of TIFF, 0 if zero is white
+_PNG_BITS: Final = 24  # byte of a PNG file that gives the bits of each sample
 _NOT_RGB: Final = ("CMYK", "YCbCr", "LAB", "HSV")
 _OPAQUE: Final = {"P": "RGB", "PA": "RGB", "RGBA": "RGB", "RGBa": "RGB", "RGBX": "RGB", "LA": "L", "La": "L"}
 """Modes without palette and alpha."""
@@ -39,8 +43,8 @@ def read_picture(file: Path) -> FloatArray:
     Raises
     ------
     OutOfRangeError
-        The file is not a picture, has several pages, transparent pixels, an orientation or colours other than grey and
-        RGB, or is black.
+        The file is not a picture, has several pages, transparent pixels, an orientation, colours other than grey and
+        RGB or of more than 8 bits, or white as zero, or is black.
     """
     values = _values(file)
     if values.ndim == 3 and values.shape[-1] == 3:
@@ -62,9 +66,10 @@ def read_depths(file: Path, unit: float) -> FloatArray:
     Raises
     ------
     OutOfRangeError
-        The file is not a depth map, has several pages, transparent pixels or an orientation, or has holes.
+        The file is not a depth map, has several pages, transparent pixels, an orientation, fewer than 8 bits or white
+        as zero, or has holes.
     """
-    values = _values(file)
+    values = _values(file, least_bits=8)
     if values.ndim != 2 or min(values.shape) < 2:
         raise OutOfRangeError(
             "shape of a depth map", value=f"{values.shape} in {file}", limit="2 × 2 pixels or more, one value each"
@@ -80,10 +85,10 @@ def read_depths(file: Path, unit: float) -> FloatArray:
     return np.asarray(values * unit)
 
 
-def _values(file: Path) -> FloatArray:
+def _values(file: Path, least_bits: int = 1) -> FloatArray:
     try:
         require_regular_file(file)
-        values = _array(file) if file.suffix.lower() == ".npy" else _image(file)
+        values = _array(file) if file.suffix.lower() == ".npy" else _image(file, least_bits)
     except OutOfRangeError:
         raise
     except Exception as error:  # damaged files make the libraries raise errors of any kind
@@ -110,12 +115,14 @@ def _array(file: Path) -> FloatArray:
     return np.array(found, np.float64)
 
 
-def _image(file: Path) -> FloatArray:
+def _image(file: Path, least_bits: int) -> FloatArray:
     from PIL import Image
 
     # The library warns of invalid tags, which do not matter (invalid pixels raise an error), and of large pictures.
     with warnings.catch_warnings(action="ignore"), Image.open(file) as picture:
         _require_size(file, picture.width * picture.height)
+        tags = getattr(picture, "tag_v2", {})
+        bits = _stored_bits(picture.format, tags, file)
         pages, turn = getattr(picture, "n_frames", 1), picture.getexif().get(_ORIENTATION, 1)
         # A transparent colour of 16 bits is lost in conversion.
         alpha = 0 if "transparency" in picture.info else 255
@@ -125,10 +132,30 @@ def _image(file: Path) -> FloatArray:
             (turn not in (0, 1), "EXIF orientation", turn, "1, upright", "turn the pixels, and save without the tag"),
             (alpha < 255, "opacity (alpha)", f"down to {alpha}", "255 everywhere", "save it without transparency"),
             (picture.mode in _NOT_RGB, "colours", picture.mode, "grey, or red, green, blue", "convert it to RGB"),
+            (tags.get(_ZERO) == 0, "zero", "white (TIFF WhiteIsZero)", "black", "save it with black as zero"),
+            # The library keeps only 8 bits of colours, and scales fewer bits of grey to the range of 8.
+            (
+                bits > 8 and not picture.mode.startswith(("I", "F")),
+                "bits of each colour",
+                bits,
+                "8",
+                "convert to 16-bit grey or 8-bit colour",
+            ),
+            (bits < least_bits, "bits of each depth", bits, "8 or 16", "save the map with 8 or 16 bits"),
         ):
             if is_refused:
                 raise OutOfRangeError(what, value=f"{value} in {file}", limit=limit, remedy=remedy)
         return np.asarray(picture.convert(_OPAQUE.get(picture.mode, picture.mode)), np.float64)
+
+
+def _stored_bits(kind: str | None, tags: Mapping[int, Any], file: Path) -> int:
+    """Bits of each sample in a PNG or TIFF file; 8 in other files."""
+    if kind == "TIFF":
+        return int(max(tags.get(_BITS, (1,))))
+    if kind == "PNG":
+        with file.open("rb") as stream:
+            return stream.read(_PNG_BITS + 1)[_PNG_BITS]
+    return 8
 
 
 def _require_size(file: Path, pixels: int) -> None:
