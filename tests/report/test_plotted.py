@@ -64,3 +64,32 @@ def test_only_texts_at_data_move_with_them() -> None:
         drawn = plotted(figure)
     (anchor,) = json.loads(page_data({"figure": drawn}, {}))["figures"]["figure"][0]["anchors"]
     assert anchor[1:] == [True, True]
+
+
+@pytest.mark.parametrize("origin", ["mesh", "upper", "lower"])
+def test_a_named_map_is_read_cell_by_cell(origin: str) -> None:
+    """A value is found again at the place where its colour was drawn: column 1 of row 0, at the bottom or the top."""
+    values = np.array([[1.0, 2.0, 3.0], [4.0, np.nan, 6.0]])
+    with styled():
+        figure = new_figure(2.0)
+        axes = figure.subplots()
+        if origin == "mesh":
+            axes.pcolormesh(np.ma.masked_invalid(values), label="uncertainty [mm]")
+            axes.set_xticks([0.5, 1.5, 2.5], ["10", "13", "100"])
+            figure.supxlabel("baseline [mm]")
+        else:
+            axes.imshow(values, origin=origin, label="uncertainty [mm]")  # type: ignore[arg-type]  # of two
+        (panel,) = plotted(figure).panels
+    (shown,) = panel.curves
+    assert (shown.kind, shown.label, shown.unit) == ("map", "uncertainty", "mm")
+    start = 0.0 if origin == "mesh" else -0.5
+    assert numbers(shown.x) == [start, start + 1, start + 2, start + 3]
+    assert numbers(shown.y) == [start, start + 1, start + 2]
+    assert np.array_equal(np.reshape(numbers(shown.top), (2, 3)), values, equal_nan=True)
+    assert (panel.y.low > panel.y.high) == (origin == "upper")
+    if origin == "mesh":
+        assert (panel.x.label, panel.x.unit, panel.x.names) == (
+            "baseline",
+            "mm",
+            {"0.5": "10", "1.5": "13", "2.5": "100"},
+        )

@@ -79,7 +79,8 @@ class Curve:
     id
         Identifier of its group in the SVG.
     kind
-        "line", "points", "band" (from `y` up to `top`), or "shape", which has no data to show.
+        "line", "points", "band" (from `y` up to `top`), "map", or "shape", which has no data to show. A map has the
+        edges of its columns as `x`, those of its rows as `y`, and the values of its cells, row by row, as `top`.
     label
         Whose curve it is, such as a camera's or an error source's. Pages show or hide all artists of a label together.
     name
@@ -88,6 +89,8 @@ class Curve:
         As ``#rrggbb``.
     x, y, top
         Data, as bytes of little-endian doubles; empty where a kind has none.
+    unit
+        Unit of the values of a map.
     """
 
     id: str
@@ -98,6 +101,7 @@ class Curve:
     x: bytes = b""
     y: bytes = b""
     top: bytes = b""
+    unit: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

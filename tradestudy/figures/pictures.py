@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.image import AxesImage
 
 from tradestudy.figures.curves import NamedCurve, name_ends
 from tradestudy.figures.drawing import Drawing
@@ -206,10 +208,12 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
         bare(deep, "measured depth")
         shape = cropped(one["map_hidden"].values).shape
         last = _map(deep, one["map_depth"].values[: shape[0], : shape[1]] * 1e3, (near * 1e3, far * 1e3), "cividis")
+        last.set_label("measured depth [mm]")
         limit = (abs(float(one["depth_bias"].item())) + _ERROR_SPREADS * float(one["depth_spread"].item())) * 1e3
         bare(wrong, f"error, ±{limit:.2g} mm" if np.isfinite(limit) else "error")
         limit = limit if np.isfinite(limit) and limit > 0.0 else 1.0
-        _map(wrong, one["map_depth_error"].values[: shape[0], : shape[1]] * 1e3, (-limit, limit), "RdBu_r")
+        error = one["map_depth_error"].values[: shape[0], : shape[1]] * 1e3
+        _map(wrong, error, (-limit, limit), "RdBu_r").set_label("error of depth [mm]")
         bare(missing, "hidden fraction")
         hidden = _map(missing, one["map_hidden"].values[: shape[0], : shape[1]], (0.0, 1.0), "magma")
     if last is not None and hidden is not None:
@@ -245,7 +249,7 @@ def draw_measured_scene(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def _map(axes: Axes, values: FloatArray, ends: tuple[float, float], colors: str) -> ScalarMappable:
+def _map(axes: Axes, values: FloatArray, ends: tuple[float, float], colors: str) -> AxesImage:
     """Draw a map, hatched where there is no value."""
     axes.set_facecolor(FAINT)
     axes.patch.set(hatch="////", edgecolor=SOFT)
@@ -343,8 +347,15 @@ def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
     panels = figure.subplots(1, len(ratios), squeeze=False)[0]
     for axes, ratio, place in zip(panels, ratios, one["distance"].values, strict=True):
         bare(axes, distance(float(place)))
-        shown = axes.imshow(np.where(np.isfinite(ratio), ratio, np.nan), cmap="viridis", vmin=low, vmax=high)
-    bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.8)
+        values = np.asarray(one["depth_uncertainty"].sel(distance=place).values, dtype=np.float64) * 1e3
+        middle = _middle(values)
+        axes.imshow(
+            np.where(np.isfinite(ratio), values, np.nan),
+            cmap="viridis",
+            norm=Normalize(low * middle, high * middle) if np.isfinite(middle) else Normalize(low, high),
+            label="depth uncertainty [mm]",
+        )
+    bar = figure.colorbar(ScalarMappable(norm=Normalize(low, high), cmap="viridis"), ax=panels.tolist(), shrink=0.8)
     bar.set_label("relative to\nthe middle", fontsize=SMALL)
     return figure
 
@@ -357,7 +368,11 @@ def _tables(tree: xr.DataTree, key: str) -> Tables:
 
 def _ratio(one: xr.Dataset) -> FloatArray:
     values = np.asarray(one["depth_uncertainty"].values, dtype=np.float64)
-    return np.asarray(values / values[values.shape[0] // 2, values.shape[1] // 2])
+    return np.asarray(values / _middle(values))
+
+
+def _middle(values: FloatArray) -> float:
+    return float(values[values.shape[0] // 2, values.shape[1] // 2])
 
 
 _TOLERANCE = 0.1  # of the spread: how closely a fitted matcher should predict it at other distances

@@ -12,9 +12,10 @@ import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import to_hex
 from matplotlib.container import ErrorbarContainer
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
@@ -23,6 +24,7 @@ from matplotlib.ticker import FixedFormatter
 from tradestudy.figures.drawing import Curve, Panel, Plotted, Scale
 from tradestudy.figures.style import SOFT, StudyFigure
 
+_MOST_CELLS: Final = 20_000  # of a map, each of which takes 5 bytes of a page
 _POINTS_PER_INCH: Final = 72.0
 _UNNAMED: Final = re.compile(r"_child\d+|_nolegend_|")  # the labels that matplotlib gives to unnamed artists
 _TICK: Final = re.compile(r"(\d[\d.,]*)\s*(.*)")
@@ -58,7 +60,7 @@ def _identified(figure: StudyFigure) -> Iterator[Mapping[Artist, str]]:
 
 
 def _artists(axes: Axes) -> tuple[Artist, ...]:
-    return (*axes.lines, *axes.collections, *axes.patches, *axes.texts)
+    return (*axes.lines, *axes.collections, *axes.patches, *axes.texts, *axes.images)
 
 
 def _panel(figure: StudyFigure, axes: Axes, names: Mapping[Artist, str]) -> Panel:
@@ -70,10 +72,14 @@ def _panel(figure: StudyFigure, axes: Axes, names: Mapping[Artist, str]) -> Pane
         title=axes.get_title(loc="left") or axes.get_title(),
         box=(box.x0 * width, (1.0 - box.y1) * height, box.x1 * width, (1.0 - box.y0) * height),
         x=_scale(
-            axes.xaxis, axes.get_xlim(), [one.get_xlabel() for one in axes.get_shared_x_axes().get_siblings(axes)]
+            axes.xaxis,
+            axes.get_xlim(),
+            [figure.get_supxlabel(), *(one.get_xlabel() for one in axes.get_shared_x_axes().get_siblings(axes))],
         ),
         y=_scale(
-            axes.yaxis, axes.get_ylim(), [one.get_ylabel() for one in axes.get_shared_y_axes().get_siblings(axes)]
+            axes.yaxis,
+            axes.get_ylim(),
+            [figure.get_supylabel(), *(one.get_ylabel() for one in axes.get_shared_y_axes().get_siblings(axes))],
         ),
         curves=tuple(curve for artist in _artists(axes) for curve in _curves(axes, artist, names[artist], errors)),
         anchors=tuple(_anchors(axes)),
@@ -85,12 +91,14 @@ def _identifier(artist: Artist) -> str:
 
 
 def _scale(axis: Axis, ends: tuple[float, float], shared: Sequence[str]) -> Scale:
-    """Read an axis; one without a label takes that of an axis that shares its limits."""
+    """Read an axis; one without a label takes that of an axis that shares its limits, or of the figure."""
     formatter = axis.get_major_formatter()
     label = " ".join((axis.get_label_text() or max(shared, key=len)).split())
-    ticks = [(1.0, formatter(1.0))]
+    places, ticks = np.asarray(axis.get_majorticklocs(), dtype=np.float64).tolist(), [(1.0, formatter(1.0))]
     if isinstance(formatter, FixedFormatter):
-        ticks = list(zip(np.asarray(axis.get_majorticklocs(), dtype=np.float64).tolist(), formatter.seq, strict=False))
+        ticks = list(zip(places, formatter.seq, strict=False))
+    elif not ticks[0][1]:  # as of an axis whose ticks have texts
+        ticks = [(place, text) for place in places if (text := formatter(place))]
     written = _written(ticks)
     names = {} if written else {f"{place:g}": text for place, text in ticks}
     factor, suffix = written or (1.0, "")
@@ -134,6 +142,10 @@ def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple
         yield Curve(kind=kind, color=to_hex(line), x=_stored(x), y=_stored(y), **common)
         if bars is not None:
             yield Curve(kind="band", color=to_hex(line), **_stored_band(bars), **common)
+    elif isinstance(artist, (QuadMesh, AxesImage)):
+        unit = _UNIT.search(label)
+        words = {"label": _UNIT.sub("", label).strip(), "unit": (unit[1] or unit[2]) if unit else ""}
+        yield Curve(kind="map", color="", **_stored_map(artist), **common | words)
     elif isinstance(artist, PolyCollection) and len(artist.get_facecolor()):
         shade: Any = artist.get_facecolor()
         color = to_hex(shade[0])
@@ -166,6 +178,24 @@ def _stored_band(vertices: Numbers) -> dict[str, Any]:
     np.minimum.at(low, place, vertices[:, 1])
     np.maximum.at(high, place, vertices[:, 1])
     return {"x": _stored(x), "y": _stored(low), "top": _stored(high)}
+
+
+def _stored_map(shown: QuadMesh | AxesImage) -> dict[str, Any]:
+    """The edges of the columns and rows of a map, and its values; nothing where a page could not contain them all."""
+    values = np.ma.filled(np.ma.asarray(shown.get_array(), dtype=np.float64), np.nan)
+    if values.ndim != 2 or values.size > _MOST_CELLS:
+        return {}
+    if isinstance(shown, QuadMesh):
+        corners = np.asarray(shown.get_coordinates(), dtype=np.float64)
+        across, up = corners[0, :, 0], corners[:, 0, 1]
+    else:
+        left, right, bottom, top = shown.get_extent()
+        first, last = (top, bottom) if shown.origin == "upper" else (bottom, top)
+        across, up = (
+            np.linspace(*ends, n + 1)
+            for ends, n in zip(((left, right), (first, last)), values.shape[::-1], strict=True)
+        )
+    return {"x": _stored(across), "y": _stored(up), "top": _stored(values)}
 
 
 def _anchors(axes: Axes) -> Iterator[tuple[str, bool, bool]]:

@@ -196,7 +196,7 @@ def _maps(
     norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
     (x, x_names), (y, y_names) = (axis_values(uncertainty[dim]) for dim in dims)
     for axes, camera in zip(panels.flat, moved, strict=False):
-        _map(axes, arrays[camera.key], norm)
+        _map(axes, arrays[camera.key], norm, f"{_uncertainty_label(tree)} [mm]")
         axes.set_xticks(np.arange(len(x)) + 0.5, x_names)
         axes.set_yticks(np.arange(len(y)) + 0.5, y_names)
         axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
@@ -217,8 +217,9 @@ def _uncertainty_label(tree: xr.DataTree) -> str:
     return f"uncertainty at {distance(reference_distance(tree))}"
 
 
-def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
-    axes.pcolormesh(np.ma.masked_invalid(values), norm=norm, cmap="cividis", edgecolors="white", linewidth=0.6)
+def _map(axes: Axes, values: FloatArray, norm: LogNorm, label: str) -> None:
+    known = np.ma.masked_invalid(values)
+    axes.pcolormesh(known, norm=norm, cmap="cividis", edgecolors="white", linewidth=0.6, label=label)
     axes.grid(visible=False)
     colors = colormaps["cividis"]
     for row, column in np.ndindex(values.shape):

@@ -282,6 +282,7 @@ def _curve(figure: str, curve: Curve, values: Mapping[str, CurveValues], pool: _
     own = () if "/".join(curve.name.split("/")[:2]) in values else ("x", "y", "top")
     return {
         **fields,
+        **({"unit": curve.unit} if curve.kind == "map" else {}),
         "id": f"{figure}-{curve.id}",
         **{name: pool.place(np.frombuffer(getattr(curve, name))) for name in own},
     }

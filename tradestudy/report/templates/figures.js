@@ -11,7 +11,7 @@ class Figure {
     this.readout = html("div", { class: "readout", role: "status" });
     this.frame.append(this.readout);
     this.panels = panels.map((spec) => new Panel(this, spec));
-    this.readable = this.panels.some((panel) => panel.read.length);
+    this.readable = this.panels.some((panel) => panel.read.length || panel.map);
     this.selection = svg(this.svg, "rect", { class: "selection" });
     this.controls();
     this.listen();
@@ -20,7 +20,7 @@ class Figure {
   controls() {
     const labels = new Map();
     for (const curve of this.panels.flatMap((panel) => panel.curves)) {
-      if (curve.label && !labels.has(curve.label)) labels.set(curve.label, curve.color);
+      if (curve.label && curve.kind !== "map" && !labels.has(curve.label)) labels.set(curve.label, curve.color);
     }
     const bar = html("div", { class: "controls" });
     for (const [label, color] of labels) {
@@ -109,13 +109,20 @@ class Figure {
   lookAt(place, event) {
     const panel = this.panels.find((one) => one.holds(place));
     if (!panel) return leave();
+    if (panel.map) {
+      this.show(panel, panel.cell(place));
+      return this.floatAt(event);
+    }
     const value = panel.valueOfX(place[0]);
     const samples = panel.read.some((curve) => curve.kind !== "points") ? panel.samples() : [];
     const k = nearest(samples, value, panel.x);
     this.show(panel, k >= 0 ? samples[k] : value, place);
+    return this.floatAt(event);
+  }
+
+  floatAt({ clientX, clientY }) {
     const frame = this.frame.getBoundingClientRect();
-    this.float(event.clientX - frame.left, event.clientY - frame.top);
-    return undefined;
+    this.float(clientX - frame.left, clientY - frame.top);
   }
 
   // The readout beside a place of the frame, on the side where there is room.
@@ -128,19 +135,19 @@ class Figure {
   show(panel, value, place = null) {
     const rows = panel.at(value, place);
     this.last = [panel, value, place];
-    cursor = { panel, value: inBase(panel.x, value) };
+    cursor = panel.map ? { panel, value: NaN, cell: value } : { panel, value: inBase(panel.x, value) };
     for (const figure of figures) for (const one of figure.panels) one.look();
     for (const figure of figures) if (figure !== this) figure.readout.classList.remove("shown");
     const points = rows.length === 1 && rows[0].curve.kind === "points";
     const at = points ? rows[0].x : value;
-    const title = [panel.title, `${panel.x.label || "at"} ${worded(panel.x, at)}`].filter(Boolean).join(" · ");
+    const title = [panel.title, ...(panel.map ? panel.cellEnds(value).words : [`${panel.x.label || "at"} ${worded(panel.x, at)}`])].filter(Boolean).join(" · ");
     const shares = rows.every(({ curve }) => curve.name.startsWith("variance_share")); // of one camera: said once
     const unusable = (broken) => broken && html("span", { class: "unusable" }, ` not usable: ${broken}`);
     this.readout.replaceChildren(html("div", { class: "at" }, title, shares ? unusable(rows[0]?.broken ?? "") : ""), ...rows.map(({ curve, x, y, beside, broken }) =>
       html("div", { class: "row", "data-label": curve.label },
-        swatch(curve.color), `${curve.label} `,
-        html("b", {}, worded(panel.y, y)), " ", html("span", { class: "interval" }, beside), shares ? "" : unusable(broken),
-        x !== value && !points ? ` (at ${worded(panel.x, x)})` : "")));
+        panel.map ? "" : swatch(curve.color), `${curve.label} `,
+        html("b", {}, worded(panel.map ? { ...panel.y, ...curve, factor: 1, names: {} } : panel.y, y)), " ", html("span", { class: "interval" }, beside), shares ? "" : unusable(broken),
+        !panel.map && x !== value && !points ? ` (at ${worded(panel.x, x)})` : "")));
     this.readout.classList.toggle("shown", rows.length > 0);
   }
 
@@ -151,7 +158,7 @@ class Figure {
 
   key(event) {
     if (event.target !== this.box || event.ctrlKey || event.metaKey || event.altKey) return;
-    const readable = this.panels.filter((panel) => panel.read.length);
+    const readable = this.panels.filter((panel) => panel.read.length || panel.map);
     let panel = cursor && readable.includes(cursor.panel) ? cursor.panel : readable[0];
     const step = { ArrowRight: 1, ArrowLeft: -1, ArrowUp: 10, ArrowDown: -10 }[event.key];
     const other = { PageDown: 1, PageUp: -1 }[event.key];
@@ -160,9 +167,10 @@ class Figure {
     else if (event.key === "0") this.reset();
     else if (step || other || ["Home", "End"].includes(event.key)) {
       if (other) panel = readable[(readable.indexOf(panel) + other + readable.length) % readable.length];
+      kept = false;
+      if (panel.map) return this.step(panel, event);
       const samples = panel.samples();
       if (!samples.length) return;
-      kept = false;
       const now = cursor ? nearest(samples, fromBase(panel.x, cursor.value), panel.x) : step > 0 ? -1 : 0;
       const far = { Home: -Infinity, End: Infinity }[event.key] ?? step ?? 0;
       const next = Math.max(0, Math.min(samples.length - 1, now + far));
@@ -170,6 +178,18 @@ class Figure {
       const ratio = this.svg.getScreenCTM().a;
       this.float(panel.X(samples[next]) * ratio, panel.size.top * ratio + 40);
     } else return;
+    event.preventDefault();
+  }
+
+  // From one cell of a map to the next.
+  step(panel, event) {
+    const { key } = event, up = panel.y.low < panel.y.high ? 1 : -1;
+    const now = cursor?.panel === panel ? cursor.cell : [0, 0];
+    const far = [{ ArrowRight: 1, ArrowLeft: -1, Home: -Infinity, End: Infinity }[key] ?? 0, { ArrowUp: up, ArrowDown: -up }[key] ?? 0];
+    const sizes = [panel.map.x, panel.map.y].map((edges) => numbers(edges).length - 1);
+    this.show(panel, now.map((k, n) => Math.max(0, Math.min(sizes[n] - 1, k + far[n]))));
+    const [left, , , top] = panel.cellEnds(cursor.cell).ends, ratio = this.svg.getScreenCTM().a;
+    this.float(left * ratio, top * ratio + 40);
     event.preventDefault();
   }
 
@@ -198,7 +218,7 @@ class Figure {
   }
 
   zoomBy(factor) {
-    const own = cursor && this.panels.includes(cursor.panel);
+    const own = cursor && !cursor.cell && this.panels.includes(cursor.panel);
     const panel = own ? cursor.panel : this.panels.find((one) => one.read.length) ?? this.panels[0];
     const [x0, x1, y0, y1] = panel.view;
     const middle = own ? fraction(panel.x, fromBase(panel.x, cursor.value)) : (x0 + x1) / 2;

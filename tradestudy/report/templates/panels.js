@@ -33,7 +33,8 @@ class Panel {
     this.overlay = svg(this.group, "g", { class: "cursor" });
     this.size = { left, top, right, bottom, width: right - left, height: bottom - top };
     for (const curve of this.curves) curve.group = document.getElementById(curve.id);
-    this.read = this.curves.filter((one) => one.label && !one.name.includes("usable") && one.kind !== "shape" &&
+    this.map = this.curves.find((one) => one.kind === "map" && one.top !== null);
+    this.read = this.curves.filter((one) => one.label && one.kind !== "map" && !one.name.includes("usable") && one.kind !== "shape" &&
       (one.kind !== "band" || one.name.startsWith("variance_share")) && (baseName(one) in data.values || one.x !== null));
   }
 
@@ -59,6 +60,27 @@ class Panel {
     return valueAt(this.x, this.view[0] + part * (this.view[1] - this.view[0]));
   }
 
+  // Column and row of the cell of a map at a place, or as near to it as there is one.
+  cell(place) {
+    const { left, bottom, width, height } = this.size, [x0, x1, y0, y1] = this.view;
+    const parts = [x0 + ((place[0] - left) / width) * (x1 - x0), y0 + ((bottom - place[1]) / height) * (y1 - y0)];
+    return [this.x, this.y].map((scale, n) => {
+      const edges = numbers(n ? this.map.y : this.map.x), value = valueAt(scale, parts[n]);
+      const k = edges.findIndex((edge, one) => (edge - value) * (edges[one + 1] - value) <= 0);
+      return Math.max(0, k);
+    });
+  }
+
+  // The edges of a cell in the drawing, and in words where it is.
+  cellEnds([column, row]) {
+    const [x, y] = [numbers(this.map.x), numbers(this.map.y)];
+    const words = [[this.x, x, column], [this.y, y, row]].map(([scale, edges, k]) => {
+      const name = scale.names[String((edges[k] + edges[k + 1]) / 2)];
+      return name === undefined ? "" : [scale.label, name, scale.unit].filter(Boolean).join(" ");
+    });
+    return { words, ends: [this.X(x[column]), this.X(x[column + 1]), this.Y(y[row]), this.Y(y[row + 1])] };
+  }
+
   holds([x, y], margin = 0) {
     const { left, right, top, bottom } = this.size;
     return x >= left - margin && x <= right + margin && y >= top - margin && y <= bottom + margin;
@@ -66,6 +88,7 @@ class Panel {
 
   // What stands at the sample next to a value on the axis across; of scattered points only the nearest to a place.
   at(value, place) {
+    if (this.map) return [{ curve: this.map, y: numbers(this.map.top)[value[1] * (numbers(this.map.x).length - 1) + value[0]], beside: "", broken: "" }];
     const found = [];
     let closest = null;
     for (const curve of this.read) {
@@ -107,6 +130,10 @@ class Panel {
 
   look() {
     this.overlay.replaceChildren();
+    if (cursor?.panel === this && this.map) {
+      const [left, right, bottom, top] = this.cellEnds(cursor.cell).ends;
+      svg(this.overlay, "rect", { x: left, y: Math.min(top, bottom), width: right - left, height: Math.abs(bottom - top) });
+    }
     if (!cursor || !sameAxis(cursor.panel.x, this.x)) return;
     const value = fromBase(this.x, cursor.value);
     const x = this.X(value);
@@ -140,7 +167,9 @@ class Panel {
     const moveY = (y) => bottom - ((bottom - y) / height - y0) * sy * height;
     this.remember();
     for (const { shape, path, x, y, offset } of this.shapes) {
-      if (path !== undefined) {
+      if (offset === null) {
+        shape.setAttribute("transform", `matrix(${sx} 0 0 ${sy} ${moveX(0)} ${moveY(0)}) ${path}`);
+      } else if (path !== undefined) {
         shape.setAttribute("d", path.replace(/(-?[\d.]+) (-?[\d.]+)/g, (_, px, py) =>
           `${moveX(+px).toFixed(2)} ${(moveY(+py + offset) - offset).toFixed(2)}`));
       } else {
@@ -172,6 +201,7 @@ class Panel {
       ...this.curves.flatMap((one) => (one.name === "declared" ? one.group : []))];
     this.shapes = [];
     for (const shape of $$("[clip-path], [clip-path] *, g[id*='panel-'] > g > use[x]", this.group)) {
+      if (shape.matches("image")) this.shapes.push({ shape, path: shape.getAttribute("transform") ?? "", offset: null });
       if (shape.closest("g[id*='tick_'], .cursor") || !shape.matches("path, use")) continue;
       const [x, y] = [+shape.getAttribute("x"), +shape.getAttribute("y")];
       const outlined = shape.matches("path") ? shape : x === 0 && document.getElementById(shape.getAttribute("href").slice(1));
