@@ -15,6 +15,8 @@ def test_pages_are_accessible(visit: Open, reports: list[Path], width: int, dark
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     for report in reports:
         with visit(report, width=width, dark=dark) as seen:
+            frame = seen.page.locator(".plot .scroll").first
+            frame.press("Home")  # a readout is shown
             assert grave_findings(axe, seen.page) == {}, report
 
 
@@ -96,3 +98,32 @@ def test_tab_reaches_every_figure_in_order(visit: Open, headline: Run) -> None:
         frames = seen.page.locator(".plot .scroll[tabindex]")
         assert frames.count() >= 5
         assert all(one.get_attribute("aria-label") for one in frames.all())
+
+
+# Blocks wider than they are shown that a keyboard does not reach or that have no name, and whatever is cut elsewhere.
+_UNREACHABLE = """() => {
+  const every = [...document.querySelectorAll("main *")];
+  const scrolls = (one) => one.clientWidth && one.scrollWidth > one.clientWidth + 1 &&
+    getComputedStyle(one).overflowX !== "visible";
+  const isCut = (one) => one.getBoundingClientRect().right > innerWidth + 1 && !one.closest(".scroll, .equation");
+  return every.filter((one) => isCut(one) ||
+    (scrolls(one) && (one.tabIndex !== 0 || !one.getAttribute("aria-label") || !one.getAttribute("role"))))
+    .map((one) => one.outerHTML.slice(0, 100));
+}"""
+
+
+def test_on_a_phone_everything_wide_scrolls_in_a_block_that_keys_reach(visit: Open, reports: list[Path]) -> None:
+    for report in reports:
+        with visit(report, width=390) as seen:
+            assert seen.page.evaluate(_UNREACHABLE) == [], report
+
+
+def test_keys_show_the_part_of_a_wide_figure_that_they_read(visit: Open, headline: Run) -> None:
+    with visit(headline.report, width=390) as seen:
+        frame = seen.page.locator("#whole_range .frame > .scroll")
+        assert frame.evaluate("one => one.scrollWidth > 1.5 * one.clientWidth")
+        for key in ("End", "Home"):
+            frame.press(key)
+            line = seen.page.locator("#whole_range .cursor line").first.bounding_box()
+            box = frame.bounding_box()
+            assert box["x"] <= line["x"] <= box["x"] + box["width"]

@@ -125,6 +125,12 @@ class Figure {
     this.float(clientX - frame.left, clientY - frame.top);
   }
 
+  // Keys that read values do not scroll.
+  floatInView(x, y) {
+    this.box.scrollLeft = x - this.box.clientWidth / 2;
+    this.float(x - this.box.scrollLeft, y);
+  }
+
   // The readout beside a place of the frame, on the side where there is room.
   float(x, y) {
     const { offsetWidth: width, offsetHeight: height, style } = this.readout;
@@ -165,7 +171,7 @@ class Figure {
     if (event.key === "+" || event.key === "=") this.zoomBy(0.5);
     else if (event.key === "-") this.zoomBy(2);
     else if (event.key === "0") this.reset();
-    else if (step || other || ["Home", "End"].includes(event.key)) {
+    else if (panel && (step || other || ["Home", "End"].includes(event.key))) {
       if (other) panel = readable[(readable.indexOf(panel) + other + readable.length) % readable.length];
       kept = false;
       if (panel.map) return this.step(panel, event);
@@ -176,7 +182,7 @@ class Figure {
       const next = Math.max(0, Math.min(samples.length - 1, now + far));
       this.show(panel, samples[next]);
       const ratio = this.svg.getScreenCTM().a;
-      this.float(panel.X(samples[next]) * ratio, panel.size.top * ratio + 40);
+      this.floatInView(panel.X(samples[next]) * ratio, panel.size.top * ratio + 40);
     } else return;
     event.preventDefault();
   }
@@ -189,7 +195,7 @@ class Figure {
     const sizes = [panel.map.x, panel.map.y].map((edges) => numbers(edges).length - 1);
     this.show(panel, now.map((k, n) => Math.max(0, Math.min(sizes[n] - 1, k + far[n]))));
     const [left, , , top] = panel.cellEnds(cursor.cell).ends, ratio = this.svg.getScreenCTM().a;
-    this.float(left * ratio, top * ratio + 40);
+    this.floatInView(left * ratio, top * ratio + 40);
     event.preventDefault();
   }
 
