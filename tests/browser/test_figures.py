@@ -88,9 +88,10 @@ def test_a_switch_hides_a_camera_in_every_figure(visit: Open, headline: Run) -> 
 
 
 @pytest.mark.parametrize("figure", ["whole_range", "close_range", "variance_shares", "readings"])
-def test_zoom_moves_the_figure_and_reset_puts_it_back(visit: Open, headline: Run, figure: str) -> None:
+def test_zoom_moves_the_figure_and_reset_puts_it_back(visit: Open, headline: Run, sweep: Run, figure: str) -> None:
+    report = (sweep if figure == "variance_shares" else headline).report
     outlines = f"[...document.querySelectorAll('#{figure} svg path')].map((one) => one.getAttribute('d') ?? '')"
-    with visit(headline.report) as seen:
+    with visit(report) as seen:
         page = seen.page
         before = _numbers(page.evaluate(outlines))
         over(page, figure, 0.3, 0.2)

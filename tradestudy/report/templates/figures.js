@@ -108,21 +108,19 @@ class Figure {
 
   lookAt(place, event) {
     const panel = this.panels.find((one) => one.holds(place));
-    if (!panel) return leave();
-    if (panel.map) {
-      this.show(panel, panel.cell(place));
-      return this.floatAt(event);
+    if (!panel) {
+      leave();
+      return;
     }
-    const value = panel.valueOfX(place[0]);
-    const samples = panel.read.some((curve) => curve.kind !== "points") ? panel.samples() : [];
-    const k = nearest(samples, value, panel.x);
-    this.show(panel, k >= 0 ? samples[k] : value, place);
-    return this.floatAt(event);
-  }
-
-  floatAt({ clientX, clientY }) {
+    if (panel.map) this.show(panel, panel.cell(place));
+    else {
+      const value = panel.valueOfX(place[0]);
+      const samples = panel.read.some((curve) => curve.kind !== "points") ? panel.samples() : [];
+      const k = nearest(samples, value, panel.x);
+      this.show(panel, k >= 0 ? samples[k] : value, place);
+    }
     const frame = this.frame.getBoundingClientRect();
-    this.float(clientX - frame.left, clientY - frame.top);
+    this.float(event.clientX - frame.left, event.clientY - frame.top);
   }
 
   // Keys that read values do not scroll.

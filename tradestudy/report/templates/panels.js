@@ -66,8 +66,7 @@ class Panel {
     const parts = [x0 + ((place[0] - left) / width) * (x1 - x0), y0 + ((bottom - place[1]) / height) * (y1 - y0)];
     return [this.x, this.y].map((scale, n) => {
       const edges = numbers(n ? this.map.y : this.map.x), value = valueAt(scale, parts[n]);
-      const k = edges.findIndex((edge, one) => (edge - value) * (edges[one + 1] - value) <= 0);
-      return Math.max(0, k);
+      return Math.max(0, edges.findIndex((edge, k) => (edge - value) * (edges[k + 1] - value) <= 0));
     });
   }
 
