@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,16 @@ def test_a_device_without_a_measured_translation_gives_the_specified_one(tmp_pat
     path = study(tmp_path, rig="from: oak.json")
     np.testing.assert_allclose(shared(path)[15:], [-0.06, 0.0, 0.0])
     assert said_by(path)["translation"].startswith("specified (specTranslation)")
+
+
+@pytest.mark.parametrize(("flag", "moved"), [(1, -0.06), ("yes", -0.06), (0, written.T[0]), ("no", written.T[0])])
+def test_a_device_says_in_every_spelling_which_translation_it_uses(tmp_path: Path, flag: object, moved: float) -> None:
+    file = devices.device(tmp_path / "oak.json")
+    path, says = study(tmp_path, rig="from: oak.json"), json.loads(file.read_text())
+    file.write_text(json.dumps(says | {"stereoUseSpecTranslation": flag}))
+    assert shared(path)[15] == pytest.approx(moved, rel=1e-12)
+    file.write_text(json.dumps(says | {"stereoUseSpecTranslation": "measured"}))
+    assert "stereoUseSpecTranslation: 'measured' is unknown; one of 1, true, yes" in refusal(path)
 
 
 def test_a_chain_of_extrinsics_joins_any_two_cameras_of_a_device(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ from tradestudy.cameras.stereo.declaration import StereoDeclaration
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.declarations.quantities import InPixels
 from tradestudy.errors import StudyError
-from tradestudy.optics.lens_families import DoubleSphere
+from tradestudy.optics.lens_families import DoubleSphere, KannalaBrandt
+from tradestudy.optics.lens_model import Rational
 from tradestudy.study.camera_files import kalibr
 from tradestudy.study.camera_files.importing import recognised
 from tradestudy.study.camera_files.located import CameraFileError, Request
@@ -199,6 +200,23 @@ def test_two_statements_on_a_lens_must_agree(tmp_path: Path, stated: str, told: 
     with (tmp_path / "rig.yml").open("a", encoding="utf-8") as file:
         file.write(f"fisheye_model: 1\n{stated}\n")
     assert says in refusal(study(tmp_path, rig=f"from: rig.yml, length_unit: mm{told}"))
+
+
+@pytest.mark.parametrize(
+    ("flag", "lens"),
+    [
+        *((f"fisheye: {flag}", KannalaBrandt) for flag in ("yes", "On", "1.", "1.0", "true")),
+        *((f"fisheye_model: {flag}", KannalaBrandt) for flag in ("equidistant", "kannala_brandt")),
+        *((f"fisheye_model: {flag}", Rational) for flag in ("no", "off", "0", "0.", "0.0", "False", "pinhole")),
+    ],
+)
+def test_a_flag_of_a_fisheye_lens_is_read_in_every_spelling(tmp_path: Path, flag: str, lens: type) -> None:
+    file = written.opencv(tmp_path / "rig.yml", D1=np.full((1, 4), 0.01), D2=np.full((1, 4), 0.01))
+    path, text = study(tmp_path, rig="from: rig.yml, length_unit: mm"), file.read_text()
+    file.write_text(f"{text}{flag}\n")
+    assert {type(one) for one in calibrated(path).lenses} == {lens}
+    file.write_text(f"{text}fisheye_model: omni\n")
+    assert "fisheye_model: 'omni' is unknown; one of 1, true, yes, on, 0, false, no, off, fisheye" in refusal(path)
 
 
 def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:

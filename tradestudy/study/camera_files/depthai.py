@@ -33,7 +33,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         if socket not in cameras:
             raise top.fail(f"there is no camera at socket {socket}; known: {', '.join(cameras)}")
     specified = top.find("stereoUseSpecTranslation")
-    is_specified = specified is not None and specified.text().lower() == "true"
+    is_specified = specified is not None and specified.flag()
     rotation, translation, where, kind = _between(cameras, left, right, is_specified=is_specified)
     metre, unit = request.metres(where, stated="cm", why="the definition of DepthAI calibrations")
     conventions = (

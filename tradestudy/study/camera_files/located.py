@@ -17,6 +17,9 @@ from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, Plac
 from tradestudy.units import LENGTH, UnitError, parse
 
 _LARGEST = 1e12  # larger than any number of a camera, in any unit
+YES: Final = ("true", "yes", "on")
+SET: Final = ("1", "1.", "1.0", *YES)
+_NOT_SET: Final = ("0", "0.", "0.0", "false", "no", "off")
 
 
 class CameraFileError(Exception):
@@ -184,6 +187,22 @@ class Located:
             raise self.fail("a text is expected")
         self.use()
         return self.entry.text.strip()
+
+    def flag(self, yes: Sequence[str] = (), no: Sequence[str] = ()) -> bool:
+        """Whether a flag is set: 1, true, yes, on or one of ``yes`` if so; 0, false, no, off or one of ``no`` if not.
+
+        Raises
+        ------
+        CameraFileError
+            It says none of these.
+        """
+        text = self.text().lower()
+        if text in (*SET, *yes):
+            return True
+        if text in (*_NOT_SET, *no):
+            return False
+        names = "".join(f", {word}" for word in (*yes, *no))
+        raise self.fail(f"'{text[:40]}' is unknown; one of 1, true, yes, on, 0, false, no, off{names} is expected")
 
     def number(self) -> float:
         """A single finite number, written as a number or as text."""

@@ -262,7 +262,7 @@ def _stated_kind(top: Located, request: Request, side: int | None) -> str:
         return names if side is None else (*names, *_names(names, side))
 
     if (flag := top.find(*own("fisheye_model", "fisheye"))) is not None:
-        said = "fisheye" if flag.text().lower() in ("1", "1.", "true") else "pinhole"
+        said = "fisheye" if flag.flag(_FISHEYE_NAMES, _PINHOLE_NAMES) else "pinhole"
     names = own("distortion_model", "camera_model", "lens_model", "model_type", "calibration_model")
     if (kind := top.find("type")) is not None and isinstance(kind.entry, ScalarEntry):  # may also be that of a file
         names = (*names, "type") if kind.entry.text.lower() in _FISHEYE_NAMES else names
@@ -273,8 +273,9 @@ def _stated_kind(top: Located, request: Request, side: int | None) -> str:
                 f"the lens model '{name[:40]}' is unknown; give lens_model: fisheye or pinhole beside from:"
             )
         kind_named = "fisheye" if name in _FISHEYE_NAMES else "pinhole"
-        if said and said != kind_named and name != "pinhole":  # which also names the camera without its distortion
-            raise named.fail(f"'{name[:40]}' contradicts fisheye_model: {flag.text() if flag else ''}; correct one")
+        # "pinhole" also names the camera without its distortion.
+        if flag is not None and said != kind_named and name != "pinhole":
+            raise named.fail(f"'{name[:40]}' contradicts {flag.last}: {flag.text()}; correct one")
         said = "fisheye" if "fisheye" in (said, kind_named) else "pinhole"
     if said == "fisheye" and request.lens_model == "pinhole":
         raise top.fail("the file declares a fisheye lens, which contradicts lens_model: pinhole; remove one of them")

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedCorners, ImportedRig
-from tradestudy.study.camera_files.located import UNUSED, CameraFile, Located, Request
+from tradestudy.study.camera_files.located import SET, UNUSED, YES, CameraFile, Located, Request
 from tradestudy.study.camera_files.pairs import as_filed
 from tradestudy.study.camera_files.second_poses import rotation_problem, translation_problem
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, ScalarEntry, dotted
@@ -67,8 +67,6 @@ _SCALES: Final = {
     "subsampling",
 }
 _UNSET: Final = ("", "0", "0.", "0.0", "false", "no", "off", "none", "null", "normal", "auto")
-_YES: Final = ("true", "yes", "on")
-_SET: Final = ("1", "1.", "1.0", *_YES)
 _TURNED: Final = {
     "flip",
     "flipped",
@@ -231,7 +229,7 @@ def _texts(value: Located) -> tuple[str, ...]:
 def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading) -> str:
     """Keys of lens models, other matrices, scales and parts of the picture."""
     key, numbers = value.last, {*_numbers_in(value.entry)}
-    size, is_set = _size_named(value, reading), any(text.lower() in _YES for text in _texts(value))
+    size, is_set = _size_named(value, reading), any(text.lower() in YES for text in _texts(value))
     if reading.is_raw and _LENS.search(key) and any(numbers):
         return (
             "this key looks like a part of the lens model, but no such key is known here; rename it as the format "
@@ -316,8 +314,8 @@ def _lens_models(value: Located, words: tuple[str, ...], reading: _Reading) -> s
     contradicts = f"contradicts the lens model that is read, {shown}; correct it, or remove it"
     is_flag = "fisheye" in words and {*words} <= _FLAG_WORDS
     for text in _texts(value):
-        if is_flag and text.lower() in (*_SET, *_UNSET):
-            if (text.lower() in _SET) != (read == {"kannala-brandt"}):
+        if is_flag and text.lower() in (*SET, *_UNSET):
+            if (text.lower() in SET) != (read == {"kannala-brandt"}):
                 return f"{text} {contradicts}"
             value.use()
             continue
@@ -336,7 +334,7 @@ def _prepared(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     if isinstance(value.entry, ListEntry | MappingEntry):
         return ""
     text = value.entry.text.strip().lower()
-    if {"rectified", "undistorted"} & {*words} and text in _SET and reading.is_raw:
+    if {"rectified", "undistorted"} & {*words} and text in SET and reading.is_raw:
         return (
             "the calibration is read as that of raw pictures; remove this key or, if depth is measured in rectified "
             "pictures, give pictures: rectified beside from: where the format allows it"
