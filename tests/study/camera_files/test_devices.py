@@ -184,6 +184,16 @@ def test_the_main_lens_of_a_plenoptic_file_is_at_the_origin(tmp_path: Path) -> N
     assert "main_lens.pose.rotation: a rotated main lens is not supported" in refusal(path)
 
 
+@pytest.mark.parametrize(("array", "sensor"), [("56.86", "-57.18"), ("-56.86", "57.18")])
+def test_array_and_sensor_of_a_plenoptic_file_lie_on_one_side(tmp_path: Path, array: str, sensor: str) -> None:
+    file, path = tmp_path / "r12.js", study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
+    text = devices.plenoptic(file).read_text()
+    file.write_text(text.replace("-56.86", array).replace("-57.18", sensor))
+    assert f"{sensor} and the z of the microlens array, {array}, have different signs" in refusal(path)
+    file.write_text(text.replace("-56.86", "56.86").replace("-57.18", "57.18"))
+    assert tradestudy.load(path).definition.designs["r12"].mla_distance == pytest.approx(0.05686)
+
+
 def test_what_a_plenoptic_file_states_and_is_not_used_is_printed(tmp_path: Path) -> None:
     path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
     turned = {**devices._pose("-57.18"), "rotation": [["0", "-1", "0"], ["1", "0", "0"], ["0", "0", "1"]]}

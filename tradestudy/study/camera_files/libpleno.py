@@ -41,6 +41,11 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     mesh, focal_lengths = array.need("mesh"), array.need("focal_lengths")
     behind, plane = _depth(mesh), _depth(sensor)
     metre, unit = request.metres(behind, stated="mm", why="the convention of libpleno")
+    if behind.number() * plane.number() < 0.0:
+        raise plane.fail(
+            f"{plane.number():g} and the z of the microlens array, {behind.number():g}, have different signs: the main "
+            "lens would lie between array and sensor; give both the same sign"
+        )
     mla_distance, gap = abs(behind.number()) * metre, (abs(plane.number()) - abs(behind.number())) * metre
     if not gap > 0.0:
         raise plane.fail("the sensor lies in front of the microlens array; it must lie behind the array")
