@@ -279,7 +279,7 @@ def test_every_choice_changes_the_picture() -> None:
 
 def test_a_tolerance_belongs_to_methods() -> None:
     with pytest.raises(StudyError, match=r"give methods, or accuracy\.pixel_intensity"):
-        spot("light_spot.methods=[]", "claims={}")
+        spot("light_spot.methods=[]", "light_spot.published_times=[]", "claims={}")
 
 
 def test_tolerances_are_their_own_bounds() -> None:

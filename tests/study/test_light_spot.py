@@ -290,7 +290,8 @@ def test_the_spread_group_varies_one_thing_at_a_time(result: Result) -> None:
     [
         ("light_spot.microlenses.f_number=2", "wider than their pitch"),
         ("light_spot.methods=[kirchhoff, kirchhoff]", "methods: repeats"),
-        ("light_spot.methods=[kirchhoff, geometric]", "not one of light_spot.methods"),
+        ("light_spot.methods=[kirchhoff, geometric]", "published_times.1.method: 'kirchhoff-fresnel' is not one of"),
+        ("light_spot.published_times.1.method=geometric", "published_times.1.method: 'geometric' already has a pub"),
         ("light_spot.tolerance=50 %", "out of range"),
         # 30 mm · 15.271/150; 3 lenses of 126.5 um; twice the 586 um of light and lenses, times 150/15.271
         ("light_spot.spot.x=30 mm", "spot.x: puts the light 3.05.mm off .* microlenses reach only to 190.*11.[56].mm"),

@@ -464,6 +464,14 @@ class LightSpotPart(Part):
     def _mistakes_of_comparison(self) -> Iterator[MistakeAt]:
         if len(set(self.methods)) < len(self.methods):
             yield MistakeAt(("methods",), "repeats a method; name each once")
+        timed = [one.method for one in self.published_times]
+        for index, method in enumerate(timed):
+            if method in timed[:index]:
+                what = f"{method!r} already has a published time; give one for each method"
+                yield MistakeAt(("published_times", index, "method"), what)
+            elif method not in self.methods:
+                what = f"{method!r} is not one of light_spot.methods; add it there, or remove its time"
+                yield MistakeAt(("published_times", index, "method"), what)
         if "tolerance" in self.model_fields_set and not self.methods:
             yield MistakeAt(
                 ("tolerance",), "applies only to compared methods; give methods, or accuracy.pixel_intensity instead"
