@@ -190,6 +190,15 @@ requirements:
 """
 
 
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("aperture", "give it another name"), ("size", r"declare it as attributes\.envelope")]
+)
+def test_attributes_with_the_name_of_a_derived_criterion_are_refused(tmp_path: Path, name: str, remedy: str) -> None:
+    (tmp_path / "plain.yaml").write_text(PLAIN.replace("mass: 400 g", f"mass: 400 g, {name}: 40 mm"))
+    with pytest.raises(StudyError, match=rf"cameras\.near\.attributes\.others\.{name}: has the name .*; {remedy}"):
+        tradestudy.load(tmp_path / "plain.yaml")
+
+
 def test_a_study_without_depth_answers_its_requirements_in_every_place(tmp_path: Path) -> None:
     (tmp_path / "plain.yaml").write_text(PLAIN)
     study = tradestudy.load(tmp_path / "plain.yaml")

@@ -40,6 +40,7 @@ DERIVED: Final[Mapping[str, Dimension | None]] = {
     "foreshortening": NUMBER,
 }
 """Criteria derived for every camera of a study that has a relief, with their dimensions."""
+_DECLARED: Final = {"moving parts": "moving_parts", "size": "envelope"}
 
 
 def criterion_names(attributes: Iterable[AttributesPart], *, relief: bool) -> list[str]:
@@ -337,6 +338,16 @@ def requirement_mistakes(
             yield from _of_sharpness(one.required, (*place,), focus)
         elif one.asks_for_depth and not measures_depth:
             yield MistakeAt(place, "no camera of this study measures depth")
+
+
+def attribute_mistakes(attributes: Mapping[str, AttributesPart]) -> Iterator[MistakeAt]:
+    """Declared attributes with the name of a derived criterion, each at its key."""
+    for camera, part in attributes.items():
+        for name in part.others:
+            if name in DERIVED:
+                remedy = f"declare it as attributes.{_DECLARED[name]}" if name in _DECLARED else "give it another name"
+                place = ("cameras", camera, "attributes", "others", name)
+                yield MistakeAt(place, f"has the name of a criterion that the program derives; {remedy}")
 
 
 def criterion_mistake(name: str, attributes: Mapping[str, AttributesPart], *, relief: bool) -> str:

@@ -25,7 +25,13 @@ from tradestudy.study.schema.questions import (
     UsableRangePart,
     ValueOfInformationPart,
 )
-from tradestudy.study.schema.requirements import RequirementPart, TradeOffPart, requirement_mistakes, trade_off_mistakes
+from tradestudy.study.schema.requirements import (
+    RequirementPart,
+    TradeOffPart,
+    attribute_mistakes,
+    requirement_mistakes,
+    trade_off_mistakes,
+)
 from tradestudy.study.schema.scene import DepthLoopPart, ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, PointSpreadPart, law_mistakes
 
@@ -199,6 +205,7 @@ class StudyFile(Part):
         if self.value_of_information is not None:
             set_by_readings = {name: tuple(reading.set) for name, reading in self.readings.items()}
             mistakes += self.value_of_information.mistakes_of_owners(set_by_readings)
+        mistakes += attribute_mistakes(attributes)
         mistakes += requirement_mistakes(
             self.requirements,
             attributes,
