@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import h5netcdf
 import numpy as np
 import pytest
 import xarray
@@ -162,6 +163,23 @@ def test_weights_of_draws_are_refused_and_other_variables_named(tmp_path):
         stated(tmp_path / "one.nc", more={"weight": ("draw", np.where(half, 1.98, 0.02))})
     others = {"weight": ("draw", np.ones(2000)), "correlation": ((), 0.3), "draw": ("draw", np.arange(2000))}
     assert stated(tmp_path / "two.nc", more=others).remark.endswith("not used from the file: weight and correlation")
+
+
+@pytest.mark.parametrize("mark", [-9999.0, 1e20, np.float32(1e20), np.array([1e20, -9999.0])])
+@pytest.mark.parametrize("key", ["_FillValue", "missing_value"])
+def test_draws_marked_as_missing_are_refused(tmp_path, key, mark):
+    draws = 3e-4 * np.random.default_rng(5).standard_normal((2000, 1))
+    for path, missing in ((tmp_path / "all.nc", 0), (tmp_path / "part.nc", 8)):
+        draws[:missing] = np.ravel(mark)[-1]
+        with h5netcdf.File(path, "w") as file:
+            file.dimensions = {"draw": 2000, "parameter": 1}
+            file.create_variable("parameter", ("parameter",), data=np.array(["yaw"], dtype=np.bytes_))
+            file.create_variable("draws", ("draw", "parameter"), data=draws).attrs[key] = mark
+    assert posterior_of_file(tmp_path / "all.nc", "rig", stereo()).remark == ""
+    with pytest.raises(
+        CalibrationFileError, match=rf"missing values: 8 cells of draws equal its {key} .*remove the draws"
+    ):
+        posterior_of_file(path, "rig", stereo())
 
 
 def test_units_other_than_si_are_refused(tmp_path):

@@ -27,9 +27,11 @@ from tradestudy.provenance import require_regular_file
 
 MINIMUM_DRAWS = 100  # fewer cannot determine a 95 % interval
 _UNITS: Final = ("unit", "units")
-_HAS_UNITS: Final = ("parameter", "draws", "reference", "best", "mean", "covariance")
+_NUMBERS: Final = ("draws", "reference", "best", "mean", "covariance")
+_HAS_UNITS: Final = ("parameter", *_NUMBERS)
 _READ_WITH_DRAWS: Final = ("parameter", "draws", "reference", "best", "pixels", *_UNITS)
 _READ_WITH_COVARIANCE: Final = ("parameter", "mean", "covariance", *_UNITS)
+_MISSING: Final = ("_FillValue", "missing_value")  # attributes of a variable
 _SYMMETRY_LIMIT = 1e-9  # relative
 _NEGATIVE_LIMIT = 1e-10  # of the largest eigenvalue of the correlation matrix: the rounding of numbers in a file
 
@@ -228,6 +230,9 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
         read = _READ_WITH_DRAWS if "draws" in file.variables else _READ_WITH_COVARIANCE
         others = [one for one in file.variables if one not in (*read, *file.dimensions)]
         units = _stated_units(names, {one: values for one, values in file.variables.items() if one in read})
+        _refuse_missing(
+            path, {one: values for one, values in file.variables.items() if one in _NUMBERS and one in read}
+        )
         if "draws" in file.variables:
             _require_equal_draws(path, {one: file.variables[one] for one in others}, file.variables["draws"].shape)
             found = _netcdf_draws(names, file.variables, str(file.attrs.get("lens_model", "")))
@@ -267,6 +272,25 @@ def _stated_units(names: tuple[str, ...], variables: Mapping[str, Any]) -> tuple
         stated = stated if len(stated) == len(names) else (", ".join(stated),) * len(names)
         found += [(variable, name, unit) for name, unit in zip(names, stated, strict=True)]
     return tuple(found)
+
+
+def _refuse_missing(path: Path, variables: Mapping[str, Any]) -> None:
+    """Refuse numbers that an attribute of their variable marks as missing."""
+    for variable, values in variables.items():
+        for key in _MISSING:
+            if key not in values.attrs:
+                continue
+            marks = np.asarray(values.attrs[key]).astype(np.float64).ravel()
+            # One of the two may have been written in single precision.
+            numbers = np.asarray(values[...], dtype=np.float64)
+            missing = np.isclose(numbers[..., None], marks, rtol=1e-6, atol=0.0).any(axis=-1)
+            if np.any(missing):
+                raise CalibrationFileError(
+                    f"{path.name} has missing values",
+                    value=f"{np.sum(missing)} cells of {variable} equal its {key}",
+                    limit="none",
+                    remedy="remove the draws that failed, or remove the attribute if these numbers are values",
+                )
 
 
 def _require_equal_draws(path: Path, others: Mapping[str, Any], shape: tuple[int, ...]) -> None:
