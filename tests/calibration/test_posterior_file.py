@@ -196,6 +196,19 @@ def test_units_other_than_si_are_refused(tmp_path):
     ):
         with pytest.raises(CalibrationFileError, match=message.format(*says)):
             stated(tmp_path / "rig.nc", **yaw, more=more, units=units)
+    rig = xarray.load_dataset(tmp_path / "rig.nc", engine="h5netcdf").drop_vars("reference")
+    rig["draws"].attrs = {}
+    for key in ("unit", "units"):
+        for attrs, owner in ((rig["draws"].attrs, "draws"), (rig.attrs, key)):
+            attrs[key] = "deg"
+            rig.to_netcdf(tmp_path / "attribute.nc", engine="h5netcdf")
+            with pytest.raises(CalibrationFileError, match=message.format(owner, "deg")):
+                posterior_of_file(tmp_path / "attribute.nc", "rig", stereo())
+            attrs[key] = "rad"
+    rig["draws"].attrs["long_name"] = rig.attrs["comment"] = "yaw"
+    rig.to_netcdf(tmp_path / "attribute.nc", engine="h5netcdf")
+    remark = posterior_of_file(tmp_path / "attribute.nc", "rig", stereo()).remark
+    assert remark == "not used from the file: comment and draws.long_name"
     for units in ("rad", "radians", "SI", ""):
         assert stated(tmp_path / "rig.nc", **yaw, units=units).remark == ""
     assert stated(tmp_path / "rig.nc", units="rad, m").remark

@@ -4,10 +4,11 @@ CSV with draws: the first line names the parameters, and every other line is one
 first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
 covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
 the names in a text variable ``parameter``. With draws, ``reference(parameter)`` may give the values at which the errors
-are zero. Numbers are in SI units, and in pixels where the name ends in ``_px``; ``units``, an attribute or a variable,
-may say so. Another variable over draws, such as weights, is refused. The posterior of a rig calibrated from corners
-also has ``best(parameter)`` and ``pixels(side)``, and the attribute ``lens_model`` unless its lenses are pinholes with
-k1 and k2.
+are zero. Numbers are in SI units, and in pixels where the name ends in ``_px``; ``units`` or ``unit``, a
+variable or an attribute of a variable or of the file, may say so. Numbers that ``_FillValue`` or ``missing_value``
+marks as missing, and another variable over draws, such as weights, are refused. The posterior of a rig calibrated from
+corners also has ``best(parameter)`` and ``pixels(side)``, and the attribute ``lens_model`` unless its lenses are
+pinholes with k1 and k2.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ _HAS_UNITS: Final = ("parameter", *_NUMBERS)
 _READ_WITH_DRAWS: Final = ("parameter", "draws", "reference", "best", "pixels", *_UNITS)
 _READ_WITH_COVARIANCE: Final = ("parameter", "mean", "covariance", *_UNITS)
 _MISSING: Final = ("_FillValue", "missing_value")  # attributes of a variable
+_NOT_NUMBERS: Final = ("Conventions", "history", "coordinates")
+"""Attributes that describe the file, not its numbers."""
 _SYMMETRY_LIMIT = 1e-9  # relative
 _NEGATIVE_LIMIT = 1e-10  # of the largest eigenvalue of the correlation matrix: the rounding of numbers in a file
 
@@ -229,15 +232,14 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
             )
         read = _READ_WITH_DRAWS if "draws" in file.variables else _READ_WITH_COVARIANCE
         others = [one for one in file.variables if one not in (*read, *file.dimensions)]
-        units = _stated_units(names, {one: values for one, values in file.variables.items() if one in read})
-        _refuse_missing(
-            path, {one: values for one, values in file.variables.items() if one in _NUMBERS and one in read}
-        )
+        variables = {one: values for one, values in file.variables.items() if one in read}
+        units = _stated_units(names, variables, file.attrs)
+        attributes = _unread_attributes(variables, file.attrs, has_lens="best" in variables)
+        _refuse_missing(path, {one: variables[one] for one in _NUMBERS if one in variables})
         if "draws" in file.variables:
             _require_equal_draws(path, {one: file.variables[one] for one in others}, file.variables["draws"].shape)
             found = _netcdf_draws(names, file.variables, str(file.attrs.get("lens_model", "")))
-            others += ["lens_model"] if found.best is None and "lens_model" in file.attrs else []
-            return replace(found, stated_units=units, unread=(*others, *file.groups))
+            return replace(found, stated_units=units, unread=(*others, *attributes, *file.groups))
         if "mean" not in file.variables:
             raise CalibrationFileError(
                 f"{path.name} has a covariance without its mean",
@@ -247,7 +249,7 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
             )
         mean = np.asarray(file.variables["mean"][...], dtype=np.float64)
         covariance = np.asarray(file.variables["covariance"][...], dtype=np.float64)
-        unread = (*others, *file.groups)
+        unread = (*others, *attributes, *file.groups)
         return CalibrationCovariance(names=names, mean=mean, covariance=covariance, stated_units=units, unread=unread)
 
 
@@ -258,20 +260,33 @@ def _texts(values: Any) -> tuple[str, ...]:
     return tuple(one.decode() if isinstance(one, bytes) else str(one) for one in rows)
 
 
-def _stated_units(names: tuple[str, ...], variables: Mapping[str, Any]) -> tuple[tuple[str, str, str], ...]:
-    """Variable, parameter and unit, of every unit that variables or their attributes state."""
+def _stated_units(
+    names: tuple[str, ...], variables: Mapping[str, Any], attributes: Mapping[str, Any]
+) -> tuple[tuple[str, str, str], ...]:
+    """Variable, parameter and unit, of every unit that variables, their attributes or those of the file state."""
+    statements = [(key, _texts(variables[key][...])) for key in _UNITS if key in variables]
+    owners = {"": attributes} | {one: values.attrs for one, values in variables.items() if one in _HAS_UNITS}
+    for owner, attrs in owners.items():
+        for key in _UNITS:
+            if key in attrs:
+                stated = tuple(unit.strip() for unit in ",".join(_texts(attrs[key])).split(","))
+                statements.append((owner or key, stated))
     found: list[tuple[str, str, str]] = []
-    for variable, values in variables.items():
-        if variable in _UNITS:
-            stated = _texts(values[...])
-        elif variable in _HAS_UNITS and "units" in values.attrs:
-            stated = tuple(one.strip() for one in ",".join(_texts(values.attrs["units"])).split(","))
-        else:
-            continue
+    for variable, stated in statements:
         # One for all, or a list that does not match the parameters and hence is the unit of none.
-        stated = stated if len(stated) == len(names) else (", ".join(stated),) * len(names)
-        found += [(variable, name, unit) for name, unit in zip(names, stated, strict=True)]
+        units = stated if len(stated) == len(names) else (", ".join(stated),) * len(names)
+        found += [(variable, name, unit) for name, unit in zip(names, units, strict=True)]
     return tuple(found)
+
+
+def _unread_attributes(variables: Mapping[str, Any], attributes: Mapping[str, Any], *, has_lens: bool) -> list[str]:
+    """Attributes of the file and, after a point, of the variables read, that may describe numbers and are not used."""
+    read = (*_UNITS, *_NOT_NUMBERS, *(["lens_model"] if has_lens else []))
+    unread = [key for key in attributes if key not in read]
+    for variable, values in variables.items():
+        read = (*_NOT_NUMBERS, *((*_UNITS, *_MISSING) if variable in _HAS_UNITS else ()))
+        unread += [f"{variable}.{key}" for key in values.attrs if key not in read]
+    return unread
 
 
 def _refuse_missing(path: Path, variables: Mapping[str, Any]) -> None:
