@@ -378,6 +378,27 @@ def test_equal_light_on_unequal_pixels_is_warned_about() -> None:
     assert tradestudy.load(ROBOT).with_values(alike).warnings == ()
 
 
+def test_a_wavelength_outside_the_spectrum_is_warned_about() -> None:
+    lines = [{"wavelength": f"{one} nm", "weight": 1} for one in (850, 940)]
+    study = tradestudy.load(ROBOT).with_values({"scene.picture.spectrum": lines})
+    (said,) = study.with_values({"scene.wavelength": "550 nm"}).warnings
+    assert "scene.wavelength: 550 nm lies outside scene.picture.spectrum (850 nm to 940 nm)" in said
+    assert study.with_values({"scene.wavelength": "850 nm"}).warnings == ()
+    assert study.with_values({"scene.wavelength": "550 nm", "effects.spectrum": "off"}).warnings == ()
+
+
+@pytest.mark.parametrize(("low", "key"), [("60 mm", ""), ("80 mm", "low"), ("10 mm", "high")])
+def test_an_assumption_whose_range_excludes_the_declared_value_is_warned_about(low: str, key: str) -> None:
+    """The baseline is 75 mm; the ranges end at 90 mm, or at 70 mm."""
+    assumption = {"vary": "stereo-75mm.baseline", "low": low, "high": "70 mm" if key == "high" else "90 mm"}
+    voi = {"assumptions": {"baseline": assumption}, "at": ["1 m"]}
+    said = tradestudy.load(ROBOT).with_values({"value_of_information": voi}).warnings
+    assert len(said) == (1 if key else 0)
+    if key:
+        assert f"value_of_information.assumptions.baseline.{key}: {low} to " in said[0]
+        assert "does not include the declared value of stereo-75mm.baseline, 75 mm" in said[0]
+
+
 def test_a_focal_length_usual_for_microlenses_is_not_doubted() -> None:
     """Those of the first Lytro camera are 25 µm long."""
     said = tradestudy.load(FAST.parents[1] / "lytro-like" / "lytro.yaml").warnings

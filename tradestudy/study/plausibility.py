@@ -13,6 +13,7 @@ import numpy as np
 from tradestudy.cameras.camera import Contradiction, digitiser_contradictions
 from tradestudy.cameras.declaration import CalibratedCameraPart, DepthCameraDeclaration, SensorPart
 from tradestudy.cameras.imported import FITTED_LENS, NOMINAL_PITCH, PICTURE_SIZE
+from tradestudy.effects import OFF
 from tradestudy.errors import Problem
 from tradestudy.imaging.models import mean_electrons
 from tradestudy.study.camera_files.libpleno import IGNORED
@@ -27,7 +28,8 @@ from tradestudy.study.camera_files.pairs import (
     off_centre,
 )
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import OUTSIDE, Document, Path, ScalarEntry, dotted, walk
+from tradestudy.study.document import OUTSIDE, Document, Path, ScalarEntry, dotted, text_of, walk
+from tradestudy.study.varying import question_ends
 from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.units import (
     ANGLE,
@@ -133,6 +135,8 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_outside_the_usual(definition),
         *_light(definition),
         *_unequal_pixels(definition),
+        *_beside_the_spectrum(definition),
+        *_declared_outside(definition),
         *_imported(definition),
         *_off_centre(definition),
         *_not_inherited(definition),
@@ -256,6 +260,43 @@ def _unequal_pixels(definition: StudyDefinition) -> Iterator[Problem]:
         sizes = " and ".join(pretty(one, LENGTH) for one in sorted(pitches))
         what = f"pixels of {sizes} are taken to collect equal light; with at_pixel_pitch, larger ones collect more"
         yield definition.document.problem(path, what)
+
+
+def _beside_the_spectrum(definition: StudyDefinition) -> Iterator[Problem]:
+    """A wavelength of the scene outside the spectrum of its light."""
+    scene = definition.file.scene
+    if scene is None or scene.picture is None or scene.picture.spectrum is None:
+        return
+    if definition.file.effects.forced().get("spectrum") == OFF:  # the whole study is at the wavelength
+        return
+    lines = [one.wavelength for one in scene.picture.spectrum]
+    if not min(lines) * (1.0 - 1e-9) <= scene.wavelength <= max(lines) * (1.0 + 1e-9):
+        ends = " to ".join(pretty(one, LENGTH) for one in sorted({min(lines), max(lines)}))
+        own = pretty(scene.wavelength, LENGTH)
+        what = (
+            f"{own} lies outside scene.picture.spectrum ({ends}), which derived disparity errors use; all other "
+            f"answers, such as lateral resolution, depth of field and rendered pictures, use {own}"
+        )
+        yield definition.document.problem(("scene", "wavelength"), what)
+
+
+def _declared_outside(definition: StudyDefinition) -> Iterator[Problem]:
+    """Declared values outside the range of the assumption that varies them."""
+    part = definition.file.value_of_information
+    for name, one in part.assumptions.items() if part is not None else ():
+        for path in one.paths:
+            entry, (dimension, low, high) = definition.document.entry(path), question_ends(one)
+            try:
+                value = math.nan if entry is None else parse(text_of(entry), dimension)
+            except UnitError:  # such as "derived"
+                continue
+            if value < low * (1.0 - 1e-9) or value > high * (1.0 + 1e-9):
+                what = (
+                    f"{one.low} to {one.high} does not include the declared value of {path}, "
+                    f"{pretty(value, dimension)}; only values within the range are drawn"
+                )
+                place = ("value_of_information", "assumptions", name, "low" if value < low else "high")
+                yield definition.document.problem(place, what)
 
 
 def _imported(definition: StudyDefinition) -> Iterator[Problem]:
