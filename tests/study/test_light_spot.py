@@ -157,7 +157,7 @@ def test_seconds_are_in_the_record_and_never_in_the_results(result: Result) -> N
 
 
 def findings(result: Result, data: xr.Dataset) -> list[str]:
-    blocks = describe_light_spot_answer(xr.DataTree.from_dict({"/images": data}), result.run_record, {})
+    blocks = describe_light_spot_answer(xr.DataTree.from_dict({"/images": data}), result.run_record)
     (box,) = (block for block in blocks if isinstance(block, Callout))
     (bullets,) = box.blocks
     assert isinstance(bullets, Bullets)

@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tradestudy.cameras.imported import Vector
 from tradestudy.optics.arrays import FloatArray
@@ -111,6 +110,8 @@ def _angle_of(rotation: FloatArray) -> float:
 
 def _rotations_of(numbers: Sequence[float], words: Collection[str]) -> Iterator[FloatArray]:
     """The rotations that a matrix, a rotation vector [rad] or a quaternion, real part first or last, may mean."""
+    from scipy.spatial.transform import Rotation  # heavy, and few files have one
+
     if len(numbers) == 9:
         yield np.array(numbers).reshape(3, 3)
     elif len(numbers) == 3 and _VECTORS & {*words}:
