@@ -101,5 +101,5 @@ def test_the_figure_and_its_sentence(measured):
     ratios = re.findall(r"\(elsewhere up to (\d+\.\d) times that\)", map_words(tree, "rig"))
     for panel, ratio, uncertainty, least in zip(panels, ratios, found.uncertainty, middle, strict=True):
         drawn = np.ma.filled(panel.images[0].get_array(), np.nan)
-        np.testing.assert_allclose(drawn * least, uncertainty, rtol=1e-12)
+        np.testing.assert_allclose(1e-3 * drawn, uncertainty, rtol=1e-12)  # in mm, as the readout shows it
         assert float(ratio) == pytest.approx(np.nanmax(uncertainty) / least, abs=0.05)
