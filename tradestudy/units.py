@@ -300,11 +300,16 @@ def _on_grid(value: float, dimension: Dimension, digits: int, to: Callable[[floa
     if not math.isfinite(value) or value == 0.0:
         return value
     unit = display_unit(value, dimension)
-    number = (value - unit.zero) / unit.size
-    step = 10.0 ** (math.floor(math.log10(abs(number))) - digits + 1) if number else 1.0
+    return rounded((value - unit.zero) / unit.size, digits, to, error / unit.size) * unit.size + unit.zero
+
+
+def rounded(number: float, digits: int, to: Callable[[float], int], error: float = 0.0) -> float:
+    """A number with so many significant digits: itself if it has them to within its `error`, else rounded by `to`."""
+    if not math.isfinite(number) or number == 0.0:
+        return number
+    step = 10.0 ** (math.floor(math.log10(abs(number))) - digits + 1)
     whole = round(number / step)
-    is_whole = abs(number / step - whole) < max(_ROUNDING, error / unit.size / step)
-    return (whole if is_whole else to(number / step)) * step * unit.size + unit.zero
+    return (whole if abs(number / step - whole) < max(_ROUNDING, error / step) else to(number / step)) * step
 
 
 def shows_error(value: float, error: float, dimension: Dimension) -> bool:

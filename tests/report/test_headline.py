@@ -64,9 +64,13 @@ def test_a_rounded_stretch_lies_within_the_true_one(make_tree: Callable[..., xr.
     assert found == "From 0.16 to 0.82 m take Raytrix R5, Keplerian; elsewhere no camera is usable."
 
 
-def test_a_sweep_names_the_number_that_decides() -> None:
-    """At 1 m, a yaw of 0.2° moves depth by a² φ/b = 34.9 mm with a baseline of 100 mm, whatever the focal length."""
-    swept = ["sweep.stereo.baseline=[60 mm, 100 mm, 140 mm]", "sweep.stereo.lenses.focal_length=[8 mm, 16 mm]"]
+@pytest.mark.parametrize("baselines", ["60 mm, 100 mm, 140 mm", "100 mm, 140 mm, 180 mm"])
+def test_a_sweep_names_the_number_that_decides(baselines: str) -> None:
+    """At 1 m, a yaw of 0.2° moves depth by a² φ/b = 34.9 mm with a baseline of 100 mm, whatever the focal length.
+
+    The declared baseline is named, also if it is the first of the sweep.
+    """
+    swept = [f"sweep.stereo.baseline=[{baselines}]", "sweep.stereo.lenses.focal_length=[8 mm, 16 mm]"]
     study = load(STUDIES / "stereo_design.yaml", ["scene.distances={from: 0.5 m, to: 2 m, points: 7}", *swept])
     assert headline(study.run().data).endswith(
         "; baseline decides and focal length hardly matters: at 100 mm, ±35 mm at 1 m."

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.sweeps import moved_cameras, reference_distance
+from tradestudy.figures.sweeps import moved_cameras, reference_distance, swept_words
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.finding import (
     camera_finding,
@@ -19,7 +18,6 @@ from tradestudy.results.views.finding import (
     question_finding,
 )
 from tradestudy.results.views.groups import group, has
-from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import distance, with_article
 
 
@@ -58,9 +56,6 @@ def _choice(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> tuple[str, st
 def _sweep_finding(tree: xr.DataTree) -> str:
     """The depth uncertainties between which a sweep moves its first camera, at the distance of its map."""
     camera, place = moved_cameras(tree)[0], reference_distance(tree)
-    there = group(tree, "depth").sel(distance=place, camera=camera.key)["depth_uncertainty"].values
-    finite = there[np.isfinite(there)]
-    if not finite.size:
+    if not (words := swept_words(tree, camera.key)):
         return ""
-    low, high = (pretty(float(end), LENGTH) for end in (finite.min(), finite.max()))
-    return f"At {distance(place)}, depth uncertainty of {with_article(camera.title)} is {low} to {high}, by design."
+    return f"At {distance(place)}, depth uncertainty of {with_article(camera.title)} is {words}, by design."

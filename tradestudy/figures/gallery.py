@@ -347,7 +347,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
             name="sweep_map",
             caption=f"Depth uncertainty at {place} over the swept {names}{numbers}.{unseen if numbers else ''}{why}",
             alt=f"Depth uncertainty at {place} over the swept {names}. "
-            + "".join(f"{camera.title}: {_swept_words(tree, camera.key)}. " for camera in moved),
+            + "".join(f"{camera.title}: {sweeps.swept_words(tree, camera.key) or 'none'}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),
             values=partial(sweeps.map_tables, tree),
         )
@@ -360,14 +360,6 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         alt=f"Scatter chart of depth uncertainty at {place} against nearest usable distance. {_frontier_words(tree)}",
         draw=partial(sweeps.draw_pareto, tree),
     )
-
-
-def _swept_words(tree: xr.DataTree, camera: str) -> str:
-    """The smallest and the largest uncertainty of a camera over the designs, at the distance of the map."""
-    there = tree["depth"].to_dataset().sel(distance=sweeps.reference_distance(tree), method="nearest")
-    values = there["depth_uncertainty"].sel(camera=camera).values
-    finite = values[np.isfinite(values)]
-    return f"{pretty(float(finite.min()), LENGTH)} to {pretty(float(finite.max()), LENGTH)}" if finite.size else "none"
 
 
 def _frontier_words(tree: xr.DataTree) -> str:

@@ -30,7 +30,7 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.figures.value_tables import Tables, depth_map_tables, picture_tables, uncertainty_map_tables
-from tradestudy.results.views.finding import MOST_CURVES
+from tradestudy.results.views.finding import MOST_CURVES, ratio_to_middle
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
@@ -313,7 +313,7 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 def _end_of_scale(tree: xr.DataTree, key: str) -> str:
     """Say that larger values share the last colour; empty if there are none."""
     one = group(tree, "depth_map").sel(camera=key)
-    ratios = np.concatenate([_ratio(one.sel(distance=place)) for place in one["distance"].values])
+    ratios = np.concatenate([ratio_to_middle(one, float(place)) for place in one["distance"].values])
     return (
         f"; values above {_LARGEST_RATIO:g} are drawn as {_LARGEST_RATIO:g}"
         if np.nanmax(ratios, initial=0.0, where=np.isfinite(ratios)) > _LARGEST_RATIO
@@ -326,7 +326,7 @@ def map_words(tree: xr.DataTree, key: str) -> str:
     one, title = group(tree, "depth_map").sel(camera=key), camera_titles(tree)[key]
     found = []
     for place in one["distance"].values:
-        ratio = _ratio(one.sel(distance=place))
+        ratio = ratio_to_middle(one, float(place))
         known = ratio[np.isfinite(ratio)]
         if known.size:
             middle = float(one["depth_uncertainty"].sel(distance=place, down=0.0, across=0.0, method="nearest"))
@@ -340,7 +340,7 @@ def map_words(tree: xr.DataTree, key: str) -> str:
 def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
     """Draw a map for each distance."""
     one = group(tree, "depth_map").sel(camera=key)
-    ratios = [_ratio(one.sel(distance=place)) for place in one["distance"].values]
+    ratios = [ratio_to_middle(one, float(place)) for place in one["distance"].values]
     known = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios])
     low, high = (float(known.min()), min(float(known.max()), _LARGEST_RATIO)) if known.size else (1.0, _LARGEST_RATIO)
     figure = new_figure(1.7)
@@ -363,12 +363,7 @@ def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
 def _tables(tree: xr.DataTree, key: str) -> Tables:
     one = group(tree, "depth_map").sel(camera=key)
     places = one["distance"].values.tolist()
-    return uncertainty_map_tables(places, [_ratio(one.sel(distance=place)) for place in places])
-
-
-def _ratio(one: xr.Dataset) -> FloatArray:
-    values = np.asarray(one["depth_uncertainty"].values, dtype=np.float64)
-    return np.asarray(values / _middle(values))
+    return uncertainty_map_tables(places, [ratio_to_middle(one, float(place)) for place in places])
 
 
 def _middle(values: FloatArray) -> float:

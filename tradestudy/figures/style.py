@@ -349,7 +349,8 @@ class CameraTrace:
 
 def traces(tree: xr.DataTree, name: str = "depth", most: int = MOST_CAMERAS) -> tuple[CameraTrace, ...]:
     """The traces of the cameras of a group that figures show; :func:`selection_words` names their choice."""
-    keys = cameras_by_weight(tree, name)[:most]
+    every = titles_in(tree, name)
+    keys = cameras_by_weight(tree, name)[:most] if len(every) > most else every  # their order does not show
     return tuple(trace for trace in all_traces(tree) if trace.key in keys)
 
 

@@ -37,7 +37,7 @@ from tradestudy.figures.value_tables import Tables, grid
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import FloatArray, titles_in
-from tradestudy.units import LENGTH
+from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import distance
 
 MM = 1e3
@@ -211,6 +211,14 @@ def _maps(
     bar.ax.minorticks_off()
     bar.set_label(_uncertainty_label(tree))
     return figure
+
+
+def swept_words(tree: xr.DataTree, camera: str) -> str:
+    """The smallest and the largest uncertainty of a camera over the designs, at the distance of the map."""
+    there = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
+    values = there["depth_uncertainty"].sel(camera=camera).values
+    finite = values[np.isfinite(values)]
+    return f"{pretty(float(finite.min()), LENGTH)} to {pretty(float(finite.max()), LENGTH)}" if finite.size else ""
 
 
 def _uncertainty_label(tree: xr.DataTree) -> str:

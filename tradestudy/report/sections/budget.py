@@ -13,15 +13,12 @@ import xarray as xr
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import interval, length, or_dash, share
 from tradestudy.results.views.depth import at_the_bound, best_of_any_matcher, false_matches_declared, table_depth
+from tradestudy.results.views.designs import BY_UNIT
 from tradestudy.results.views.groups import FloatArray, group, has, perfectly_calibrated, titles_in
 from tradestudy.units import (
-    ANGLE,
-    LENGTH,
     NUMBER,
-    PIXELS,
     PRESSURE_DIFFERENCE,
     TEMPERATURE_DIFFERENCE,
-    Dimension,
     pretty,
     significant,
 )
@@ -31,14 +28,7 @@ _MOST_ROWS: Final = 12  # per budget; of more, the inputs that make up almost al
 _ALMOST_ALL: Final = 0.99
 _MOST_CAMERAS: Final = 8
 _NO_CELLS: Final = ("",) * 5  # from the distribution to the sensitivity coefficient
-_DIMENSIONS: Final[dict[str, Dimension]] = {
-    "m": LENGTH,
-    "rad": ANGLE,
-    "px": PIXELS,
-    "1": NUMBER,
-    "K": TEMPERATURE_DIFFERENCE,
-    "Pa": PRESSURE_DIFFERENCE,
-}
+_DIMENSIONS: Final = {**BY_UNIT, "1": NUMBER, "K": TEMPERATURE_DIFFERENCE, "Pa": PRESSURE_DIFFERENCE}
 
 
 def list_budgets(tree: xr.DataTree) -> Iterator[Block]:

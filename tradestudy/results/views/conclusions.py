@@ -25,7 +25,7 @@ from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.results.views.requirement_conclusions import (
     requirement_conclusions,
 )
-from tradestudy.units import FRACTION, pretty, significant
+from tradestudy.units import FRACTION, pretty, rounded, significant
 from tradestudy.wording import distance, limit_words, listed, plain_span
 
 _SEVERAL: Final = 2
@@ -223,8 +223,7 @@ def never_best_words(tree: xr.DataTree) -> Iterator[str]:
 
 def at_least(ratio: float) -> str:
     """A factor with two digits that is not larger than the ratio, but for rounding."""
-    step = 10.0 ** (math.floor(math.log10(ratio)) - 1)
-    return significant(step * math.floor(ratio / step * (1.0 + _ROUNDING)), 2)
+    return significant(rounded(ratio, 2, math.floor, _ROUNDING * ratio), 2)
 
 
 def lower_bounds(tree: xr.DataTree) -> tuple[str, ...]:

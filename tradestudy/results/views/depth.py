@@ -99,6 +99,16 @@ def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], .
     return ranges_of(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
 
 
+def where_known(tree: xr.DataTree, camera: str) -> tuple[FloatArray, FloatArray]:
+    """The distances [m] at which a camera is usable and its judged uncertainty is bounded, and this uncertainty [m]."""
+    depth = nominal(tree)
+    places = np.asarray(depth["distance"].values, dtype=np.float64)
+    judged = np.asarray(judged_uncertainty(depth).sel(camera=camera).values, dtype=np.float64)
+    inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, camera)]
+    known = np.any([np.zeros(places.shape, dtype=bool), *inside], axis=0) & np.isfinite(judged)
+    return places[known], judged[known]
+
+
 def field_words(field: float, corner: str = "") -> str:
     """A field position in words: 0 is the axis, 1 the corner of the sensor; towards any corner if none is named."""
     return (
@@ -395,6 +405,12 @@ def measured_words(tree: xr.DataTree, *, of_scene: str = "In pictures of the sce
     return (*_of_planes(tree), *(f"{of_scene}{sentence}" for sentence in _of_scene(tree)))
 
 
+def spreads_over_predicted(data: xr.Dataset, camera: str) -> FloatArray:
+    """The measured spread relative to the predicted one, of every plane of ``/depth_loop`` that a camera measured."""
+    over = np.ravel(data["depth_relative_spread"].sel(camera=camera).values)
+    return np.asarray(over[np.isfinite(over)], dtype=np.float64)
+
+
 def _of_planes(tree: xr.DataTree) -> Iterator[str]:
     """For each camera, the range over its planes of the ratio of measured to predicted spread."""
     if not has(tree, "depth_loop", "depth_spread"):
@@ -403,8 +419,7 @@ def _of_planes(tree: xr.DataTree) -> Iterator[str]:
     reached: list[str] = []
     failed: dict[str, list[str]] = {}  # the cameras, by the reason that all their planes share
     for name in data["camera"].values:
-        over = data["depth_relative_spread"].sel(camera=name).values
-        over, title = over[np.isfinite(over)], titles[str(name)]
+        over, title = spreads_over_predicted(data, str(name)), titles[str(name)]
         if not over.size:
             reasons = np.unique(data["reason"].sel(camera=name).values.astype(str))
             failed.setdefault(f": {reasons[0]}" if reasons.size == 1 and reasons[0] else "", []).append(title)

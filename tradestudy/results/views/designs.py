@@ -260,12 +260,17 @@ def _values_words(axis: xr.DataArray, numbers: npt.NDArray[np.intp]) -> str:
     return ends[0] if used.size == 1 else f"{ends[0]} to {ends[1]}"
 
 
+def all_requirements(count: int) -> str:
+    """So many requirements in words: "both requirements"."""
+    return {1: "the requirement", 2: "both requirements"}.get(count, f"all {count} requirements")
+
+
 def feasible_words(tree: xr.DataTree) -> str:
     """Sentences on the feasible designs, without the last full stop; empty without a sweep or a requirement."""
     found = feasible_designs(tree)
     if found is None:
         return ""
-    what = {1: "the requirement", 2: "both requirements"}.get(found.required, f"all {found.required} requirements")
+    what = all_requirements(found.required)
     what += " that must hold" if found.wishes and found.required > 1 else ""
     what += ", with one camera or another" if found.by_any else ""
     known = np.isfinite(found.best.margin) and found.best.margin > -1.0

@@ -9,10 +9,9 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.conclusions import best_ranges, never_best
 from tradestudy.results.views.decision import tied
-from tradestudy.results.views.depth import nominal, where_usable
+from tradestudy.results.views.depth import where_known
 from tradestudy.results.views.groups import FloatArray, group, has, records, titles_in
 from tradestudy.results.views.headline import headline
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions
@@ -31,9 +30,8 @@ def cameras_by_weight(tree: xr.DataTree, name: str = "depth") -> list[str]:
     """
     every = titles_in(tree, name)
     keys = {title: key for key, title in every.items()}
-    required = [one.camera for one in requirement_conclusions(tree)]
     must = [one for one in requirement_conclusions(tree) if one.priority == "must"]
-    taken = required[: len(must)] if must and all(one.met for one in must) else []
+    taken = [one.camera for one in must] if all(one.met for one in must) else []
     best = sorted(best_ranges(tree), key=lambda one: one.near / one.far)
     close = sorted(never_best(tree), key=lambda one: one[1])
     titles = [*taken, *(title for one in best for title in one.cameras)]
@@ -72,15 +70,10 @@ def camera_finding(tree: xr.DataTree) -> str:
 
 
 def _growth(tree: xr.DataTree) -> str:
-    depth = nominal(tree)
-    camera = str(depth["camera"].values[0])
-    places = np.asarray(depth["distance"].values, dtype=np.float64)
-    judged = np.asarray(judged_uncertainty(depth).sel(camera=camera).values, dtype=np.float64)
-    inside = [k for k, place in enumerate(places) for near, far in where_usable(depth, camera) if near <= place <= far]
-    known = [k for k in inside if np.isfinite(judged[k])]
-    if not known:
+    places, judged = where_known(tree, str(group(tree, "depth")["camera"].values[0]))
+    if not places.size:
         return ""
-    first, last = (f"{pretty(float(judged[k]), LENGTH)} at {distance(places[k])}" for k in (known[0], known[-1]))
+    first, last = (f"{pretty(float(judged[k]), LENGTH)} at {distance(places[k])}" for k in (0, -1))
     return f"Depth uncertainty runs from {first} to {last}."
 
 

@@ -18,18 +18,18 @@ from tradestudy.results.views.depth import (
     by_first_criterion,
     declared_place,
     measured_numbers,
-    nominal,
     off_axis,
     sharp_cameras,
+    spreads_over_predicted,
     swept,
-    where_usable,
+    where_known,
 )
-from tradestudy.results.views.designs import feasible_designs, margin_words, path_words, value_words
-from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.results.views.designs import all_requirements, feasible_designs, margin_words, path_words, value_words
+from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
-from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers
-from tradestudy.units import FRACTION, LENGTH, PIXELS, display_unit, pretty, significant
+from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers
+from tradestudy.units import FRACTION, LENGTH, PIXELS, display_unit, pretty, rounded, significant
 from tradestudy.wording import DECLARED_VALUE, counted, distance, fewest_digits, listed, plain_span, with_article
 
 _METRE: Final = 0.1  # a range of distances that reaches this far is written in metres, [m]
@@ -42,13 +42,14 @@ _NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it 
 def headline(tree: xr.DataTree) -> str:
     """The answer in one sentence, with a full stop; empty where the results hold no answer."""
     requirements = requirement_conclusions(tree)
-    ways = (_of_sweep, _of_light, _of_fresnel, _of_hard_cases, _of_pictures)
+    ways = (_of_sweep, _of_light, _of_fresnel, hard_case_words, _of_pictures)
     words = next(filter(None, (way(tree) for way in ways)), "")
     if sharp := _of_sharpness(tree):
         depth = _of_cameras(tree, requirements).replace("take ", "to measure depth, ", 1) if requirements else ""
         words = "; ".join(filter(None, (sharp, depth)))
     words = words or _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
     words = words or _of_requirements(requirements) or next(_questions(tree), "")
+    words = words.replace("\N{NO-BREAK SPACE}", " ")
     return f"{words[0].upper()}{words[1:]}." if words else ""
 
 
@@ -57,9 +58,7 @@ def _of_sweep(tree: xr.DataTree) -> str:
     feasible = feasible_designs(tree)
     if feasible is None:
         return ""
-    what = {1: "the requirement", 2: "both requirements"}.get(
-        feasible.required, f"all {feasible.required} requirements"
-    )
+    what = all_requirements(feasible.required)
     what += " with one camera or another" if feasible.by_any and len(camera_titles(tree)) > 1 else ""
     if not feasible.count:
         return f"none of {feasible.designs} designs meets {what}: {feasible.best.words} comes closest{_deciding(tree)}"
@@ -88,14 +87,15 @@ def _deciding(tree: xr.DataTree) -> str:
     busy = [axis for axis in axes if factor[axis] > _CLEARLY]
     if not idle or len(idle) + len(busy) < len(axes):
         return ""
-    middle = {axis: declared_place(depth[axis]) or depth[axis].size // 2 for axis in busy}
-    along = uncertainty.isel(middle).values
+    declared = {axis: declared_place(depth[axis]) for axis in busy}
+    held_at = {axis: depth[axis].size // 2 if k is None else k for axis, k in declared.items()}
+    along = uncertainty.isel(held_at).values
     low, high = (pretty(float(end), LENGTH, digits=2) for end in (np.nanmin(along), np.nanmax(along)))
-    held = listed([value_words(depth[axis], depth[axis].values[k]) for axis, k in middle.items()])
+    held = listed([value_words(depth[axis], depth[axis].values[k]) for axis, k in held_at.items()])
     names = [listed([path_words(tree, axis).partition(" of ")[0] for axis in some]) for some in (busy, idle)]
     spread = low if low == high else f"{low} to {high}"
     verbs = ["decides" if len(busy) == 1 else "decide", "hardly matters" if len(idle) == 1 else "hardly matter"]
-    where = distance(float(places[-1])).replace("\N{NO-BREAK SPACE}", " ")
+    where = distance(float(places[-1]))
     return f"; {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: at {held}, ±{spread} at {where}"
 
 
@@ -135,17 +135,10 @@ def _of_fresnel(tree: xr.DataTree) -> str:
     return f"Fresnel's approximation agrees with Kirchhoff's integral to {within}: {each}"
 
 
-def _of_hard_cases(tree: xr.DataTree) -> str:
-    counts = hard_case_numbers(tree)
-    return f"the program gets {counts['met']} of {counts['cases']} hard cases right" if counts else ""
-
-
 def _of_pictures(tree: xr.DataTree) -> str:
     """Which camera measured the rendered scene best, and how; or how far planes deviate from predictions."""
-    rows = [row for row in measured_numbers(tree) if np.isfinite(row["spread"])]
-    scene = sorted(
-        (row for row in rows if row["of"] == "scene"), key=lambda row: math.hypot(row["spread"], row["bias"])
-    )
+    rows = [row for row in measured_numbers(tree) if row["of"] == "scene" and np.isfinite(row["spread"])]
+    scene = sorted(rows, key=lambda row: math.hypot(row["spread"], row["bias"]))
     if scene:
         first, *others = scene
         words = (
@@ -154,12 +147,15 @@ def _of_pictures(tree: xr.DataTree) -> str:
         return "; ".join(
             [words, *(f"{with_article(row['camera'])}, to {_spread_words(row)}" for row in others[:_NAMED])]
         )
-    ratios = [row["spread"] / row["predicted"] for row in rows if row["predicted"] > 0.0]
-    if not ratios:
+    if not has(tree, "depth_loop", "depth_spread"):
         return ""
-    low, high = (significant(end, 2) for end in (min(ratios), max(ratios)))
-    cameras = list(dict.fromkeys(with_article(row["camera"]) for row in rows))
-    return f"{listed(cameras)} measure planes with {low} to {high} times the predicted spread"
+    data, titles = group(tree, "depth_loop"), titles_in(tree, "depth_loop")
+    spreads = {title: over for key, title in titles.items() if (over := spreads_over_predicted(data, key)).size}
+    if not spreads:
+        return ""
+    every = np.concatenate(list(spreads.values()))
+    low, high = (significant(float(end), 2) for end in (every.min(), every.max()))
+    return f"{listed(list(map(with_article, spreads)))} measure planes with {low} to {high} times the predicted spread"
 
 
 def _spread_words(row: dict[str, Any]) -> str:
@@ -256,11 +252,7 @@ def _requirement_words(met: Sequence[RequirementConclusion]) -> str:
     """What a camera meets, and with what to spare in the tightest case."""
     tightest = min(met, key=lambda one: one.margin)
     alone = not any(other.met for other in tightest.others)
-    which = (
-        f"“{tightest.says}”"
-        if len(met) == 1
-        else {2: "both requirements"}.get(len(met), f"all {len(met)} requirements")
-    )
+    which = f"“{tightest.says}”" if len(met) == 1 else all_requirements(len(met))
     bound = ", on the lower bound of matching" if any(one.at_lower_bound for one in met) else ""
     only = "it alone" if alone and len(met) == 1 and tightest.others else "it"
     spare = f", {margin_words(tightest.margin)}" if np.isfinite(tightest.margin) else ""
@@ -317,31 +309,28 @@ def _camera_words(titles: Sequence[str]) -> str:
 
 def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     """The usable range of the only camera, its uncertainty at both ends, and how much larger that is off the axis."""
-    depth = nominal(tree)
-    name = str(depth["camera"].values[0])
-    distances = np.asarray(depth["distance"].values, dtype=np.float64)
-    judged = judged_uncertainty(depth).sel(camera=name).values
-    inside = [k for k, place in enumerate(distances) for a, b in where_usable(depth, name) if a <= place <= b]
+    name = str(group(tree, "depth")["camera"].values[0])
+    distances, judged = where_known(tree, name)
     where = " and ".join(f"from {' to '.join(_ends(one.near, one.far))}" for one in taken)
-    known = [k for k in inside if np.isfinite(judged[k])]
     title = with_article(camera_titles(tree)[name])
-    if not known:
+    if not distances.size:
         return f"{title} is usable {where}"
-    worst = float(np.max(judged[known]))
-    values = [f"±{_worst(judged[k], worst)} at {distance(distances[k])}" for k in dict.fromkeys((known[0], known[-1]))]
+    worst = float(np.max(judged))
+    ends = {0: None, distances.size - 1: None}  # one if they are the same
+    values = [f"±{_worst(judged[k], worst)} at {distance(distances[k])}" for k in ends]
     causes = rests_on(tree)
     limits = f"; {causes[0].partition(' of ')[0]} decides most of it" if causes else ""
     beyond = off_axis(tree, name).ratio
     off = (
         f" on the axis, and up to {significant(beyond, 2)} times that elsewhere" if _HARDLY < beyond < math.inf else ""
     )
-    return f"depth by {title} is usable {where}, with {listed(values)}{off}{limits}".replace("\N{NO-BREAK SPACE}", " ")
+    return f"depth by {title} is usable {where}, with {listed(values)}{off}{limits}"
 
 
 def _worst(uncertainty: float, largest: float) -> str:
     """An uncertainty [m] in the unit that suits the largest one, rounded up to two digits."""
     unit = display_unit(largest, LENGTH)
-    return f"{_rounded(uncertainty / unit.size, 2, up=True)}{unit.label}"
+    return f"{significant(rounded(uncertainty / unit.size, 2, math.ceil), 2)}{unit.label}"
 
 
 def _ends(near: float, far: float, *, nearest: bool = False) -> tuple[str, str]:
@@ -352,8 +341,8 @@ def _ends(near: float, far: float, *, nearest: bool = False) -> tuple[str, str]:
     unit, size = ("m", 1.0) if far >= _METRE else ("mm", 1e-3)
 
     def written(digits: int) -> tuple[str, str]:
-        last = significant(far / size, digits) if nearest else _rounded(far / size, digits, up=False)
-        return _rounded(near / size, digits, up=True), last
+        last = far / size if nearest else rounded(far / size, digits, math.floor)
+        return significant(rounded(near / size, digits, math.ceil), digits), significant(last, digits)
 
     def apart(digits: int) -> bool:
         first, last = written(digits)
@@ -361,15 +350,3 @@ def _ends(near: float, far: float, *, nearest: bool = False) -> tuple[str, str]:
 
     first, last = written(_FEW_DIGITS if apart(_FEW_DIGITS) else fewest_digits(apart))
     return first, f"{last} {unit}"
-
-
-def _rounded(value: float, digits: int, *, up: bool) -> str:
-    """A positive number with so many significant digits, rounded up or down unless it is one of them already."""
-    if not 0.0 < value < math.inf:
-        return significant(value, digits)
-    step = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
-    steps = value / step
-    whole = (
-        round(steps) if math.isclose(steps, round(steps), rel_tol=1e-9) else (math.ceil if up else math.floor)(steps)
-    )
-    return significant(whole * step, digits)

@@ -87,12 +87,18 @@ def hard_case_numbers(tree: xr.DataTree) -> dict[str, int]:
     return {"cases": int(met.size), "met": int(np.count_nonzero(met))}
 
 
+def hard_case_words(tree: xr.DataTree) -> str:
+    """How many hard cases the program gets right, without a full stop; empty if the study computed none."""
+    found = hard_case_numbers(tree)
+    return f"The program gets {found['met']} of {found['cases']} hard cases right" if found else ""
+
+
 def wave_words(tree: xr.DataTree) -> Iterator[str]:
     """Sentences, without full stops, on the light spot, Fresnel's law and hard cases, if computed."""
     yield from _of_light(light_numbers(tree))
     yield from _of_fresnel(fresnel_numbers(tree))
-    if found := hard_case_numbers(tree):
-        yield f"The program gets {found['met']} of {found['cases']} hard cases right"
+    if words := hard_case_words(tree):
+        yield words
 
 
 def _of_light(pictures: list[dict[str, Any]]) -> Iterator[str]:

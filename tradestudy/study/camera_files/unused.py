@@ -240,8 +240,7 @@ def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading
             "this key looks like the camera matrix of undistorted pictures, but is not used; remove it or, if depth is "
             "measured in undistorted pictures, write it as the camera matrix, and zeros as distortion"
         )
-    is_neutral = numbers <= {0.0, 100.0 if "percent" in key.lower() else 1.0} or _size_in(value) == size
-    if _SCALE.search(key) and (is_set or not is_neutral):
+    if _SCALE.search(key) and (is_set or not _is_neutral(value, reading)):
         return (
             "this key looks like a scale of the pictures, but is not used; remove it if the camera matrix holds for "
             "the pictures in which depth is measured; if not, first multiply fx, fy, cx, cy and the size by the scale"
@@ -256,12 +255,18 @@ def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading
     return ""
 
 
+def _is_neutral(value: Located, reading: _Reading) -> bool:
+    """Whether a scale changes nothing: 1, 100 %, or the size that the pictures have."""
+    numbers = {*_numbers_in(value.entry)}
+    one = 100.0 if "percent" in value.last.lower() else 1.0
+    return numbers <= {0.0, one} or _size_in(value) == _size_named(value, reading)
+
+
 def _scales(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     if not _SCALES & {*words} or isinstance(value.entry, MappingEntry):
         return ""
-    is_neutral = {*_numbers_in(value.entry)} <= {0.0, 100.0 if "percent" in words else 1.0}
     unread = [text for text in _texts(value) if not _is_number(text) and text.lower() not in (*_UNSET, "full")]
-    if not unread and (is_neutral or _size_in(value) == _size_named(value, reading)):
+    if not unread and _is_neutral(value, reading):
         return ""
     return "this key looks like a scale, but is not used; multiply the values that it scales by it, and remove it"
 
