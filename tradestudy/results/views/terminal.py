@@ -118,6 +118,7 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
         head = "Best" if len(camera_titles(tree)) >= _SEVERAL else "Usable"
         last.append(_line(f"{head}{designs}", [*_range_words(ranges), *never_best_words(tree), *nowhere]))
+    lines = [one for one in lines if f"{one}." != answer]
     room = max(most - len(last), needed + 1)
     if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
         hidden = lines[room - 1 :]
