@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -74,4 +75,12 @@ def test_a_sweep_names_the_number_that_decides(baselines: str) -> None:
     study = load(STUDIES / "stereo_design.yaml", ["scene.distances={from: 0.5 m, to: 2 m, points: 7}", *swept])
     assert headline(study.run().data).endswith(
         "; baseline decides and focal length hardly matters: at 100 mm, ±35 mm at 1 m."
+    )
+
+
+def test_a_camera_that_is_usable_nowhere_is_not_compared() -> None:
+    """80 km apart, the lenses of a rig share no picture; the other two cameras are compared."""
+    study = load(STUDIES / "robot.yaml", ["stereo-75mm.baseline=80 km", "scene.distances.points=7", "trade_off=null"])
+    assert re.search(
+        r"; every other usable camera is at least [\d.]+ times as uncertain\.$", headline(study.run().data)
     )

@@ -12,7 +12,7 @@ import xarray as xr
 from tradestudy.light_methods import title_within_a_sentence
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.conclusions import BestRange, at_least, best_ranges, never_best, question_words, rests_on
-from tradestudy.results.views.decision import solved_questions
+from tradestudy.results.views.decision import candidates, solved_questions
 from tradestudy.results.views.depth import (
     SharpCamera,
     by_first_criterion,
@@ -260,11 +260,13 @@ def _requirement_words(met: Sequence[RequirementConclusion]) -> str:
 
 
 def _lead_words(tree: xr.DataTree) -> str:
-    """By how much the best camera leads, if all others are usable and best nowhere."""
+    """By how much the best camera leads the others that are usable, if any is and leads nowhere."""
     factors = [factor for _, factor in never_best(tree)]
     if not factors or (least := at_least(min(factors))) == "1":
         return ""
-    return f"; every other camera is at least {least} times as uncertain"
+    others = len(candidates(tree) or group(tree, "depth")["camera"]) - 1
+    usable = "usable " if len(factors) < others else ""
+    return f"; every other {usable}camera is at least {least} times as uncertain"
 
 
 def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
