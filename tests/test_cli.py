@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import io
 import json
+import os
 import re
 import signal
 import subprocess
@@ -245,6 +246,17 @@ class TestRun:
         assert rest.splitlines()[-1].startswith("interrupted; ")
         assert "Traceback" not in rest
         assert not (tmp_path / "out" / "report.html").exists()
+
+    def test_control_c_within_exec_exits_with_its_status_too(self, tmp_path: Path) -> None:
+        # Python would end by the signal if the last exec that it ran had been interrupted.
+        (tmp_path / "sitecustomize.py").write_text(
+            "import sys\nclass Interrupting:\n    @staticmethod\n    def find_spec(module, path=None, target=None):\n"
+            "        if module == 'tradestudy.cli':\n            exec('raise KeyboardInterrupt')\n"
+            "sys.meta_path.insert(0, Interrupting)\n"
+        )
+        command = [sys.executable, "-m", "tradestudy"]
+        ended = subprocess.run(command, env={**os.environ, "PYTHONPATH": str(tmp_path)}, check=False)
+        assert ended.returncode == 130
 
 
 def test_results_of_another_version_that_lack_something_are_refused(tmp_path: Path) -> None:
