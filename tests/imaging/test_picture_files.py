@@ -153,3 +153,31 @@ def test_pipes_are_refused_instead_of_waited_for(tmp_path: Path) -> None:
         with pytest.raises(CalibrationFileError, match="not a regular file"):
             read_calibration(tmp_path / name)
     assert file_hash(tmp_path / "map.npy") == ""
+
+
+def test_netpbm_files_are_read_as_stored_or_refused(tmp_path: Path) -> None:
+    depths = np.array([[1, 50, 100], [25, 33, 7]])
+    wide = np.array([[1, 1000, 4095], [2, 2047, 3333]])
+    words = " ".join(map(str, wide.ravel()))
+    for largest, values, content in (
+        (100, depths, b"P5\n3 2\n100\n" + depths.astype(np.uint8).tobytes()),
+        (4095, wide, b"P5\n3 2\n4095\n" + wide.astype(">u2").tobytes()),
+        (65535, wide, b"P5\n3 2\n65535\n" + wide.astype(">u2").tobytes()),
+        (4095, wide, f"P2\n3 2\n4095\n{words}\n".encode()),
+        (1, wide, b"Pf\n3 2\n-1.0\n" + wide[::-1].astype("<f4").tobytes()),
+    ):
+        (tmp_path / "map.pgm").write_bytes(content)
+        np.testing.assert_array_equal(read_depths(tmp_path / "map.pgm", 1.0), values, err_msg=str(largest))
+    (tmp_path / "few.ppm").write_bytes(b"P6\n2 1\n15\n" + bytes([1, 2, 3, 15, 9, 7]))
+    np.testing.assert_array_equal(read_picture(tmp_path / "few.ppm")[:, 0], [[1, 15], [2, 9], [3, 7]])
+    for content, reason in (
+        (b"P6\n3 1\n4095\n" + bytes(18), "bits of each colour.*12 in .*convert to 16-bit grey or 8-bit colour"),
+        (b"Pf\n2 2\n-0.004\n" + bytes(16), "scale of a PFM file.*0.004 in .*multiply the values by it"),
+        (b"P4\n2 2\n" + bytes(2), "bits of each depth.*1 in .*8 or 16"),
+    ):
+        (tmp_path / "map.ppm").write_bytes(content)
+        with pytest.raises(OutOfRangeError, match=reason):
+            read_depths(tmp_path / "map.ppm", 1.0)
+    Image.fromarray(np.full((4, 4), 7, np.uint8)).save(tmp_path / "map.sgi")
+    with pytest.raises(OutOfRangeError, match=r"cannot be read.*PNG, TIFF"):
+        read_depths(tmp_path / "map.sgi", 1.0)

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import require_regular_file
 from tradestudy.uncertainty.streams import point_generator
 
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
+
 MOST_PIXELS: Final = 100_000_000
 """Largest number of pixels of a picture or depth map, and of numbers in an array: 0.8 GB in double precision."""
 LARGEST_VALUE: Final = 1e12
@@ -32,6 +35,7 @@ _ORIENTATION: Final = 0x0112  # tag of EXIF and TIFF
 _BITS: Final = 0x0102  # tag of TIFF, bits of each sample
 _ZERO: Final = 0x0106  # tag of TIFF, 0 if zero is white
 _PNG_BITS: Final = 24  # byte of a PNG file that gives the bits of each sample
+_FORMATS: Final = ("PNG", "TIFF", "JPEG", "BMP", "GIF", "WEBP", "PPM")  # of others, the library may scale the samples
 _NOT_RGB: Final = ("CMYK", "YCbCr", "LAB", "HSV")
 _OPAQUE: Final = {"P": "RGB", "PA": "RGB", "RGBA": "RGB", "RGBa": "RGB", "RGBX": "RGB", "LA": "L", "La": "L"}
 """Modes without palette and alpha."""
@@ -95,7 +99,7 @@ def _values(file: Path, least_bits: int = 1) -> FloatArray:
         raise OutOfRangeError(
             "a file that cannot be read",
             value=f"{file}: {getattr(error, 'strerror', None) or error}",
-            limit="PNG, TIFF or NPY",
+            limit="PNG, TIFF, PGM, PPM, PFM or NPY, or a picture in JPEG, BMP, GIF or WebP",
         ) from error
     largest = float(np.max(values[np.isfinite(values)], initial=0.0))
     if largest > LARGEST_VALUE:
@@ -119,10 +123,12 @@ def _image(file: Path, least_bits: int) -> FloatArray:
     from PIL import Image
 
     # The library warns of invalid tags, which do not matter (invalid pixels raise an error), and of large pictures.
-    with warnings.catch_warnings(action="ignore"), Image.open(file) as picture:
+    with warnings.catch_warnings(action="ignore"), Image.open(file, formats=_FORMATS) as picture:
         _require_size(file, picture.width * picture.height)
         tags = getattr(picture, "tag_v2", {})
-        bits = _stored_bits(picture.format, tags, file)
+        largest, full = _scaled_from(picture), 65535 if picture.mode == "I" else 255
+        bits = largest.bit_length() if largest > full else _stored_bits(picture, tags, file)
+        scale = picture.info.get("scale", 1.0) if picture.format == "PPM" else 1.0
         pages, turn = getattr(picture, "n_frames", 1), picture.getexif().get(_ORIENTATION, 1)
         # A transparent colour of 16 bits is lost in conversion.
         alpha = 0 if "transparency" in picture.info else 255
@@ -142,20 +148,35 @@ def _image(file: Path, least_bits: int) -> FloatArray:
                 "convert to 16-bit grey or 8-bit colour",
             ),
             (bits < least_bits, "bits of each depth", bits, "8 or 16", "save the map with 8 or 16 bits"),
+            (
+                scale != 1.0,
+                "scale of a PFM file",
+                f"{scale:g}",
+                "1 or −1",
+                "multiply the values by it, and write 1 or −1",
+            ),
         ):
             if is_refused:
                 raise OutOfRangeError(what, value=f"{value} in {file}", limit=limit, remedy=remedy)
-        return np.asarray(picture.convert(_OPAQUE.get(picture.mode, picture.mode)), np.float64)
+        values = np.asarray(picture.convert(_OPAQUE.get(picture.mode, picture.mode)), np.float64)
+        # The library scales the largest value that the file declares to that of 8 or 16 bits, and rounds.
+        return np.round(values * largest / full) if largest else values
 
 
-def _stored_bits(kind: str | None, tags: Mapping[int, Any], file: Path) -> int:
-    """Bits of each sample in a PNG or TIFF file; 8 in other files."""
-    if kind == "TIFF":
+def _scaled_from(picture: ImageFile) -> int:
+    """The largest value that a PGM or PPM file declares, from which the library scales; 0 if it does not scale."""
+    arguments = picture.tile[0][3] if picture.format == "PPM" else None
+    return int(arguments[1]) if isinstance(arguments, tuple) and arguments[0] in ("L", "RGB") else 0
+
+
+def _stored_bits(picture: ImageFile, tags: Mapping[int, Any], file: Path) -> int:
+    """Bits of each sample in a PNG, TIFF or Netpbm file; 8 in other files."""
+    if picture.format == "TIFF":
         return int(max(tags.get(_BITS, (1,))))
-    if kind == "PNG":
+    if picture.format == "PNG":
         with file.open("rb") as stream:
             return stream.read(_PNG_BITS + 1)[_PNG_BITS]
-    return 8
+    return 1 if picture.mode == "1" else 8
 
 
 def _require_size(file: Path, pixels: int) -> None:

@@ -370,7 +370,7 @@ class RockPart(Part):
 
 
 class DepthMapPart(Part):
-    """A surface from a depth map (PNG of 8 or 16 bits, TIFF or NPY), with a picture or the scene's texture on it."""
+    """A surface from a depth map (PNG, PGM, PFM, TIFF or NPY), with a picture or the scene's texture on it."""
 
     exactly_one = (("width", "field_of_view"),)
 
