@@ -121,6 +121,42 @@ def test_every_shape_is_drawn_from_its_own_quantiles(written: Written, tmp_path:
     assert {group.error_class for group in groups.values()} == {ErrorClass.RIG}
 
 
+@pytest.mark.parametrize(
+    ("error", "table", "said"),
+    [
+        (
+            "baseline",
+            "error_mm\n1\n2\n",
+            "names another unit than that of its draws.*mm.*allowed: m.*convert the draws",
+        ),
+        ("baseline", "error [µm]\n1\n2\n", "another unit.*µm.*allowed: m"),
+        ("left_focal_length", "f_px\n1\n2\n", "another unit.*px.*allowed: m"),
+        ("yaw", "yaw (deg)\n1\n2\n", "another unit.*deg.*allowed: rad"),
+        ("yaw", "yaw_m\n1\n2\n", "another unit.*allowed: rad"),
+        ("left_distortion_k1", "k1_percent\n1\n2\n", "another unit.*percent.*allowed: no unit"),
+        ("baseline", "b\n0,001\n0,002\n", "more cells than columns.*2 cells.*write decimal points"),
+        ("baseline", "b,c,b\n1,2,3\n1,2,3\n", "several columns with this name"),
+    ],
+)
+def test_draws_that_would_be_misread_are_refused(
+    written: Written, tmp_path: Path, error: str, table: str, said: str
+) -> None:
+    (tmp_path / "draws.csv").write_text(table)
+    column = table.splitlines()[0].split(",")[0]
+    declared = f"{{standard_deviation: null, shape: empirical, file: draws.csv, column: '{column}'}}"
+    with pytest.raises(StudyError, match=said):
+        written(rig(f"      errors: {{{error}: {declared}}}"))
+
+
+@pytest.mark.parametrize("column", ["b", "baseline_m", "baseline [m]", "draw_1", "principal_point", "\ufeffb"])
+def test_draws_in_si_units_are_read(written: Written, tmp_path: Path, column: str) -> None:
+    (tmp_path / "draws.csv").write_text(f"{column}\n1e-3\n2e-3\n3e-3\n")
+    declared = f"shape: empirical, file: draws.csv, column: '{column.lstrip(chr(0xFEFF))}'"
+    study = written(rig(f"      errors: {{baseline: {{standard_deviation: null, {declared}}}}}"))
+    groups = {group.name: group for group in study.case.cameras["rig"].calibration.groups}
+    assert groups["baseline"].marginal(0).standard_deviation == pytest.approx(1e-3 * np.sqrt(2 / 3))
+
+
 def test_correlations_tie_what_they_connect_and_nothing_else(written: Written) -> None:
     study = written(
         rig("""

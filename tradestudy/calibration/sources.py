@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -21,13 +23,33 @@ from tradestudy.cameras.calibration_declaration import (
 )
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import AGEING, SESSION_PARAMETERS, Environment
-from tradestudy.declarations.distributions import AnyDistribution, LengthOrPixelsDistribution
+from tradestudy.declarations.distributions import (
+    AngleDistribution,
+    AnyDistribution,
+    LengthDistribution,
+    LengthOrPixelsDistribution,
+    PressureDistribution,
+    TemperatureDistribution,
+)
 from tradestudy.declarations.part import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import require_regular_file
 from tradestudy.uncertainty.sources import ErrorClass, Group
-from tradestudy.units import LENGTH, pretty, significant
+from tradestudy.units import (
+    ANGLE,
+    FRACTION,
+    LENGTH,
+    NUMBER,
+    PIXELS,
+    PRESSURE_DIFFERENCE,
+    TEMPERATURE_DIFFERENCE,
+    Dimension,
+    UnitError,
+    parse,
+    pretty,
+    significant,
+)
 
 if TYPE_CHECKING:  # these load scipy, which `check` does not need
     from tradestudy.uncertainty.distributions import Distribution
@@ -37,6 +59,13 @@ if TYPE_CHECKING:  # these load scipy, which `check` does not need
 
 CALIBRATION = "calibration"
 """Name of the group of parameters that a source determines."""
+_DIMENSIONS: Final = {
+    LengthDistribution: LENGTH,
+    LengthOrPixelsDistribution: LENGTH,
+    AngleDistribution: ANGLE,
+    TemperatureDistribution: TEMPERATURE_DIFFERENCE,
+    PressureDistribution: PRESSURE_DIFFERENCE,
+}
 
 
 def calibration_of(
@@ -243,7 +272,7 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
     path, column = folder / (part.file or ""), part.column or ""
     try:
         require_regular_file(path)
-        with path.open(newline="", encoding="utf-8") as stream:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.DictReader(stream)
             header, rows = list(reader.fieldnames or ()), list(reader)
     except (OSError, UnicodeDecodeError) as error:
@@ -255,6 +284,24 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
             value=column,
             limit=", ".join(header) or "no columns",
             remedy="name the columns in the first line",
+        )
+    if header.count(column) > 1:
+        raise OutOfRangeError(
+            f"{path.name} has several columns with this name", value=column, limit="one", remedy="rename the others"
+        )
+    if unit := _other_unit(column, dimension := _dimension_of(part)):
+        raise OutOfRangeError(
+            f"column {column} of {path.name} names another unit than that of its draws",
+            value=unit,
+            limit=dimension.unit or "no unit",
+            remedy="convert the draws to SI units, and rename the column",
+        )
+    if surplus := next((row for row in rows if None in row), None):
+        raise OutOfRangeError(
+            f"{path.name} has a line with more cells than columns",
+            value=f"{len(surplus) - 1 + len(surplus[None])} cells",
+            limit=str(len(header)),
+            remedy="write decimal points, not commas, and remove surplus cells",
         )
     try:
         draws = np.array([float(row[column]) for row in rows])
@@ -270,6 +317,20 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
             remedy="add draws, or remove those that are not finite",
         )
     return draws
+
+
+def _dimension_of(part: AnyDistribution) -> Dimension:
+    """The dimension of an error, whose draws are in its SI unit."""
+    return next((dimension for kind, dimension in _DIMENSIONS.items() if isinstance(part, kind)), NUMBER)
+
+
+def _other_unit(column: str, dimension: Dimension) -> str:
+    """The unit at the end of a column's name, as in ``error_mm`` and ``error [mm]``, if it is not the SI unit."""
+    before, *words = re.split(r"[\s_()\[\]]+", column.rstrip(")] "))
+    for known in (dimension, *_DIMENSIONS.values(), PIXELS, FRACTION) if before and words else ():
+        with suppress(UnitError):
+            return "" if parse(f"1 {words[-1]}", known) == 1.0 and known == dimension else words[-1]
+    return ""
 
 
 def impossible_errors(camera: DepthCamera, distance: FloatArray) -> Iterator[str]:
