@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from tradestudy import provenance
 from tradestudy.models import DEFAULT_BUDGET
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from tradestudy.execution.steps import Progress
     from tradestudy.models.plan import Plan
     from tradestudy.study.schema.root import StudyFile
+
+Corners = Literal["not fitted", "few views", "all views"]
 
 
 def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | None = None) -> Study:
@@ -154,7 +156,7 @@ class Study:
 
             choose_models(self.definition)
         self._refuse_pictures()
-        self._refuse_calibrations(corners=True)
+        self._refuse_calibrations("few views")
         return self.check_summary()
 
     def with_values(self, values: Mapping[str, Value]) -> Study:
@@ -190,16 +192,22 @@ class Study:
         UnaffordableError
             If even the most complete models exceed a tolerance, or the run would take far longer than its
             time limit.
+        StudyError
+            As for `check`; corners are fitted in all views, which takes some seconds.
         """
+        return self._plan("all views")
+
+    def _plan(self, corners: Corners) -> Plan:
+        """The plan; a run fits corners itself."""
         from tradestudy.answers.trade_criteria import refuse_words
         from tradestudy.models.plan import plan_of
 
         refuse_words(self.definition)
         self._refuse_pictures()
-        self._refuse_calibrations(corners=False)
+        self._refuse_calibrations(corners)
         return plan_of(self.definition)
 
-    def _refuse_calibrations(self, *, corners: bool) -> None:
+    def _refuse_calibrations(self, corners: Corners) -> None:
         """Refuse calibrations that a run would refuse; see `refuse_calibrations`."""
         if any(form.posterior_keys for form in (self.definition, *self.definition.readings.values())):
             from tradestudy.answers.calibration import refuse_calibrations  # heavy, and few studies infer calibrations
@@ -271,7 +279,7 @@ class Study:
         from tradestudy.execution import Serial, Steps
 
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
-        return study_cost(self.plan(), steps, budget=budget)
+        return study_cost(self._plan("not fitted"), steps, budget=budget)
 
     def run(
         self,
@@ -320,7 +328,7 @@ class Study:
             from tradestudy.results.storage import refuse_foreign
 
             refuse_foreign(pictures, files_of_pictures(self.definition))
-        plan = self.plan()
+        plan = self._plan("not fitted")
         watched = within_time(progress, plan.accuracy.time_limit, TIME_REMEDY, begun)
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=watched)
         tree = compute(plan, steps, seconds, pictures)

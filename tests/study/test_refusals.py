@@ -125,3 +125,30 @@ def test_a_target_that_no_view_shows_is_refused_before_sampling(asked: str) -> N
     study = load(STUDIES / "calibration_plan.yaml", ["cameras.rig.calibration.target.spacing=1 m"])
     with pytest.raises(StudyError, match=r"calibration\.target: .*too few views: 0 \(allowed: at least 3"):
         getattr(study, asked)()
+
+
+@pytest.mark.parametrize("asked", ["check", "plan", "run"])
+@pytest.mark.parametrize(
+    ("overrides", "reported"),
+    [
+        (["solve.board.high=400 mm"], r"solve\.board\.high: rig: .*too few views: [012] \(allowed: at least 3"),
+        (
+            ["solve=null", "sweep={rig.calibration.target.spacing: [25 mm, 1 m]}"],
+            r"sweep: rig\.calibration\.target\.spacing=1 m: rig: .*too few views: 0 \(allowed: at least 3",
+        ),
+    ],
+)
+def test_a_target_that_too_few_planned_views_show_is_refused(asked: str, overrides: list[str], reported: str) -> None:
+    few = "cameras.rig.calibration.target.views=5"
+    study = load(STUDIES / "calibration_plan.yaml", [few, *overrides])
+    with pytest.raises(StudyError, match=reported):
+        getattr(study, asked)()
+
+
+def test_check_and_plan_refuse_corners_that_contradict_the_rig() -> None:
+    study = load(STUDIES / "real_rig.yaml", ["webcams.baseline=100 mm"])
+    with pytest.raises(StudyError, match=r"declared baseline 100 mm, corners say 94\.1") as by_plan:
+        study.plan()
+    with pytest.raises(StudyError) as by_check:
+        study.check()
+    assert str(by_check.value) == str(by_plan.value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -14,12 +14,12 @@ from tradestudy.calibration.corners.trust import DISTANCES, CalibrationTrust, Co
 from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
 from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.calibration.projection import intrinsic_names, lens_of_text, text_of_lens
-from tradestudy.errors import Problem, StudyError, TradestudyError
+from tradestudy.errors import NotConvergedError, OutOfRangeError, Problem, StudyError, TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.varying import calibrations_to_infer
+from tradestudy.study.varying import Varying, calibrations_to_infer, point_labels, sweep_axes, sweep_points
 from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
 if TYPE_CHECKING:
@@ -52,45 +52,77 @@ def infer_calibrations(
     names = [one.name for one in asked.values()]
     try:
         found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names), strict=True))
-    except GeometryContradictionError as error:
-        raise StudyError(_located(definition, error)) from None
+    except (GeometryContradictionError, NotConvergedError, OutOfRangeError):
+        refuse_calibrations(definition, corners="all views")  # in the words of `plan`, with the place in the study
+        raise
     known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
     return known, {one.name: found[key] for key, one in definition.calibrations_to_infer().items()}
 
 
-def refuse_calibrations(definition: StudyDefinition, *, corners: bool) -> None:
-    """Refuse targets, and corners if asked, of a study and its readings that a run would refuse.
+def refuse_calibrations(
+    definition: StudyDefinition, *, corners: Literal["not fitted", "few views", "all views"]
+) -> None:
+    """Refuse targets and corners of a study, its readings, designs and inverse questions that a run would refuse.
 
-    Corners take a second, for a fit to a few views.
+    A fit to a few views of corners takes a second. All views take some seconds and show every contradiction.
 
     Raises
     ------
     StudyError
-        The target is visible in too few views, no rig fits the corners, or they contradict the declared geometry.
+        A target is visible in too few views or does not determine the camera, no rig fits the corners, or they
+        contradict the declared geometry.
     """
-    forms = [definition, *definition.readings.values()]
-    asked = {key: request for form in forms for key, request in form.calibrations_to_infer().items()}
+    asked = calibrations_to_infer(definition)
     if not asked:
         return
-    from tradestudy.calibration.camera_target import TargetToInfer, target_problem
+    from tradestudy.calibration.camera_target import TargetToInfer, fit_target, target_problem
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
     from tradestudy.calibration.posteriors import check_corners
 
+    declared = {key for form in (definition, *definition.readings.values()) for key in form.posterior_keys.values()}
     problems = []
-    for request in asked.values():
+    for key, request in asked.items():
         try:
             if isinstance(request, TargetToInfer):
-                target_problem(request)
-            elif corners:
-                check_corners(request)
+                fit_target(target_problem(request)[0])
+            elif corners != "not fitted":
+                check_corners(request, few=corners == "few views")
         except GeometryContradictionError as error:
             problems += _located(definition, error)
         except TradestudyError as error:
             given = "target" if isinstance(request, TargetToInfer) else "corners"
-            path = ("cameras", request.name, "calibration", given)
-            problems.append(definition.document.locate(path).problem(path, str(error)))
-    if problems:
+            path = ("cameras", request.name, "calibration", given) if key in declared else ("sweep",)
+            which = "" if key in declared else f"{_design_with(definition, key)}: "
+            problems.append(definition.document.locate(path).problem(path, f"{which}{error}"))
+    if problems := problems or list(_unseen_plans(definition)):
         raise StudyError(problems)
+
+
+def _design_with(definition: StudyDefinition, key: str) -> str:
+    """The first design of a sweep with a calibration, in words."""
+    axes = sweep_axes(definition)
+    designs = zip(point_labels(axes), sweep_points(definition, axes), strict=True)
+    return next(label for label, design in designs if key in design.posterior_keys.values())
+
+
+def _unseen_plans(definition: StudyDefinition) -> Iterator[Problem]:
+    """Ends of inverse questions at which too few views of a planned calibration show the target."""
+    from tradestudy.answers.questions import PLANS, varied_calibrations
+    from tradestudy.calibration.camera_target import TargetToInfer, planned_problem
+
+    for name, question in definition.file.solve.items():
+        varying = Varying.of(definition, question)
+        varied = varied_calibrations(definition, varying)
+        for end, value in (("low", varying.low), ("high", varying.high)):
+            path, changed = ("solve", name, end), definition.with_values(varying.changes(value))
+            for request in changed.calibrations_to_infer().values() if varied else ():
+                if not isinstance(request, TargetToInfer) or definition.posterior_keys[request.name] not in varied:
+                    continue
+                try:
+                    for plan in PLANS if question.requirement is None else PLANS[:1]:
+                        planned_problem(request, plan)
+                except TradestudyError as error:
+                    yield definition.document.locate(path).problem(path, str(error))
 
 
 def _located(definition: StudyDefinition, error: GeometryContradictionError) -> list[Problem]:

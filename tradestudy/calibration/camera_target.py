@@ -435,15 +435,8 @@ def planned_calibration(request: TargetToInfer, plan: int) -> Calibration:
     TradestudyError
         As for `infer_from_target`.
     """
-    camera, priors = request.camera, _as_normal(_priors(request.name, request.groups))
-    target = _target(request, point_generator(seed=request.seed, point=f"target/{request.name}", replicate=plan))
-    model = observer(camera, priors.names)
-    seen, target = _on_sensor(request.name, camera, model(priors.mean, move(target.poses, target.points)), target)
-
-    def on_sensor(parameters: FloatArray, points: FloatArray) -> FloatArray:
-        return np.where(np.isnan(seen), np.nan, model(parameters, points))
-
-    fit = expected_fit(target, on_sensor, priors)
+    problem = planned_problem(request, plan)
+    fit = expected_fit(problem.target, problem.model, problem.priors)
     group = JointNormal(
         name=CALIBRATION,
         parameters=fit.names,
@@ -452,6 +445,25 @@ def planned_calibration(request: TargetToInfer, plan: int) -> Calibration:
         error_class=ErrorClass.RIG,
     )
     return Calibration(groups=(group,), source="target")
+
+
+def planned_problem(request: TargetToInfer, plan: int) -> TargetProblem:
+    """What the camera as designed observes of the target, without noise, in one arrangement of its views.
+
+    Raises
+    ------
+    TradestudyError
+        Too few views show the target, or the errors cannot be priors.
+    """
+    camera, priors = request.camera, _as_normal(_priors(request.name, request.groups))
+    target = _target(request, point_generator(seed=request.seed, point=f"target/{request.name}", replicate=plan))
+    model = observer(camera, priors.names)
+    seen, target = _on_sensor(request.name, camera, model(priors.mean, move(target.poses, target.points)), target)
+
+    def on_sensor(parameters: FloatArray, points: FloatArray) -> FloatArray:
+        return np.where(np.isnan(seen), np.nan, model(parameters, points))
+
+    return TargetProblem(observed=seen, target=target, model=on_sensor, priors=priors)
 
 
 def _target(request: TargetToInfer, rng: np.random.Generator) -> SyntheticTarget:

@@ -369,11 +369,11 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
     )
 
 
-def check_corners(request: CornersToInfer) -> None:
+def check_corners(request: CornersToInfer, *, few: bool) -> None:
     """Refuse corners as `infer_from_corners` does, without sampling.
 
-    A fit to a few views decides whether all are fitted, which takes longer and gives the verdict. A contradiction that
-    few views do not show is left to the run.
+    If `few`, a fit to a few views decides whether all are fitted, which takes longer and gives the verdict; a
+    contradiction that few views do not show is then not found.
 
     Raises
     ------
@@ -381,14 +381,17 @@ def check_corners(request: CornersToInfer) -> None:
         See `infer_from_corners`.
     """
     corners = corners_of(request)
+    if not few:
+        _fitted(request, corners)
+        return
     rows = np.unique(np.linspace(0, len(corners.views) - 1, _FEW_VIEWS).round().astype(int))
-    few = replace(
+    some = replace(
         corners,
         views=tuple(corners.views[row] for row in rows),
         **{name: getattr(corners, name)[rows] for name in ("board", "left", "right", "present")},
     )
     try:
-        _fitted(request, few)
+        _fitted(request, some)
     except TradestudyError:
         _fitted(request, corners)
 
