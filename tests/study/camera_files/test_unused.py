@@ -389,3 +389,55 @@ def test_the_inverse_translation_beside_projections_is_refused(tmp_path: Path) -
     said = refusal(study(tmp_path, rig=f"{IN_MM}, pictures: rectified"))
     assert "rig.T: " in said
     assert "points the opposite way" in said
+
+
+def epipolar() -> tuple[np.ndarray, np.ndarray]:
+    """E and F of the rig: E by the products of t, F by OpenCV from points that both cameras see without distortion."""
+    x, y, z = written.T
+    essential = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ written.R
+    points = np.random.default_rng(5).uniform([-1.0, -0.7, 1.5], [1.0, 0.7, 4.0], (40, 3))
+    seen = [
+        cv2.projectPoints(points, rotation, moved, k, None)[0][:, 0]
+        for rotation, moved, k in (
+            (np.eye(3), np.zeros(3), written.K1),
+            (written.R, written.T, written.K2),
+        )
+    ]
+    return essential, cv2.findFundamentalMat(*seen, cv2.FM_8POINT)[0]
+
+
+def test_epipolar_geometry_beside_the_pose_must_agree_with_it(tmp_path: Path) -> None:
+    essential, fundamental = epipolar()
+    path = study(tmp_path, rig=IN_MM)
+    other = essential @ turned_by([0.0, 0.05, 0.0])
+    for matrices, said in (
+        ({"E": 1e3 * essential, "F": fundamental}, ""),
+        ({"E": -essential / np.linalg.norm(essential), "essential_matrix": essential}, ""),
+        ({"fundamentalMatrix": -fundamental}, ""),
+        ({"E": essential.T}, "rig.E: this essential matrix is that of the inverse pose, and contradicts the pose"),
+        ({"E": other}, "rig.E: this essential matrix contradicts the pose that is read"),
+        ({"F": fundamental.T}, "rig.F: this fundamental matrix is that of the inverse pose"),
+        ({"F": np.linalg.inv(written.K2).T @ other @ np.linalg.inv(written.K1)}, "rig.F: this fundamental matrix"),
+    ):
+        written.opencv(tmp_path / "rig.yml", **matrices)
+        if said:
+            assert said in refusal(path)
+        else:
+            assert not unused(path)
+    written.opencv(tmp_path / "rig.yml", E=np.eye(3), F=np.zeros((3, 3)))  # of no pose
+    assert unused(path) == "E, F"
+
+
+def test_the_essential_matrix_of_a_vertical_rig_is_that_of_its_pictures_as_taken(tmp_path: Path) -> None:
+    essential = np.array([[0.0, -1.1, -60.1], [1.1, 0.0, -0.2], [60.1, 0.2, 0.0]])
+    written.opencv(tmp_path / "rig.yml", R=np.eye(3), T=np.array([[0.2], [-60.1], [1.1]]), lengths=1.0, E=essential)
+    path = study(tmp_path, rig=IN_MM)
+    assert not unused(path)
+    written.opencv(tmp_path / "rig.yml", R=np.eye(3), T=np.array([[0.2], [-60.1], [1.1]]), E=essential[:, ::-1])
+    assert "rig.E: this essential matrix contradicts" in refusal(path)
+
+
+def test_mrcal_poses_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+    devices.cameramodels(tmp_path, extrinsics=[0.0, 0.0, 0.0, 1.0, 2.0, 3.0])
+    said = refusal(study(tmp_path, rig="from: [left.cameramodel, right.cameramodel]"))
+    assert "rt_cam_ref and extrinsics mean the same, but their values differ" in said

@@ -104,6 +104,43 @@ def rotation_problem(numbers: Sequence[float], words: Collection[str], read: Flo
     ), False
 
 
+def epipolar_problem(
+    numbers: Sequence[float], rotation: FloatArray, translation: Vector, matrices: Sequence[FloatArray]
+) -> tuple[str, bool]:
+    """How an essential or fundamental matrix contradicts the pose x₂ = R x₁ + t that is read, and whether it agrees.
+
+    The essential matrix of a pose is [t]× R, up to scale and sign. Neither is said of a matrix that belongs to no pose:
+    its singular values are not s, s and 0 or, for a fundamental matrix, none is 0.
+
+    Parameters
+    ----------
+    numbers
+        Rows of an essential matrix E, or of a fundamental one, F = K₂⁻ᵀ E K₁⁻¹.
+    rotation, translation
+        R and t.
+    matrices
+        K₁ and K₂ for a fundamental matrix; empty for an essential one.
+    """
+    if not math.hypot(*numbers) <= _LARGEST**2:
+        return _NOT_FINITE, False
+    expected, given = np.cross(translation, rotation, axisb=0, axisc=0), np.array(numbers).reshape(3, 3)
+    ways = (given, given.T)
+    if matrices:
+        ways = (matrices[1].T @ given @ matrices[0], matrices[1].T @ given.T @ matrices[0])
+    large, middle, small = np.linalg.svd(ways[0], compute_uv=False)
+    if large == 0.0 or small > _AGREES * large or (not matrices and middle < (1.0 - _AGREES) * large):
+        return "", False
+    expected, *units = (one / np.linalg.norm(one) for one in (expected, *ways))
+    differ, inverse = (min(float(np.linalg.norm(one - to)) for to in (expected, -expected)) for one in units)
+    if differ <= _ANGLE_AGREES:
+        return "", True
+    how = "is that of the inverse pose, and " if inverse <= _ANGLE_AGREES else ""
+    return (
+        f"this {'fundamental' if matrices else 'essential'} matrix {how}contradicts the pose that is read, from whose "
+        f"matrix it differs by {differ:.2g} of its norm; correct the wrong one, or remove this key"
+    ), False
+
+
 def _angle_of(rotation: FloatArray) -> float:
     return math.acos(min(max((float(np.trace(rotation)) - 1.0) / 2.0, -1.0), 1.0))
 

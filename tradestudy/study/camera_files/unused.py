@@ -12,9 +12,10 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedCorners, ImportedRig
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.located import SET, UNUSED, YES, CameraFile, Located, Request
 from tradestudy.study.camera_files.pairs import as_filed
-from tradestudy.study.camera_files.second_poses import rotation_problem, translation_problem
+from tradestudy.study.camera_files.second_poses import epipolar_problem, rotation_problem, translation_problem
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, ScalarEntry, dotted
 from tradestudy.units import LENGTH, UnitError, parse
 from tradestudy.wording import listed
@@ -86,6 +87,7 @@ _CONVENTIONS: Final = {
 }  # fmt: skip
 _ROTATIONS: Final = {"rotation", "rot", "euler", "rpy", "quaternion", "quat", "om", "rvec", "roll", "pitch", "yaw"}
 _TRANSLATIONS: Final = {"translation", "tvec", "baseline", "tx"}
+_EPIPOLAR: Final = {"e", "f", "essential", "fundamental"}
 _ELSEWHERE: Final = re.compile("rectif|imu|housing|spec|body|board|target|cameraData", re.IGNORECASE)
 """Parts of files with rotations or translations of something else than the pair."""
 _SPREAD: Final = {"error", "errors", "uncertainty", "std", "stddev", "sigma", "deviation", "tolerance", "covariance"}
@@ -360,7 +362,7 @@ def _prepared(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
 
 
 def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
-    """A baseline, translation or rotation beside the one that is read."""
+    """A baseline, translation, rotation or epipolar geometry beside the one that is read."""
     rig, numbers = reading.found, [*_numbers_in(value.entry)]
     is_elsewhere = any(_ELSEWHERE.search(step) for step in value.path if isinstance(step, str))
     if not isinstance(rig, ImportedRig) or is_elsewhere or (_SPREAD | _UNIT_WORDS) & {*words}:
@@ -369,7 +371,8 @@ def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     if value.last == "P2" and len(numbers) == 12 and numbers[0] > 0.0:  # by stereoRectify, P₂ = K′ [1, t]
         numbers, words = [numbers[3] / numbers[0], numbers[7] / numbers[0], 0.0], ("translation",)
         is_parallel = True
-    quantity = {*words} - {"deg", "degree", "degrees", "matrix", "m", "cm", "mm", "um"}
+    quantity = {*words} - {"deg", "degree", "degrees", "matrix", "mat", "m", "cm", "mm", "um"}
+    rotation, problem, agrees = np.array(rig.rotation), "", False
     if _TRANSLATIONS & {*words} or quantity == {"t"}:
         metre = parse(f"1 {next(filter(_is_unit, words), reading.unit)}", LENGTH)
         lengths = [number * metre for number in numbers]
@@ -379,15 +382,21 @@ def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
             return f"'{value.entry.text[:40]}' is not a length; correct it, or remove it"
         if len(lengths) not in (1, 3) or not any(lengths):
             return ""
-        if problem := translation_problem(lengths, words, rig.translation, is_parallel=is_parallel):
-            return problem
-        value.use()
+        problem = translation_problem(lengths, words, rig.translation, is_parallel=is_parallel)
+        agrees = not problem
+    elif len(quantity) == 1 and quantity <= _EPIPOLAR and len(numbers) == 9 and reading.is_raw:
+        matrices = [] if quantity <= {"e", "essential"} else [_matrix_of(camera) for camera in reading.cameras]
+        problem, agrees = epipolar_problem(numbers, rotation, rig.translation, matrices)
     elif (_ROTATIONS & {*words} or quantity == {"r"}) and any(numbers) and reading.is_raw:
-        problem, agrees = rotation_problem(numbers, words, np.array(rig.rotation))
-        if agrees:
-            value.use()
-        return problem
-    return ""
+        problem, agrees = rotation_problem(numbers, words, rotation)
+    if agrees:
+        value.use()
+    return problem
+
+
+def _matrix_of(camera: ImportedCamera) -> FloatArray:
+    (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
 def _is_unit(word: str) -> bool:
