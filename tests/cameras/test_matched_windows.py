@@ -17,7 +17,7 @@ from tradestudy.depth.evaluation import evaluate_depth
 from tradestudy.imaging.models import Light, field_illumination, radial_pupil_width
 from tradestudy.imaging.passed_texture import matched_window, picture_electrons
 from tradestudy.imaging.picture import SMALLEST_WINDOW_PX, PictureDisparityError, disparity_bound_px, disparity_error_px
-from tradestudy.optics.equivalent_baseline import least_squares_baseline, least_squares_pairs
+from tradestudy.optics.equivalent_baseline import equivalent_baseline, least_squares_pairs
 from tradestudy.optics.thin_lens import image_distance
 
 COS4 = replace(CLOSED, vignetting="cos4")
@@ -147,8 +147,9 @@ def over_places(radius: float, places: int, rng: np.random.Generator) -> tuple[f
 def test_the_window_of_least_squares_is_that_of_all_pairs_one_by_one(radius: float, largest: float) -> None:
     """And errs to the safe side."""
     direct, baseline = over_places(radius, 1500 if radius < 3 else 200, np.random.default_rng(2))
-    assert float(least_squares_baseline(radius).over_pitch) == pytest.approx(baseline, rel=0.02)
-    pairs = least_squares_pairs(np.array([radius]), layout="hexagonal", types=1, counting="all_lenses")
+    law = equivalent_baseline(np.array(radius), layout="hexagonal", judged="least-squares")
+    assert float(law) == pytest.approx(baseline, rel=0.02)
+    pairs = least_squares_pairs(np.array([radius]), layout="hexagonal")
     apart = 23.0 * pairs.over_pitch / (2.0 * radius)
     one = MatchedPairs(largest_px=largest_common_square(23.0, apart), apart_px=apart, weight=pairs.share)
     found = float(one.window(500.0).side_px[0])

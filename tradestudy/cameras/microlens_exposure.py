@@ -15,7 +15,7 @@ from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, P
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_model import Rational
-from tradestudy.optics.microlens_coverage import lattice_of
+from tradestudy.optics.microlens_coverage import LATTICES
 from tradestudy.optics.thin_lens import focus_shift, image_distance
 
 Observation = tuple[FloatArray, FloatArray, FloatArray]
@@ -221,7 +221,7 @@ class MicrolensExposure:
     @property
     def _basis(self) -> FloatArray:
         """Columns are the steps from a microlens to its neighbours [m]."""
-        skew, rise = lattice_of(self.microlenses.layout).second_vector
+        skew, rise = LATTICES[self.microlenses.layout].second_vector
         turn = self._error("array_rotation")
         c, s = math.cos(turn), math.sin(turn)
         pitch = self.microlenses.pitch * float(self.geometry.pitch_scale(self.errors))
@@ -292,7 +292,7 @@ class MicrolensExposure:
 
     def _steps_within(self, reach: float) -> list[tuple[int, int]]:
         """Steps on the lattice to all microlenses within `reach` pitches."""
-        lattice = lattice_of(self.microlenses.layout)
+        lattice = LATTICES[self.microlenses.layout]
         span = math.ceil(reach / lattice.second_vector[1]) + 1
         steps = [(i, j) for i in range(-2 * span, 2 * span + 1) for j in range(-span, span + 1)]
         return [
@@ -376,6 +376,6 @@ class MicrolensExposure:
 
 def lattice_counts(array: MicrolensArray, sensor: Sensor) -> tuple[int, int]:
     """Rows and columns of a lattice that includes every microlens in front of a sensor, with some to spare."""
-    skew, rise = lattice_of(array.layout).second_vector
+    skew, rise = LATTICES[array.layout].second_vector
     rows = math.ceil(sensor.height / (rise * array.pitch)) + 8
     return rows, math.ceil(sensor.width / array.pitch + skew * rows) + 8

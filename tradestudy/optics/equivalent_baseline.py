@@ -16,7 +16,7 @@ ray. The integral over a cell of any function h of this set is therefore
     ∫ h dA = ∫dφ Σ_j (h(with origin) − h(without)) ½ [min(r, s_{j+1})² − min(r, s_j)²],
 
 which is piecewise linear in r² on each ray. The angle is integrated over the symmetric wedge by Gauss–Legendre rules
-between the angles at which the order of the lenses near the origin changes; a second, coarser rule gives the error.
+between the angles at which the order of the lenses near the origin changes.
 """
 
 from __future__ import annotations
@@ -28,21 +28,16 @@ from functools import lru_cache
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.microlens_coverage import (
-    Counting,
+    LATTICES,
     Layout,
-    as_radii,
-    counted_on_lattice,
     distance_to_bisector,
-    lattice_of,
     order_changes,
 )
 
-PairCounting = Literal["all_lenses", "given_type"]
+JudgedPairs = Literal["widest-pair", "least-squares"]
 
 # The table ends here; beyond, a disc holds more than 130 lenses and the law for many lenses takes over.
 _TABLE_RADIUS: Final = 6.0
@@ -50,88 +45,36 @@ _TABLE_RADIUS: Final = 6.0
 # Order changes farther out than this only move small steps of the integrand.
 _RESOLVED_RADIUS: Final = 3.0
 
-# Gauss–Legendre nodes per interval of angle: for the value, and for the comparison that gives the error.
-_NODES, _COARSE_NODES = 4, 2
+# Gauss–Legendre nodes per interval of angle. Half as many would change the baseline by up to 6e-4 of it.
+_NODES: Final = 4
 
 
-@dataclass(frozen=True, kw_only=True)
-class EquivalentBaseline:
-    """Baseline, over the pitch, of the pair of lenses that would have the same mean square error of depth."""
+def equivalent_baseline(radius_over_pitch: FloatArray, *, layout: Layout, judged: JudgedPairs) -> FloatArray:
+    """Baseline B over the pitch [1] of the pair of lenses that would have the same mean square error of depth.
 
-    over_pitch: FloatArray
-    """B/p [1]; NaN where no position has a pair (radius over pitch of a type's lattice ≤ 1/2)."""
-    relative_error: FloatArray
-    """Estimated numerical error of ``over_pitch``, as a fraction of it [1]; NaN where that is."""
-
-
-def widest_pair_baseline(
-    radius_over_pitch: ArrayLike,
-    *,
-    layout: Layout = "hexagonal",
-    types: int = 1,
-    counting: PairCounting = "all_lenses",
-) -> EquivalentBaseline:
-    """Effective length of the longest pair of lenses that see a point: σ_v = √2 v² σ_u/B in the mean square.
+    It is averaged over the positions that have a pair; their fraction is `pair_probability`.
 
     Parameters
     ----------
     radius_over_pitch
-        Radius of the disc of light on the array over the pitch [1], any shape.
+        Radius of the disc of light on the array over the pitch, ≥ 0 [1], any shape.
     layout
         ``hexagonal`` or ``square``.
-    types
-        1, or 3 on a hexagonal layout.
-    counting
-        ``all_lenses``: any two lenses make a pair. ``given_type``: both are of one type, named beforehand.
+    judged
+        ``widest-pair``: the longest pair of lenses that see a point. With matched f-numbers, σ_v/(σ_u/p) is 1.5–1.6 |v|
+        for |v| from 4 to 6, and more below. For large discs B → 2 r. ``least-squares``: all lenses together, with both
+        coordinates, B = √(2 Σ|x − x̄|²). With matched f-numbers, σ_v/(σ_u/p) = √2 v²/(B/p) falls to 4 √(2A/π) = 2.97
+        for a hexagonal array (where A is the area of a cell over p²), independent of v; B → r² √(π/A). This assumes
+        that all counted lenses form sharp images.
 
     Returns
     -------
-    The baseline over the pitch, and its error, averaged over the positions that have a pair; their fraction is
-    `seen_count_probability` with ``at_least=2``. With matched f-numbers, σ_v/(σ_u/p) is 1.5–1.6 |v| for |v| from 4 to
-    6, and more below. For large discs B → 2 r. Beyond six pitches of a type's lattice, the deficit from this limit is
-    extrapolated as r^(−8/5), the law of the nearest miss among lattice points in a thin lens-shaped area ∝ √r δ^(3/2);
-    half the deficit is the error.
-
-    Raises
-    ------
-    OutOfRangeError
-        For a negative radius, an unknown layout, or a number of types that the layout cannot carry.
+    B/p, in the shape of the radius; NaN where no position has a pair (radius over pitch ≤ 1/2). Beyond six pitches, the
+    deficit from the limit of large discs is extrapolated, and may be wrong by half of it: for the widest pair as
+    r^(−8/5), the law of the nearest miss among lattice points in a thin lens-shaped area ∝ √r δ^(3/2), and for least
+    squares as r⁻².
     """
-    return _baseline(radius_over_pitch, layout, types, counting, "widest pair")
-
-
-def least_squares_baseline(
-    radius_over_pitch: ArrayLike,
-    *,
-    layout: Layout = "hexagonal",
-    types: int = 1,
-    counting: PairCounting = "all_lenses",
-) -> EquivalentBaseline:
-    """Baseline of the pair that is as good as all lenses together, with both coordinates: B = √(2 Σ|x − x̄|²).
-
-    Parameters and errors as in `widest_pair_baseline`. With matched f-numbers, σ_v/(σ_u/p) = √2 v²/(B/p) falls to
-    4 √(2A/π) = 2.97 for a hexagonal array (where A is the area of a cell over p²), independent of v; B → r² √(π/A).
-    Beyond six pitches of a type's lattice, the deficit from that law is extrapolated as r⁻², and half of it is the
-    error. This assumes that all counted lenses form sharp images.
-    """
-    return _baseline(radius_over_pitch, layout, types, counting, "least squares")
-
-
-def _baseline(
-    radius_over_pitch: ArrayLike, layout: Layout, types: int, counting: PairCounting, estimator: str
-) -> EquivalentBaseline:
-    """Look up the table of one lattice and scale it by the pitch of that lattice."""
-    radius = as_radii(radius_over_pitch)
-    counted, spacing = counted_on_lattice(layout, types, counting)
-    if counted != "all_lenses":
-        raise OutOfRangeError(
-            "way of counting microlenses for a baseline",
-            value=repr(counting),
-            limit="all_lenses | given_type",
-            remedy="name the type, or count all lenses",
-        )
-    value, error = _table(layout, estimator).at(radius / spacing)
-    return EquivalentBaseline(over_pitch=value * spacing, relative_error=error)
+    return _table(layout, judged).at(radius_over_pitch)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,27 +91,22 @@ class _Estimator:
 
 @dataclass(frozen=True, kw_only=True)
 class _Table:
-    """B² and its relative error over squared radius, up to the table's end, and the law beyond."""
+    """B² over squared radius, up to the table's end, and the law beyond."""
 
     squared_radius: FloatArray
     sum_of_inverse_squares: FloatArray
     share: FloatArray
-    error_radius: FloatArray
-    error: FloatArray
     estimator: _Estimator
     cell_area: float
 
-    def at(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def at(self, radius: FloatArray) -> FloatArray:
         near = self.within(np.minimum(radius, _TABLE_RADIUS))
         limit = self.estimator.limit(np.maximum(radius, _TABLE_RADIUS), self.cell_area)
         at_end = self.estimator.limit(np.asarray(_TABLE_RADIUS), self.cell_area)
         deficit_at_end = 1 - self.within(np.asarray(_TABLE_RADIUS)) / at_end
         growth = np.maximum(radius, _TABLE_RADIUS) / _TABLE_RADIUS
         deficit = deficit_at_end * growth**-self.estimator.deficit_exponent
-        error = np.interp(radius, self.error_radius, self.error)
-        beyond = radius > _TABLE_RADIUS
-        value = np.where(beyond, limit * (1 - deficit), near)
-        return value, np.where(np.isnan(value), np.nan, np.where(beyond, np.abs(deficit) / 2 + error, error))
+        return np.where(radius > _TABLE_RADIUS, limit * (1 - deficit), near)
 
     def within(self, radius: FloatArray) -> FloatArray:
         share = np.interp(radius**2, self.squared_radius, self.share)
@@ -178,31 +116,21 @@ class _Table:
 
 
 @lru_cache(maxsize=8)
-def _table(layout: Layout, estimator: str) -> _Table:
-    """Tabulate one estimator on one lattice, with the error from a coarser rule over the angle."""
-    chosen = _ESTIMATORS[estimator]
-    fine, coarse = (_sums(layout, chosen, nodes) for nodes in (_NODES, _COARSE_NODES))
-    radius = np.linspace(0.5, _TABLE_RADIUS, 200)[1:]
-    ratios = [np.interp(radius**2, q, share) / np.interp(radius**2, q, total) for q, total, share in (fine, coarse)]
-    error = np.maximum.accumulate(np.abs(np.sqrt(ratios[1] / ratios[0]) - 1))
-    return _Table(
-        squared_radius=fine[0],
-        sum_of_inverse_squares=fine[1],
-        share=fine[2],
-        error_radius=radius,
-        error=np.maximum(error, 1e-12),  # rounding
-        estimator=chosen,
-        cell_area=lattice_of(layout).cell_area,
-    )
-
-
-def _sums(layout: Layout, estimator: _Estimator, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Squared radii, and at each the mean of 1/B² (0 without a pair) and the fraction of positions with a pair."""
-    positions, squared_reach, weight = _rays(layout, nodes)
+def _table(layout: Layout, judged: JudgedPairs) -> _Table:
+    """Tabulate one estimator on one lattice: means over all positions of 1/B² (0 without a pair), and of having one."""
+    estimator = _ESTIMATORS[judged]
+    positions, squared_reach, weight = _rays(layout)
     gain = estimator.gain(positions)
     has_pair = np.zeros_like(gain)  # the lens at the origin completes a pair only where there is one other
     has_pair[:, 0] = 1.0
-    return _integrate(squared_reach, weight, gain, has_pair)
+    squared_radius, inverse_squares, share = _integrate(squared_reach, weight, gain, has_pair)
+    return _Table(
+        squared_radius=squared_radius,
+        sum_of_inverse_squares=inverse_squares,
+        share=share,
+        estimator=estimator,
+        cell_area=LATTICES[layout].cell_area,
+    )
 
 
 def _integrate(
@@ -219,12 +147,12 @@ def _integrate(
     return arrival, accumulated(gain), accumulated(has_pair)
 
 
-def _rays(layout: Layout, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _rays(layout: Layout) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Lenses in order of entry, shape (rays, lenses, 2), their squared distances of entry, and weights of the rays."""
-    lattice = lattice_of(layout)
-    positions, _ = lattice.neighbours(2 * _TABLE_RADIUS + 2)
+    lattice = LATTICES[layout]
+    positions = lattice.neighbours(2 * _TABLE_RADIUS + 2)
     breaks = order_changes(lattice, positions, within=_RESOLVED_RADIUS)
-    node, share = np.polynomial.legendre.leggauss(nodes)
+    node, share = np.polynomial.legendre.leggauss(_NODES)
     half = 0.5 * np.diff(breaks)[:, np.newaxis]
     direction = (breaks[:-1, np.newaxis] + half * (1 + node)).ravel()
     arrival = distance_to_bisector(positions, direction)
@@ -261,9 +189,9 @@ def _inverse(value: FloatArray) -> FloatArray:
     return np.divide(1.0, value, out=np.zeros_like(value), where=value > 0)
 
 
-_ESTIMATORS: Final = {
-    "widest pair": _Estimator(gain=_widest_pair_gain, limit=lambda radius, _: 2 * radius, deficit_exponent=8 / 5),
-    "least squares": _Estimator(
+_ESTIMATORS: Final[dict[JudgedPairs, _Estimator]] = {
+    "widest-pair": _Estimator(gain=_widest_pair_gain, limit=lambda radius, _: 2 * radius, deficit_exponent=8 / 5),
+    "least-squares": _Estimator(
         gain=_least_squares_gain,
         limit=lambda radius, cell_area: radius**2 * math.sqrt(math.pi / cell_area),
         deficit_exponent=2.0,
@@ -285,7 +213,7 @@ class PairLengths:
     """Share of the information of all pairs, with windows of the same size [1]: sums to 1, or is 0 without pairs."""
 
 
-def least_squares_pairs(radius_over_pitch: ArrayLike, *, layout: Layout, types: int, counting: Counting) -> PairLengths:
+def least_squares_pairs(radius_over_pitch: FloatArray, *, layout: Layout) -> PairLengths:
     """Fraction of the information on depth that pairs of each length carry in least squares over all lenses.
 
     ``Σ_i |x_i − x̄|² = (1/k) Σ_{i<j} |x_i − x_j|²`` for k lenses: least squares carries the information of all pairs
@@ -298,8 +226,8 @@ def least_squares_pairs(radius_over_pitch: ArrayLike, *, layout: Layout, types: 
     ----------
     radius_over_pitch
         r/p, shape (radii,).
-    layout, types, counting
-        As in `least_squares_baseline`.
+    layout
+        ``hexagonal`` or ``square``.
 
     Notes
     -----
@@ -307,23 +235,19 @@ def least_squares_pairs(radius_over_pitch: ArrayLike, *, layout: Layout, types: 
     are at most 8 % smaller (near r/p = 1.1) than those from the mean square error over positions, and at most 2 % from
     r/p = 1.3 on.
     """
-    counted, spacing = counted_on_lattice(layout, types, counting)
-    assert counted == "all_lenses"  # on its own lattice
-    radius = as_radii(radius_over_pitch) / spacing
-    within, growth = np.minimum(radius, _LARGEST_RADIUS), np.maximum(radius / _LARGEST_RADIUS, 1.0)
+    within = np.minimum(radius_over_pitch, _LARGEST_RADIUS)
+    growth = np.maximum(radius_over_pitch / _LARGEST_RADIUS, 1.0)
     length, number = _shells(layout)
     with np.errstate(divide="ignore"):  # no disc, no pair
         u = np.minimum(length[:, np.newaxis] / (2.0 * within), 1.0)
     pairs = (number * length**2)[:, np.newaxis] * (np.arccos(u) - u * np.sqrt(1.0 - u * u))
     whole = np.sum(pairs, axis=0)
-    return PairLengths(
-        over_pitch=length[:, np.newaxis] * growth * spacing, share=pairs / np.where(whole > 0.0, whole, 1.0)
-    )
+    return PairLengths(over_pitch=length[:, np.newaxis] * growth, share=pairs / np.where(whole > 0.0, whole, 1.0))
 
 
 @lru_cache(maxsize=4)
 def _shells(layout: Layout) -> tuple[FloatArray, FloatArray]:
     """Distances of the lenses around one lens, and how many lie at each."""
-    positions, _ = lattice_of(layout).neighbours(2.0 * _LARGEST_RADIUS)
+    positions = LATTICES[layout].neighbours(2.0 * _LARGEST_RADIUS)
     squared, number = np.unique(np.round(np.sum(positions**2, axis=-1), 6), return_counts=True)
     return np.sqrt(squared), number.astype(np.float64)

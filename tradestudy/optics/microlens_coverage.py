@@ -2,36 +2,29 @@
 
 A lens sees the point if the ray from the point through the centre of the lens comes from the pupil: if this centre lies
 in the disc that the pupil projects through the image point onto the array. Over all positions, the fraction of points
-with at least k lenses in a disc of radius r is the fraction whose k-th nearest lens is within r. The points whose k-th
-nearest lens is the one at the origin form the k-th Brillouin zone of the lattice, which has the area of one cell. Along
-the ray at angle φ, the lens at g becomes nearer than the origin at s_g(φ) = |g|/(2 cos(φ − φ_g)). So the zone is the
-stretch between the (k−1)-th and the k-th smallest s_g, and
+with at least two lenses in a disc of radius r is the fraction whose second-nearest lens is within r. The points whose
+second-nearest lens is the one at the origin form the second Brillouin zone of the lattice, which has the area of one
+cell. Along the ray at angle φ, the lens at g becomes nearer than the origin at s_g(φ) = |g|/(2 cos(φ − φ_g)). So the
+zone is the stretch between the smallest and the second smallest s_g, and
 
-    P(n ≥ k) = 1/cell ∮ ½ [min(r, s_k(φ))² − min(r, s_{k−1}(φ))²] dφ,
+    P(n ≥ 2) = 1/cell ∮ ½ [min(r, s_2(φ))² − min(r, s_1(φ))²] dφ,
 
-which has a closed form between the angles at which the order of the s_g changes.
+where in each wedge of the symmetric lattice, the same two lenses bound the zone.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
-Integers = NDArray[np.int64]
-
 Layout = Literal["hexagonal", "square"]
-Counting = Literal["all_lenses", "given_type", "some_type", "every_type"]
-
-# Each of three types on a hexagonal lattice sits on a hexagonal lattice of this pitch.
-SAME_TYPE_PITCH: Final = math.sqrt(3)
 # Angles closer than this differ only by rounding.
 _SAME_ANGLE = 1e-12
 
@@ -41,97 +34,48 @@ class Lattice:
     """A lattice of unit pitch with a nearest neighbour on the x axis.
 
     ``sectors`` wedges of equal angle, the first from angle 0, are copies of each other by rotation and
-    reflection; a sum over the plane is ``sectors`` times the sum over one of them.
+    reflection; a sum over the plane is ``sectors`` times the sum over one of them. Along every ray in the first wedge,
+    the first lens that becomes nearer than the origin is the neighbour on the x axis, and the second is the one at the
+    distance ``second_distance`` and the angle ``second_angle`` [rad].
     """
 
     second_vector: tuple[float, float]
     cell_area: float
-    cell_circumradius: float
     sectors: int
+    second_distance: float
+    second_angle: float
 
     @property
     def wedge(self) -> float:
         """Angle of the fundamental wedge [rad]."""
         return 2 * math.pi / self.sectors
 
-    def neighbours(self, reach: float) -> tuple[FloatArray, Integers]:
-        """Positions (n, 2) and colours of the lenses within ``reach`` of the lens at the origin, without it.
-
-        The colour is the type in the three-type array: 0 is the type of the lens at the origin.
-        """
+    def neighbours(self, reach: float) -> FloatArray:
+        """Positions (n, 2) of the lenses within ``reach`` of the lens at the origin, without it."""
         span = math.ceil(reach / self.second_vector[1]) + 1
         i, j = (index.ravel() for index in np.mgrid[-2 * span : 2 * span + 1, -span : span + 1])
         positions = np.stack((i + j * self.second_vector[0], j * self.second_vector[1]), axis=-1)
         squared = np.sum(positions**2, axis=-1)
         kept = (squared > 0) & (squared <= reach**2)
-        return positions[kept], ((i - j) % 3)[kept].astype(np.int64)
+        return positions[kept]
 
 
 LATTICES: Final[dict[Layout, Lattice]] = {
     "hexagonal": Lattice(
         second_vector=(0.5, math.sqrt(3) / 2),
         cell_area=math.sqrt(3) / 2,
-        cell_circumradius=1 / math.sqrt(3),
         sectors=12,
+        second_distance=1.0,
+        second_angle=math.pi / 3,
     ),
-    "square": Lattice(second_vector=(0.0, 1.0), cell_area=1.0, cell_circumradius=1 / math.sqrt(2), sectors=8),
+    "square": Lattice(
+        second_vector=(0.0, 1.0),
+        cell_area=1.0,
+        sectors=8,
+        second_distance=math.sqrt(2),
+        second_angle=math.pi / 4,
+    ),
 }
-
-
-def lattice_of(layout: Layout) -> Lattice:
-    """Lattice of a layout; refuses an unknown one."""
-    if layout not in LATTICES:
-        raise OutOfRangeError(
-            "unknown layout of microlenses",
-            value=repr(layout),
-            limit=" | ".join(LATTICES),
-            remedy="name one of these",
-        )
-    return LATTICES[layout]
-
-
-def require_types(layout: Layout, types: int) -> None:
-    """Refuse numbers of types that do not tile the layout into equal lattices of one shape."""
-    if types == 1 or (types == 3 and layout == "hexagonal"):
-        return
-    raise OutOfRangeError(
-        f"microlens types on a {layout} layout, each on a {layout} lattice of its own",
-        value=str(types),
-        limit="1, or 3 on a hexagonal layout (a square lattice has no square sublattice of index 3)",
-        remedy="use a hexagonal layout for three types",
-    )
-
-
-def as_radii(radius_over_pitch: ArrayLike) -> FloatArray:
-    """Check that radii are non-negative numbers (infinity is allowed)."""
-    radius = np.asarray(radius_over_pitch, dtype=np.float64)
-    if not np.all(radius >= 0):
-        raise OutOfRangeError(
-            "radius of the projected pupil over microlens pitch",
-            value=f"{radius[~(radius >= 0)].flat[0]:g}",
-            limit="a number ≥ 0",
-            remedy="give |a_L| A/(2 b p)",
-        )
-    return radius
-
-
-def counted_on_lattice(layout: Layout, types: int, counting: Counting) -> tuple[Counting, float]:
-    """Reduce a count to one lattice: what is counted there, and the lattice's pitch in pitches of the whole array.
-
-    A given type of three sits on a lattice of its own, so its lenses count as all lenses of a coarser array.
-    """
-    lattice_of(layout)
-    require_types(layout, types)
-    if counting not in get_args(Counting):
-        raise OutOfRangeError(
-            "unknown way of counting microlenses",
-            value=repr(counting),
-            limit=" | ".join(get_args(Counting)),
-            remedy="name one of these",
-        )
-    if types == 1:
-        return "all_lenses", 1.0
-    return ("all_lenses", SAME_TYPE_PITCH) if counting == "given_type" else (counting, 1.0)
 
 
 def distance_to_bisector(positions: FloatArray, direction: FloatArray) -> FloatArray:
@@ -164,12 +108,11 @@ def order_changes(lattice: Lattice, positions: FloatArray, *, within: float) -> 
     return np.concatenate(([0.0], distinct, [lattice.wedge]))
 
 
-LARGEST_COUNT: Final = 32
-# The covering radius is known to this relative rounding; within it, a radius counts as having reached it.
+# Radius over pitch from which on every point is seen by two lenses, on both layouts: the point that needs the largest
+# disc is a lens itself, whose neighbours are one pitch away.
+PAIR_COVERING_RADIUS: Final = 1.0
+# Within this relative rounding, a radius counts as having reached the covering radius.
 _ROUNDING: Final = 1e-14
-# Entries in a row of lens indices: the lens at the origin; no lens, because the zone is empty there.
-_ORIGIN: Final = -1
-_NO_LENS: Final = -2
 
 
 def projected_radius_over_pitch(
@@ -229,7 +172,7 @@ def covering_microlens_object_distance(
     """Signed a_L at which the disc of light has a given radius: a_L = ±2 r z / (A ± 2 r), the total covering plane.
 
     The inverse of `projected_radius_over_pitch` for one sign of the relay. With the radius from
-    `covering_radius_over_pitch`, it is the plane beyond which the required number of lenses sees every point: images
+    `PAIR_COVERING_RADIUS`, it is the plane beyond which two lenses see every point: images
     farther in front of the array for a Keplerian relay, farther behind it for a Galilean one.
 
     Parameters
@@ -279,30 +222,16 @@ def _positive(*lengths: ArrayLike) -> tuple[FloatArray, ...]:
     return arrays
 
 
-def seen_count_probability(
-    radius_over_pitch: ArrayLike,
-    *,
-    at_least: int,
-    layout: Layout = "hexagonal",
-    types: int = 1,
-    counting: Counting = "all_lenses",
-) -> FloatArray:
-    """Probability, over all positions of a point, that at least a given number of microlenses see it.
+def pair_probability(radius_over_pitch: FloatArray, *, layout: Layout) -> FloatArray:
+    """Probability, over all positions of a point, that at least two microlenses see it.
 
     Parameters
     ----------
     radius_over_pitch
         Radius of the disc that the pupil projects onto the array through the image point, over the pitch [1], any
         shape. With matched f-numbers it is |v|/2 · z/b.
-    at_least
-        Required number of lenses, 1 to 32.
     layout
         ``hexagonal`` or ``square``.
-    types
-        1, or 3 on a hexagonal layout (each type then sits on a hexagonal lattice of √3 pitches).
-    counting
-        ``all_lenses``: of any type. ``given_type``: of one type named beforehand. ``some_type``: at least one type
-        reaches the number. ``every_type``: each type does. With a single type, all four agree.
 
     Returns
     -------
@@ -310,173 +239,31 @@ def seen_count_probability(
 
     Notes
     -----
-    Closed form, exact up to rounding (below 1e-13 absolute). It is exactly 0 below the smallest radius that can contain
-    that many lenses, and exactly 1 from `covering_radius_over_pitch` on. A lens counts when its centre is in the disc.
-    Light that touches only its rim does not count, so for r → 0 the probability of one lens vanishes too.
-
-    Raises
-    ------
-    OutOfRangeError
-        For a negative radius, an unknown layout, a number of types that the layout cannot carry, or a number below one.
-    UnaffordableError
-        For a number above 32.
+    Closed form, exact up to rounding (below 1e-13 absolute). It is exactly 0 up to half a pitch, and exactly 1 from
+    `PAIR_COVERING_RADIUS` on. A lens counts when its centre is in the disc.
     """
-    radius = as_radii(radius_over_pitch)
-    _require_number(at_least)
-    counted, spacing = counted_on_lattice(layout, types, counting)
-    return _shell(layout, counted, at_least).probability(radius / spacing)
+    lattice = LATTICES[layout]
+    within = np.minimum(radius_over_pitch, PAIR_COVERING_RADIUS)
+    outer = _area_before_bisector(within, lattice.second_distance, lattice.second_angle, lattice.wedge)
+    area = outer - _area_before_bisector(within, 1.0, 0.0, lattice.wedge)
+    covered = radius_over_pitch >= PAIR_COVERING_RADIUS * (1 - _ROUNDING)
+    return np.where(covered, 1.0, np.clip(area * (lattice.sectors / lattice.cell_area), 0.0, 1.0))
 
 
-def covering_radius_over_pitch(
-    *, at_least: int, layout: Layout = "hexagonal", types: int = 1, counting: Counting = "all_lenses"
-) -> float:
-    """Smallest radius over pitch from which on every point is seen by at least a given number of microlenses.
-
-    On a hexagonal array, for a pair: 1 for any lenses (|v| = 2 with matched f-numbers), 2/√3 for some type of
-    three, √3 for each type. Parameters, exactness and errors as in `seen_count_probability`.
-    """
-    _require_number(at_least)
-    counted, spacing = counted_on_lattice(layout, types, counting)
-    return _shell(layout, counted, at_least).covering_radius * spacing
+def _area_before_bisector(radius: FloatArray, distance: float, angle: float, wedge: float) -> FloatArray:
+    """∫ ½ min(r, s(φ))² dφ over the wedge from 0, where s is the bisector of the origin and one lens."""
+    ratio = np.divide(distance, 2 * radius, out=np.ones_like(radius), where=distance < 2 * radius)
+    half_angle = np.arccos(ratio)  # the circle lies beyond the bisector this far to each side of the lens
+    first, last = (np.clip(angle + side * half_angle, 0.0, wedge) - angle for side in (-1, 1))
+    inside = (distance / 2) ** 2 * (np.tan(last) - np.tan(first))
+    outside = radius**2 * (wedge - (last - first))
+    return np.asarray(0.5 * (inside + outside))
 
 
-def mean_seen_count(radius_over_pitch: ArrayLike, *, layout: Layout = "hexagonal", types: int = 1) -> FloatArray:
-    """Mean number of microlenses of one type that see a point: area of the disc over that of the type's cell.
+def mean_seen_count(radius_over_pitch: FloatArray, *, layout: Layout) -> FloatArray:
+    """Mean number of microlenses that see a point: area of the disc over that of a cell.
 
-    On a hexagonal array of one type with matched f-numbers, it is 0.907 v² for b ≈ z. Exact at every radius: each lens
+    On a hexagonal array with matched f-numbers, it is 0.907 v² for b ≈ z. Exact at every radius: each lens
     is in the disc for a fraction of positions equal to the area of the disc over that of the cell.
     """
-    require_types(layout, types)
-    radius = as_radii(radius_over_pitch)
-    return np.asarray(math.pi * radius**2 / (lattice_of(layout).cell_area * types))
-
-
-def _require_number(at_least: int) -> None:
-    """Refuse numbers of lenses below one, or too large to compute."""
-    if at_least < 1:
-        raise OutOfRangeError(
-            "required number of microlenses", value=str(at_least), limit="≥ 1", remedy="require one or more"
-        )
-    if at_least > LARGEST_COUNT:
-        raise UnaffordableError(
-            "required number of microlenses",
-            value=str(at_least),
-            limit=f"≤ {LARGEST_COUNT} (the table grows as its cube)",
-            remedy="compare with mean_seen_count instead",
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Edge:
-    """One boundary of a zone: on each interval of angle, the bisector of the origin and one lens."""
-
-    lens_distance: FloatArray
-    lens_angle: FloatArray
-    begin: FloatArray
-    end: FloatArray
-
-    def area(self, radius: FloatArray) -> FloatArray:
-        """∫ ½ min(r, s(φ))² dφ summed over the intervals, for a column of radii."""
-        ratio = np.divide(
-            self.lens_distance,
-            2 * radius,
-            out=np.ones(np.broadcast_shapes(radius.shape, self.lens_distance.shape)),
-            where=self.lens_distance < 2 * radius,
-        )
-        half_angle = np.arccos(ratio)
-        first = np.clip(self.lens_angle - half_angle, self.begin, self.end) - self.lens_angle
-        last = np.clip(self.lens_angle + half_angle, self.begin, self.end) - self.lens_angle
-        inside = (self.lens_distance / 2) ** 2 * (np.tan(last) - np.tan(first))
-        outside = radius**2 * ((self.end - self.begin) - (last - first))
-        return np.asarray(0.5 * np.sum(inside + outside, axis=-1))
-
-    def largest(self) -> float:
-        """Largest distance of the boundary from the origin."""
-        slant = np.cos(np.stack((self.begin, self.end)) - self.lens_angle)
-        return float(np.max(self.lens_distance / (2 * slant)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Shell:
-    """The points for which the lens at the origin completes the count: between two edges, in one wedge."""
-
-    inner: _Edge | None
-    outer: _Edge
-    weight: float
-
-    @property
-    def covering_radius(self) -> float:
-        return self.outer.largest()
-
-    def probability(self, radius: FloatArray) -> FloatArray:
-        column = np.minimum(radius, self.covering_radius)[..., np.newaxis]
-        area = self.outer.area(column)
-        if self.inner is not None:
-            area = area - self.inner.area(column)
-        covered = radius >= self.covering_radius * (1 - _ROUNDING)
-        return np.where(covered, 1.0, np.clip(area * self.weight, 0.0, 1.0))
-
-
-@lru_cache(maxsize=64)
-def _shell(layout: Layout, counting: Counting, at_least: int) -> _Shell:
-    """Find, for every stretch of angle with a fixed order of the bisectors, which of them bound the zone."""
-    lattice = lattice_of(layout)
-    reach = _reach(lattice, counting, at_least)
-    positions, colours = lattice.neighbours(2 * reach)
-    breaks = order_changes(lattice, positions, within=reach)
-    angle = np.arctan2(positions[:, 1], positions[:, 0])
-    distance = np.hypot(positions[:, 0], positions[:, 1])
-    middle = 0.5 * (breaks[1:] + breaks[:-1])
-    reached = distance_to_bisector(positions, middle)
-    inner, outer = _bounds(reached, colours, counting, at_least)
-    rows = np.arange(len(middle))
-    depth = np.where(inner == _ORIGIN, 0.0, reached[rows, inner])
-    inner, outer = (np.where(reached[rows, outer] > depth, lens, _NO_LENS) for lens in (inner, outer))
-    changes = (np.diff(inner, prepend=_NO_LENS - 1) != 0) | (np.diff(outer, prepend=_NO_LENS - 1) != 0)
-    first = np.flatnonzero(changes)
-    begin, end = breaks[first], breaks[np.append(first[1:], len(middle))]
-    kept = outer[first] != _NO_LENS
-    begin, end, inner, outer = begin[kept], end[kept], inner[first][kept], outer[first][kept]
-
-    def edge(lens: Integers) -> _Edge:
-        return _Edge(lens_distance=distance[lens], lens_angle=angle[lens], begin=begin, end=end)
-
-    starts_at_origin = bool(np.all(inner == _ORIGIN))
-    return _Shell(
-        inner=None if starts_at_origin else edge(inner),
-        outer=edge(outer),
-        weight=lattice.sectors / lattice.cell_area,
-    )
-
-
-def _reach(lattice: Lattice, counting: Counting, at_least: int) -> float:
-    """Upper bound on the radius that every point needs: a disc contains all cells a circumradius inside its rim."""
-    spacing = 1.0 if counting == "all_lenses" else SAME_TYPE_PITCH
-    return spacing * (lattice.cell_circumradius + math.sqrt(at_least * lattice.cell_area / math.pi)) + 1e-9
-
-
-def _bounds(reached: FloatArray, colours: Integers, counting: Counting, at_least: int) -> tuple[Integers, Integers]:
-    """Find the lenses whose bisectors bound the zone from inside (`_ORIGIN`: none does) and from outside."""
-    own = colours >= 0 if counting == "all_lenses" else colours == 0
-    before, after = _ranked(reached, own, at_least - 1), _ranked(reached, own, at_least)
-    if counting == "all_lenses":
-        return before, after
-    others = [_ranked(reached, colours == colour, at_least) for colour in (1, 2)]
-    if counting == "some_type":  # up to where another type has the number first
-        return before, _outermost(-reached, [after, *others])
-    return _outermost(reached, [before, *others]), after  # from where the other types have it too
-
-
-def _ranked(reached: FloatArray, among: NDArray[np.bool_], rank: int) -> Integers:
-    """Find the lens whose bisector is reached as the rank-th among some, per row; the origin for rank 0."""
-    if rank == 0:
-        return np.full(len(reached), _ORIGIN)
-    chosen = np.flatnonzero(among)
-    return chosen[np.argpartition(reached[:, chosen], rank - 1, axis=-1)[:, rank - 1]]
-
-
-def _outermost(depth: FloatArray, candidates: list[Integers]) -> Integers:
-    """The lens with the greatest depth among several, per row; the origin only where there is no other."""
-    rows = np.arange(len(depth))
-    depths = np.stack([np.where(lens == _ORIGIN, -np.inf, depth[rows, lens]) for lens in candidates])
-    return np.asarray(np.stack(candidates)[np.argmax(depths, axis=0), rows])
+    return np.asarray(math.pi * radius_over_pitch**2 / LATTICES[layout].cell_area)

@@ -36,8 +36,8 @@ from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.microlens_coverage import (
+    PAIR_COVERING_RADIUS,
     covering_microlens_object_distance,
-    covering_radius_over_pitch,
     mean_seen_count,
     projected_radius_over_pitch,
 )
@@ -109,14 +109,13 @@ def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scali
     Light behind the array (Galilean) covers it up to a distance, and light in front (Keplerian) from a distance on,
     whatever the focal lengths of the microlenses.
     """
-    needed = covering_radius_over_pitch(at_least=2, layout=array.layout)
     found = []
     for keplerian in (False, True):
-        if not keplerian and 2.0 * needed * array.pitch > lens.pupil_diameter:
+        if not keplerian and 2.0 * PAIR_COVERING_RADIUS * array.pitch > lens.pupil_diameter:
             continue
         a_L = float(
             covering_microlens_object_distance(
-                needed,
+                PAIR_COVERING_RADIUS,
                 mla_distance=mla_distance,
                 pupil_diameter=lens.pupil_diameter,
                 microlens_pitch=array.pitch,

@@ -30,11 +30,10 @@ from tradestudy.cameras.picture_geometry import MatchedPairs, largest_common_squ
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.equivalent_baseline import (
     PairLengths,
-    least_squares_baseline,
+    equivalent_baseline,
     least_squares_pairs,
-    widest_pair_baseline,
 )
-from tradestudy.optics.microlens_coverage import seen_count_probability
+from tradestudy.optics.microlens_coverage import pair_probability
 
 PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
 UsedLenses = Literal["all", "sharpest-type"]
@@ -44,8 +43,7 @@ LENSES_OF_PAIRS: Final[dict[str, UsedLenses]] = {"adjacent-pair": "all", "same-t
 
 def neighbour_distance(estimator: PlenopticEstimator, array: MicrolensArray) -> float:
     """Distance between the microlenses of an adjacent or same-type pair [m]: the pitch, or √3 times it."""
-    same_of_three = estimator == "same-type-pair" and array.types > 1
-    return array.pitch * (math.sqrt(3.0) if same_of_three else 1.0)
+    return array.pitch * _pitches_apart(LENSES_OF_PAIRS[estimator], array)
 
 
 def effective_baseline(
@@ -63,10 +61,12 @@ def effective_baseline(
     radius_over_pitch
         Radius of the disc in which microlenses see a point; NaN where it has no image.
     """
-    law = {"widest-pair": widest_pair_baseline, "least-squares": least_squares_baseline}[estimator]
-    radius, counting = radius_over_pitch, _counting(lenses, array)
-    found = law(np.nan_to_num(radius), layout=array.layout, types=array.types, counting=counting)
-    return np.asarray(np.where(np.isfinite(radius), found.over_pitch, np.nan) * array.pitch)
+    assert estimator == "widest-pair" or estimator == "least-squares"  # the others have pairs of one length
+    spacing = _pitches_apart(lenses, array)
+    baseline = spacing * equivalent_baseline(
+        np.nan_to_num(radius_over_pitch) / spacing, layout=array.layout, judged=estimator
+    )
+    return np.asarray(np.where(np.isfinite(radius_over_pitch), baseline, np.nan) * array.pitch)
 
 
 def pairs_of(
@@ -99,24 +99,20 @@ def pairs_of(
     kept = np.square(baseline / np.where(whole > 0.0, whole, 1.0))
     if estimator == "widest-pair":
         return PairLengths(over_pitch=baseline[np.newaxis] / array.pitch, share=kept[np.newaxis])
-    pairs = least_squares_pairs(radius, layout=array.layout, types=array.types, counting=_counting(lenses, array))
-    return PairLengths(over_pitch=pairs.over_pitch, share=pairs.share * kept)
+    spacing = _pitches_apart(lenses, array)
+    pairs = least_squares_pairs(radius / spacing, layout=array.layout)
+    return PairLengths(over_pitch=pairs.over_pitch * spacing, share=pairs.share * kept)
 
 
 def share_with_a_pair(lenses: UsedLenses, array: MicrolensArray, radius_over_pitch: FloatArray) -> FloatArray:
     """Share of points seen by at least two of the microlenses that an estimator uses; 0 where there is no image."""
-    found = seen_count_probability(
-        np.nan_to_num(radius_over_pitch),
-        at_least=2,
-        layout=array.layout,
-        types=array.types,
-        counting=_counting(lenses, array),
-    )
-    return np.asarray(np.where(np.isfinite(radius_over_pitch), found, 0.0))
+    share = pair_probability(np.nan_to_num(radius_over_pitch) / _pitches_apart(lenses, array), layout=array.layout)
+    return np.asarray(np.where(np.isfinite(radius_over_pitch), share, 0.0))
 
 
-def _counting(lenses: UsedLenses, array: MicrolensArray) -> Literal["all_lenses", "given_type"]:
-    return "given_type" if lenses == "sharpest-type" and array.types > 1 else "all_lenses"
+def _pitches_apart(lenses: UsedLenses, array: MicrolensArray) -> float:
+    """Pitch of the lattice of the used microlenses, over that of the array: each of three types has its own lattice."""
+    return math.sqrt(3.0) if lenses == "sharpest-type" and array.types > 1 else 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,7 +20,7 @@ from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, Fla
 from tradestudy.cameras.microlens_pictures import Indices, MicrolensGrid, microlens_grid, sampled
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.optics.arrays import BoolArray, Samples
-from tradestudy.optics.microlens_coverage import lattice_of
+from tradestudy.optics.microlens_coverage import LATTICES
 from tradestudy.optics.window_matching import (
     PairOfPictures,
     Reason,
@@ -58,7 +58,7 @@ class ViewsReader(DepthReader):
     @cached_property
     def _places(self) -> tuple[Indices, Indices, tuple[int, int]]:
         """Row and column of each microlens on the regular grid, and the shape of the grid."""
-        skew, _ = lattice_of(self.camera.microlenses.layout).second_vector
+        skew, _ = LATTICES[self.camera.microlenses.layout].second_vector
         grid = self._grid
         row = grid.second - grid.low[1]
         column = grid.first + np.floor(skew * grid.second).astype(np.intp)
@@ -102,7 +102,7 @@ class ViewsReader(DepthReader):
 
     def _straightened(self, found: Samples) -> Samples:
         """Rows that the lattice shifts by half a sample, interpolated onto the regular grid by cubics."""
-        skew, _ = lattice_of(self.camera.microlenses.layout).second_vector
+        skew, _ = LATTICES[self.camera.microlenses.layout].second_vector
         if skew == 0.0:
             return found
         odd = np.flatnonzero((np.arange(found.shape[0]) + self._grid.low[1]) % 2 == 1)
@@ -150,7 +150,7 @@ class ViewsReader(DepthReader):
         # The noise varies so slowly over the picture that it need not be shifted with the views.
         noisy = replace(picture, values=picture.variance)
         variance = self._view(noisy, -place) + self._view(noisy, place)
-        rise = lattice_of(self.camera.microlenses.layout).second_vector[1]  # row spacing over column spacing
+        rise = LATTICES[self.camera.microlenses.layout].second_vector[1]  # row spacing over column spacing
         per_step = place / self._longest * np.array([1.0, 1.0 / rise])
         gradient = gradient_along(template, (-2.0 * float(per_step[0]), -2.0 * float(per_step[1])))
 
