@@ -57,7 +57,7 @@ class Lattice:
         positions = np.stack((i + j * self.second_vector[0], j * self.second_vector[1]), axis=-1)
         squared = np.sum(positions**2, axis=-1)
         kept = (squared > 0) & (squared <= reach**2)
-        return positions[kept]
+        return np.asarray(positions[kept])
 
 
 LATTICES: Final[dict[Layout, Lattice]] = {
@@ -171,9 +171,9 @@ def covering_microlens_object_distance(
 ) -> FloatArray:
     """Signed a_L at which the disc of light has a given radius: a_L = ±2 r z / (A ± 2 r), the total covering plane.
 
-    The inverse of `projected_radius_over_pitch` for one sign of the relay. With the radius from
-    `PAIR_COVERING_RADIUS`, it is the plane beyond which two lenses see every point: images
-    farther in front of the array for a Keplerian relay, farther behind it for a Galilean one.
+    The inverse of `projected_radius_over_pitch` for one sign of the relay. With the radius `PAIR_COVERING_RADIUS`,
+    it is the plane beyond which two lenses see every point: images farther in front of the array for a Keplerian relay,
+    farther behind it for a Galilean one.
 
     Parameters
     ----------
