@@ -151,10 +151,11 @@ class Study:
             that none of its cameras, lenses or light paths has.
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
-        if forced or self.definition.under_tolerance.entry("accuracy") is not None:
-            from tradestudy.models.choice import choose_models
+        has_spot = self.file.light_spot is not None  # whose picture depends on the chosen models
+        if forced or has_spot or self.definition.under_tolerance.entry("accuracy") is not None:
+            from tradestudy.models.choice import choose_models, refuse_chosen_spot
 
-            choose_models(self.definition)
+            refuse_chosen_spot(self.definition, choose_models(self.definition))
         self._refuse_pictures()
         self._refuse_calibrations("few views")
         return self.check_summary()
@@ -226,13 +227,13 @@ class Study:
             for asked, method in dict.fromkeys([*((spot, method) for method in spot.methods), *claimed]):
                 refuse_picture(asked, compared_models(asked, method))
         if self.file.point_spread is not None:
-            from tradestudy.models.point_spreads import every_case
+            from tradestudy.models.point_spreads import refuse_spreads
 
-            every_case(self.file.point_spread)  # which refuses impossible ones
+            refuse_spreads(self.file.point_spread)
         if self.file.fresnel_validity is not None:
-            from tradestudy.models.point_spreads import refuse_long_waves
+            from tradestudy.models.point_spreads import refuse_comparison
 
-            refuse_long_waves(self.file.fresnel_validity)
+            refuse_comparison(self.file.fresnel_validity)
         if self.file.depth_loop is not None or (scene is not None and scene.image is not None):
             from tradestudy.answers.scene import refuse_pictures
 

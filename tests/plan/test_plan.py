@@ -11,8 +11,11 @@ import pytest
 import tradestudy
 from tradestudy.api import Study
 from tradestudy.depth.evaluation import depth_uncertainty
-from tradestudy.errors import StudyError, UnaffordableError
+from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.models.plan import Plan, _space, size_of_depth
+from tradestudy.models.point_spreads import refuse_spreads
+from tradestudy.optics.lens_point_spread import point_spread
+from tradestudy.optics.propagation.lens import PointSource
 
 STUDIES = Path(__file__).parents[2] / "studies"
 UNIFORM_YAW = """
@@ -198,6 +201,8 @@ def test_a_time_limit_that_is_too_short_is_refused_with_value_limit_and_remedy()
         ("hand_lens", "effects.sensor_noise=shot"),
         ("light_spot", "effects.calibration=linear"),
         ("light_spot", "accuracy.usable_range=2 %"),
+        ("light_spot", "point_spread.window=100"),
+        ("fresnel_validity", "fresnel_validity.windows=[5, 200]"),
     ],
 )
 def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override: str) -> None:
@@ -207,6 +212,38 @@ def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override:
     with pytest.raises(type(by_plan.value)) as by_check:
         loaded.check()
     assert str(by_check.value) == str(by_plan.value)
+
+
+def test_check_judges_the_picture_of_a_spot_that_compares_no_methods() -> None:
+    spot = {"methods": None, "tolerance": None, "published_times": None, "microlenses.lens_phase": "perfect"}
+    values = {f"light_spot.{key}": value for key, value in spot.items()}
+    study = tradestudy.load(STUDIES / "light_spot.yaml").with_values({**values, "claims": None, "readings": None})
+    with pytest.raises(OutOfRangeError, match="perfect microlenses") as by_plan:
+        study.plan()
+    with pytest.raises(OutOfRangeError) as by_check:
+        study.check()
+    assert str(by_check.value) == str(by_plan.value)
+
+
+def test_a_point_spread_is_refused_for_the_numbers_that_its_computation_needs() -> None:
+    part = tradestudy.load(STUDIES / "light_spot.yaml").file.point_spread
+    assert part is not None
+    refuse_spreads(part)
+    with pytest.raises(UnaffordableError, match=r"at f/2\.8 in 550 nm light .*window than 95") as before:
+        refuse_spreads(part.model_copy(update={"window": 95.0}))
+    with pytest.raises(UnaffordableError) as computed:
+        point_spread(
+            focal_length=12.5e-3,
+            f_number=2.8,
+            wavelength=550e-9,
+            source=PointSource(distance=0.15),
+            focus_distance=0.15,
+            lens_phase="parabolic",
+            method="fresnel",
+            window=95.0,
+            tolerance=part.tolerance,
+        )
+    assert before.value.value == computed.value.value
 
 
 def test_a_tolerance_on_what_the_study_does_not_compute_is_refused_with_its_key() -> None:

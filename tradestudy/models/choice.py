@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from tradestudy.accuracy import IN_WORDS, QUANTITIES, Quantity
@@ -103,6 +103,15 @@ def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
     if refused:
         raise refused[0]
     return tuple(found)
+
+
+def refuse_chosen_spot(definition: StudyDefinition, problems: Sequence[Chosen]) -> None:
+    """Refuse the picture of a light spot by its chosen models as `refuse_picture` does; nothing without a spot."""
+    if (spot := definition.file.light_spot) is not None:
+        from tradestudy.models.light_spot import NAME, spot_models
+        from tradestudy.models.light_trial import refuse_picture
+
+        refuse_picture(spot, spot_models(next(one.models for one in problems if one.name == NAME)))
 
 
 def chosen(

@@ -11,7 +11,7 @@ from tradestudy.accuracy import Accuracy
 from tradestudy.depth.usable import LIMIT_NAMES
 from tradestudy.effects import Models
 from tradestudy.errors import UnaffordableError
-from tradestudy.models.choice import Chosen, choose_models
+from tradestudy.models.choice import Chosen, choose_models, refuse_chosen_spot
 from tradestudy.models.plan_text import plan_lines
 from tradestudy.models.slow_steps import Work, magnitude, work_of
 from tradestudy.results import GROUPS
@@ -117,11 +117,7 @@ def plan_of(definition: StudyDefinition) -> Plan:
             other_models.setdefault(reading, {})[one.name] = models
     applied = definition.with_models({one.name: one.models for one in problems}, other_models)
     plan = Plan(definition=applied, accuracy=accuracy, problems=problems, work=work_of(applied))
-    if (spot := definition.file.light_spot) is not None:
-        from tradestudy.models.light_spot import NAME, spot_models
-        from tradestudy.models.light_trial import refuse_picture
-
-        refuse_picture(spot, spot_models(plan.models(NAME)))
+    refuse_chosen_spot(definition, problems)
     seconds = math.fsum(one.seconds for one in plan.work)
     if seconds > _CERTAINLY_TOO_LONG * accuracy.time_limit:
         raise UnaffordableError(

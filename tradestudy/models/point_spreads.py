@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.fresnel_validity import (
     bounded_minimum_f_number,
@@ -18,14 +19,19 @@ from tradestudy.optics.fresnel_validity import (
     goodman_minimum_f_number,
     paper_eq27,
 )
-from tradestudy.optics.lens_point_spread import point_spread
-from tradestudy.optics.propagation.lens import LensPhase, PointSource
-from tradestudy.optics.propagation.sampling import refuse_near_zone
-from tradestudy.optics.psf_difference import PsfDifference, airy_radius, fresnel_psf_difference
+from tradestudy.optics.lens_point_spread import point_spread, samples_in_quarter
+from tradestudy.optics.propagation.aperture import lens_wave
+from tradestudy.optics.propagation.kernels import FresnelKernel, KirchhoffKernel
+from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
+from tradestudy.optics.propagation.sampling import Limits, check_affordable, refuse_near_zone
+from tradestudy.optics.propagation.targets import TargetPoints
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for
+from tradestudy.optics.psf_difference import PsfDifference, airy_radius, compared_points, fresnel_psf_difference
 from tradestudy.optics.sampled_point_spread import Measured
 from tradestudy.optics.spread_metrics import encircled_energy_radius, full_width_at_half_maximum, rms_width
 from tradestudy.optics.spread_shares import modulation_transfer, share_on_neighbouring_pixels, share_outside_disc
 from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart, PsfMetric, listed
+from tradestudy.units import LENGTH, pretty
 
 SpreadMethod = Literal["fresnel", "kirchhoff"]
 MEASURES: Final = (
@@ -111,6 +117,77 @@ class LensAndPoint:
     def geometric_radius(self) -> float:
         """Radius of the disc that paraxial rays fill [m]: R b |1/a' − 1/a|."""
         return 2 * abs(self.defocus_waves) * self.wavelength * self.image_distance / self.radius
+
+
+def refuse_spreads(part: PointSpreadPart) -> None:
+    """Refuse cases that are impossible or too large.
+
+    Raises
+    ------
+    OutOfRangeError
+        As for `LensAndPoint`.
+    UnaffordableError
+        The samples of a window exceed the limits of nodes, memory or time.
+    """
+    count = (4 * samples_in_quarter(part.window) + 1) ** 2
+    for case in every_case(part):
+        _refuse_large(case, window=part.window, count=count, tolerance=part.tolerance)
+
+
+def refuse_comparison(part: FresnelValidityPart) -> None:
+    """Refuse impossible comparisons, and those that are too large at the smallest f-number, which needs most nodes.
+
+    Raises
+    ------
+    OutOfRangeError
+        As for `refuse_long_waves`.
+    UnaffordableError
+        The points of the windows exceed the limits of nodes, memory or time.
+    """
+    refuse_long_waves(part)
+    lights = [(0.0, min(part.wavelengths))]
+    lights += [] if part.off_axis is None else [(part.off_axis.field_angle, part.off_axis.wavelength)]
+    for (angle, wavelength), phase in itertools.product(lights, part.lens_phases):
+        count = compared_points(part.windows, symmetric=angle == 0.0)
+        for element in part.elements.values():
+            case = LensAndPoint(
+                focal_length=element.focal_length,
+                object_distance=element.object_distance,
+                f_number=min(*listed(part.f_numbers), element.f_number),
+                wavelength=wavelength,
+                lens_phase=phase,
+                field_angle=angle,
+                defocus_waves=0.0,
+            )
+            _refuse_large(case, window=part.windows[-1], count=count, tolerance=part.tolerance)
+
+
+def _refuse_large(case: LensAndPoint, *, window: float, count: int, tolerance: float) -> None:
+    """Refuse either integral on `count` targets in a square about the chief ray, of half side `window` [Airy radii]."""
+    half, middle = window * case.airy_radius, -case.image_distance / case.source.distance * case.source.x
+    box = TargetPoints(
+        x=middle + half * np.array([-1.0, 1.0]), y=half * np.array([-1.0, 1.0]), distance=case.image_distance
+    )
+    focus = case.object_distance if case.lens_phase == "stigmatic" else None
+    lens = CircularLens(
+        radius=case.radius, focal_length=case.focal_length, lens_phase=case.lens_phase, focus_distance=focus
+    )
+    accuracy = FieldAccuracy(tolerance=tolerance)
+    kernels = FresnelKernel(wavelength=case.wavelength), KirchhoffKernel(wavelength=case.wavelength, obliquity="paper")
+    try:
+        for kernel in kernels:
+            paraxial = isinstance(kernel, FresnelKernel)
+            wave = lens_wave(source=case.source, lens=lens, wavelength=case.wavelength, paraxial=paraxial)
+            nodes = nodes_for(wave, kernel, box, accuracy)
+            check_affordable(nodes, targets=count, check_targets=accuracy.check_targets, limits=Limits())
+    except UnaffordableError as error:
+        raise UnaffordableError(
+            f"the point-spread function at f/{case.f_number:g} in {pretty(case.wavelength, LENGTH)} light takes more "
+            "nodes, memory or time than allowed",
+            value=error.value,
+            limit=error.limit,
+            remedy=f"choose a smaller window than {window:g} Airy radii",
+        ) from None
 
 
 def refuse_long_waves(part: FresnelValidityPart) -> None:

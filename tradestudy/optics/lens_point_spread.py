@@ -413,7 +413,7 @@ def point_spread(
     )
     centre = -image / source.distance * source.x + 0.0, -image / source.distance * source.y + 0.0  # never −0
     airy = FIRST_DARK_RING * wavelength * image / (2 * lens.radius)
-    quarter = math.ceil(window * FIRST_DARK_RING * _SAMPLES_PER_PERIOD / 2)
+    quarter = samples_in_quarter(window)
     field = aperture_field(
         source=source,
         lens=lens,
@@ -427,6 +427,11 @@ def point_spread(
         limits=limits,
     )
     return _of_field(field, source, lens, centre, wavelength=wavelength, obliquity=obliquity, airy=airy)
+
+
+def samples_in_quarter(window: float) -> int:
+    """Steps between the samples along a quarter of the side of a window of `window` Airy radii."""
+    return math.ceil(window * FIRST_DARK_RING * _SAMPLES_PER_PERIOD / 2)
 
 
 def _check_numbers(focal_length: float, f_number: float, wavelength: float, window: float) -> None:

@@ -134,6 +134,11 @@ def fresnel_psf_difference(
     return {phase: _compared(annuli, fresnel, psf("kirchhoff", phase)) for phase in lens_phases}
 
 
+def compared_points(windows: Sequence[float], *, symmetric: bool) -> int:
+    """Points at which `fresnel_psf_difference` computes each pattern; a point on the axis has a symmetric one."""
+    return sum(math.prod(one.shape) for one in _annuli(windows, symmetric=symmetric))
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Annulus:
     """Rings of targets in panels of radius, in Airy radii; a symmetric pattern needs only one angle.
