@@ -81,7 +81,7 @@ def test_a_sweep_without_requirements_shows_its_designs_first(
     first = _first_picture(make_tree(sweep={"baseline": [0.05, 0.1, 0.2]}), record)
     assert first.name == "sweep_map"
     assert first.caption.startswith("At ")
-    assert "by design" in first.caption.partition(". ")[0]
+    assert "depending on the design" in first.caption.partition(". ")[0]
 
 
 def test_a_long_sentence_is_cut_at_a_clause() -> None:
