@@ -25,10 +25,28 @@ def test_one_is_singular(number: int, text: str) -> None:
     assert counted(number, "reading") == text
 
 
-def test_only_a_title_without_an_article_gets_one() -> None:
-    titles = ("8 mm stereo rig", "Raytrix R5", "a stereo rig", "the old rig")
-    articles = ["the 8 mm stereo rig", "Raytrix R5", "a stereo rig", "the old rig"]
-    assert list(map(with_article, titles)) == articles
+@pytest.mark.parametrize(
+    ("title", "text"),
+    [
+        ("8 mm stereo rig", "the 8 mm stereo rig"),
+        ("Raytrix R5", "the Raytrix R5"),
+        ("OAK-D", "the OAK-D"),
+        ("Short-base stereo rig", "the short-base stereo rig"),
+        ("Single-focus R5 for rock", "the single-focus R5 for rock"),
+        ("Stereo rig", "the stereo rig"),
+        ("MAHLI focus stack", "the MAHLI focus stack"),
+        ("Head B", "Head B"),
+        ("Head A (50 mm)", "Head A (50 mm)"),
+        ("Stereo 100 mm, wide", "Stereo 100 mm, wide"),
+        ("Camera 2", "Camera 2"),
+        ("Webcams", "the webcams"),
+        ("a stereo rig", "a stereo rig"),
+        ("the old rig", "the old rig"),
+        ("Robot", "the Robot"),
+    ],
+)
+def test_a_title_reads_as_english_within_a_sentence(title: str, text: str) -> None:
+    assert with_article(title) == text
 
 
 def test_units_are_written_with_their_symbols() -> None:

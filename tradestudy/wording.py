@@ -13,6 +13,12 @@ from tradestudy.units import LENGTH, pretty, significant
 NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
+_DESIGNATION: Final = re.compile(r"[A-Z]|\d+")
+_ORDINARY: Final = frozenset(
+    "calibrated camera conventional far fine fixed focused front head left light long moving multi narrow near normal "
+    "plenoptic rear right rig short single stereo thermal unfocused uniform webcam wide".split()
+)
+"""Words with which titles of cameras begin and that are no names."""
 _SPELLED_UNITS: Final = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), " µm"))
 
 
@@ -34,9 +40,16 @@ def with_unit_symbols(text: str) -> str:
 
 
 def with_article(title: str) -> str:
-    """Write the title of a camera within a sentence: "the 8 mm stereo rig", but "Raytrix R5" and "a stereo rig"."""
-    has_own = title[:1].isupper() or title.startswith(("a ", "an ", "the "))
-    return title if has_own else f"the {title}"
+    """Write the title of a camera within a sentence: "the Raytrix R5", "the stereo rig", "a stereo rig", "Head B".
+
+    An ordinary word at its beginning loses its capital. A title whose second or last word is a letter or a number, such
+    as "Head B (50 mm)", is a name.
+    """
+    first, *others = title.split(" ")
+    if first in ("a", "an", "the") or any(map(_DESIGNATION.fullmatch, {*others[:1], *others[-1:]})):
+        return title
+    is_ordinary = first.partition("-")[0].lower().removesuffix("s") in _ORDINARY
+    return f"the {title[:1].lower() + title[1:] if is_ordinary else title}"
 
 
 def listed(items: Sequence[str]) -> str:

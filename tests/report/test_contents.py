@@ -99,7 +99,7 @@ def test_the_answer_says_where_nothing_is_usable_and_why(tree: xr.DataTree) -> N
     # Noise alone is 20 times, calibration alone a fifth of the ratio: 0.68 at 0.3 m, 0.75, 0.82.
     favoured = next(text for text in found if "noise alone" in text)
     assert "matching noise alone favours Stereo 100 mm, 65.24° across at all 3 declared distances" in favoured
-    assert "calibration errors alone favour Raytrix R5, Keplerian at all 3 declared distances" in favoured
+    assert "calibration errors alone favour the Raytrix R5, Keplerian at all 3 declared distances" in favoured
 
 
 def test_usable_cameras_that_are_not_candidates_are_named(make_tree: Callable[..., xr.DataTree]) -> None:
@@ -155,7 +155,7 @@ def test_equal_uncertainties_do_not_count_as_a_loss(make_tree: Callable[..., xr.
         "noise alone favours Stereo 100 mm, 65.24° across at 2 of 3 declared distances, leaves a tie at 1;" in favoured
     )
     assert (
-        "calibration errors alone favour Raytrix R5, Keplerian at 1 of 3 declared distances, leave a tie at 1, "
+        "calibration errors alone favour the Raytrix R5, Keplerian at 1 of 3 declared distances, leave a tie at 1, "
         "decide nothing at 1." in favoured
     )
     decision["more_certain"].loc[{"error_source": "calibration"}] = ""

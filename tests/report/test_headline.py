@@ -31,9 +31,9 @@ def changed(tree: xr.DataTree, best: Sequence[tuple[float, str]], *drop: str) ->
 @pytest.mark.parametrize(
     ("best", "says"),
     [
-        ([(10.0, "r5")], "From 0.05 to 10 m take Raytrix R5, Keplerian"),
+        ([(10.0, "r5")], "From 0.05 to 10 m take the Raytrix R5, Keplerian"),
         ([(10.0, "")], "No camera is usable from 0.05 to 10 m"),
-        ([(10.0, "r5, stereo-65deg")], "From 0.05 to 10 m take Raytrix R5, Keplerian or Stereo 100 mm, 65.24° across"),
+        ([(10.0, "r5, stereo-65deg")], "From 0.05 to 10 m take the Raytrix R5, Keplerian or Stereo 100 mm, 65.24° across"),
         ([(1.0, ""), (10.0, "r5")], "; elsewhere no camera is usable"),
     ],
 )  # fmt: skip
@@ -62,7 +62,7 @@ def test_a_rounded_stretch_lies_within_the_true_one(make_tree: Callable[..., xr.
     places = tree["decision"]["distance"].values
     near, far = places[places < 0.1512].max(), places[places < 0.8288].max()
     found = headline(changed(tree, [(near, ""), (far, "r5"), (10.0, "")], "requirements", "criteria", "depth_of_field"))
-    assert found == "From 0.16 to 0.82 m take Raytrix R5, Keplerian; elsewhere no camera is usable."
+    assert found == "From 0.16 to 0.82 m take the Raytrix R5, Keplerian; elsewhere no camera is usable."
 
 
 @pytest.mark.parametrize("baselines", ["60 mm, 100 mm, 140 mm", "100 mm, 140 mm, 180 mm"])

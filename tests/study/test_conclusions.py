@@ -129,7 +129,7 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
     assert float(shown[1]) == pytest.approx(100.0 * first["first"], abs=0.51)
     assert re.fullmatch(
         r"Rests on \(measure first\): yaw of the 75 mm stereo head, assumed 0\.01° \(9\d % of the variance at 3 m\); "
-        r"matching noise of Raytrix R5.*",
+        r"matching noise of the Raytrix R5.*",
         rests,
     )
 
@@ -275,7 +275,7 @@ def test_a_run_with_changed_values_has_a_folder_of_its_own(tmp_path: Path, monke
 def test_the_inputs_that_the_answer_rests_on_have_their_basis(swept: Result) -> None:
     assert rests_on(swept.data)[0].startswith("yaw of the 75 mm stereo head, assumed 0.01 deg")
     causes = swept.data["decision"].to_dataset()["cause"]
-    assert str(causes.sel(camera="raytrix-r5").item()) == "matching noise of Raytrix R5, derived from the picture"
+    assert str(causes.sel(camera="raytrix-r5").item()) == "matching noise of the Raytrix R5, derived from the picture"
     assert [one.words for one in best_ranges(swept.data)] == ["75 mm stereo head from 0.3 to 4 m"]
 
 
@@ -300,7 +300,7 @@ def test_where_errors_decide_a_whole_range_the_answer_rests_on_their_largest_cau
     result = ran({"requirements": {"near-and-mid": None, "far": far}, "scene.distances": ["0.3 m", "1 m", "4 m"]})
     (row,) = requirement_conclusions(result.data)
     assert (row.met, row.limited_by) == (False, "relative_uncertainty")
-    assert row.rests_on == "matching noise of Raytrix R5, derived from the picture"
+    assert row.rests_on == "matching noise of the Raytrix R5, derived from the picture"
     assert row.rests_on_share > 0.9
 
 
