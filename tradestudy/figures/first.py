@@ -58,4 +58,5 @@ def _sweep_finding(tree: xr.DataTree) -> str:
     camera, place = moved_cameras(tree)[0], reference_distance(tree)
     if not (words := swept_words(tree, camera.key)):
         return ""
-    return f"At {distance(place)}, depth uncertainty of {with_article(camera.title)} is {words}, depending on the design."
+    title = with_article(camera.title)
+    return f"At {distance(place)}, depth uncertainty of {title} is {words}, depending on the design."
