@@ -417,10 +417,10 @@ def test_equivalent_inputs_do_not_differ_and_units_are_readable() -> None:
         sweep__a__baseline=("['50mm', '0.1 m']", "not set"),
     )
     assert [str(one) for one in found.inputs] == [
-        "focal length of Near head: 2.65 mm → 0.003 m",
+        "focal length of the near head: 2.65 mm → 0.003 m",
         "accuracy › tolerance: 1 % → 0.05",
         "scene › distances › points: 40 → 80",
-        "disparity error of Near head: derived → 0.1 px",
+        "disparity error of the near head: derived → 0.1 px",
         "decision › between: Near head, Far head → Far head, Near head",
         "sweep › Near head › baseline: 50 mm, 0.1 m → not set",
     ]
@@ -542,7 +542,7 @@ def test_the_page_contacts_no_host_and_its_file_is_replaced_atomically(
         "on the lower bound of matching, by 50 mm stereo head.",
         "Best camera: 75 mm stereo head → 50 mm stereo head from 0.3 to 4 m.",
     ]
-    assert "  baseline of 75 mm stereo head: 75 mm → 40 mm" in lines
+    assert "  baseline of the 75 mm stereo head: 75 mm → 40 mm" in lines
     assert lines[-1] == f"Page: {page}"
     text = page.read_text(encoding="utf-8")
     assert not re.findall(r"https?://|<script[^>]* src|<link|@import", text)

@@ -14,10 +14,11 @@ NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
 _DESIGNATION: Final = re.compile(r"[A-Z]|\d+")
-_ORDINARY: Final = frozenset(
-    "calibrated camera conventional far fine fixed focused front head left light long moving multi narrow near normal "
-    "plenoptic rear right rig short single stereo thermal unfocused uniform webcam wide".split()
-)
+_ORDINARY: Final = (
+    "calibrated", "camera", "conventional", "far", "fine", "fixed", "focused", "front", "head", "left", "light", "long",
+    "moving", "multi", "narrow", "near", "normal", "plenoptic", "rear", "right", "rig", "short", "single", "stereo",
+    "thermal", "unfocused", "uniform", "webcam", "wide",
+)  # fmt: skip
 """Words with which titles of cameras begin and that are no names."""
 _SPELLED_UNITS: Final = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), " µm"))
 

@@ -33,7 +33,7 @@ def changed(tree: xr.DataTree, best: Sequence[tuple[float, str]], *drop: str) ->
     [
         ([(10.0, "r5")], "From 0.05 to 10 m take the Raytrix R5, Keplerian"),
         ([(10.0, "")], "No camera is usable from 0.05 to 10 m"),
-        ([(10.0, "r5, stereo-65deg")], "From 0.05 to 10 m take the Raytrix R5, Keplerian or Stereo 100 mm, 65.24° across"),
+        ([(10.0, "r5, stereo-65deg")], "m take the Raytrix R5, Keplerian or Stereo 100 mm, 65.24° across"),
         ([(1.0, ""), (10.0, "r5")], "; elsewhere no camera is usable"),
     ],
 )  # fmt: skip

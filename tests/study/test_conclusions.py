@@ -93,8 +93,8 @@ def test_one_camera_is_usable_rather_than_best(swept: Result) -> None:
 def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on(swept: Result) -> None:
     answer, met, wish, weighed, rests, best = swept.lines()
     assert re.fullmatch(
-        r"Take 75 mm stereo head with baseline from 53\.\d mm on \(the sweep ends at 150 mm\): 5 of 6 designs meet the "
-        r"requirement with one camera or another\.",
+        r"Take the 75 mm stereo head with baseline from 53\.\d mm on \(the sweep ends at 150 mm\): 5 of 6 designs "
+        r"meet the requirement with one camera or another\.",
         answer,
     )
     assert re.fullmatch(
@@ -106,8 +106,8 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
         r"Met on the lower bound of matching: 1 % from 0\.4 to 3 m, by 75 mm stereo head \(worst ([\d.]+) % at 3 m; "
         r"(\d+) % to spare\); not by 50 mm stereo head \([\d.]+ % at 3 m\) and Raytrix R5 \(not usable from 1\.8\d* to "
         r"3 m: too uncertain; worst [\d.]+ % at 3 m\); met with the "
-        r"baseline of 75 mm stereo head from ([\d.]+) mm on \(the sweep ends at 150 mm\) by 75 mm stereo head; nowhere "
-        r"by 50 mm stereo head and Raytrix R5",
+        r"baseline of the 75 mm stereo head from ([\d.]+) mm on \(the sweep ends at 150 mm\) by 75 mm stereo head; "
+        r"nowhere by 50 mm stereo head and Raytrix R5",
         met,
     )
     assert found
@@ -205,10 +205,10 @@ def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -
 
 
 def test_paths_are_written_in_words(swept: Result) -> None:
-    assert path_words(swept.data, "stereo-75mm.baseline") == "baseline of 75 mm stereo head"
+    assert path_words(swept.data, "stereo-75mm.baseline") == "baseline of the 75 mm stereo head"
     paths = ("cameras.raytrix-r5.main_lens.f_number", "cameras.raytrix-r5.microlenses.gap", "seed")
-    assert parameter_words(swept.data, paths) == "main lens f-number and microlenses gap of Raytrix R5 and seed"
-    assert path_words(swept.data, "cameras.raytrix-r5.main_lens.f_number") == "main lens f-number of Raytrix R5"
+    assert parameter_words(swept.data, paths) == "main lens f-number and microlenses gap of the Raytrix R5 and seed"
+    assert path_words(swept.data, "cameras.raytrix-r5.main_lens.f_number") == "main lens f-number of the Raytrix R5"
     assert path_words(swept.data, "scene.wavelength") == "scene wavelength"
 
 
@@ -326,7 +326,7 @@ def test_a_range_of_a_sweep_that_moved_is_a_conclusion(swept: Result) -> None:
     found = compare_runs(["x", "y"], [{}, {}], [swept.data, ran(ASKED, SWEPT, {yaw: "0.0133 deg"}).data])
     (along,) = [one for one in found.conclusions if "baseline of" in one.what]
     assert along.what.startswith('Requirement "1 % from 0.4 to 3 m"')
-    assert along.what.endswith("baseline of 75 mm stereo head")
+    assert along.what.endswith("baseline of the 75 mm stereo head")
     ends = [
         float(re.fullmatch(r"met from ([\d.]+) mm on \(the sweep ends at 150 mm\)", value)[1])  # type: ignore[index] # it matches
         for value in along.values

@@ -68,9 +68,9 @@ def grid(*rows: tuple[float, float]) -> np.ndarray:
 def test_the_feasible_region_is_described_by_the_values_of_its_designs() -> None:
     results = tree(grid((0, 0), (1, 0), (1, 1)), grid((-50, -60), (5, -3), (20, 12)))
     assert feasible_words(results) == (
-        "3 of 6 designs meet both requirements: Rig with baseline 100 mm to 200 mm and focal length 4 mm to 8 mm (not "
-        "every combination). Largest margin, 20 %: Rig with baseline 200 mm and focal length 4 mm. Of the others, 3 "
-        "miss “close enough” and 3 miss “far enough” (some miss both)"
+        "3 of 6 designs meet both requirements: the rig with baseline 100 mm to 200 mm and focal length 4 mm to 8 mm "
+        "(not every combination). Largest margin, 20 %: the rig with baseline 200 mm and focal length 4 mm. Of the "
+        "others, 3 miss “close enough” and 3 miss “far enough” (some miss both)"
     )
     found = feasible_designs(results)
     assert found is not None
@@ -81,7 +81,7 @@ def test_the_feasible_region_is_described_by_the_values_of_its_designs() -> None
 
 def test_one_feasible_design_and_all_feasible_designs_are_described() -> None:
     one = feasible_words(tree(grid((0, 0), (1, 0), (0, 0)), grid((-5, -5), (5, -5), (-5, -5))))
-    assert one.startswith("1 of 6 designs meets both requirements: Rig with baseline 100 mm and focal length 4 mm.")
+    assert one.startswith("1 of 6 designs meets both requirements: the rig with baseline 100 mm and focal length 4 mm.")
     assert feasible_words(tree(1, 7)).startswith("Every design meets both requirements: ")
     by_any = feasible_words(tree(1, 7, of="any"))
     assert by_any.startswith("Every design meets both requirements, with one camera or another: ")
@@ -91,8 +91,8 @@ def test_without_a_feasible_design_the_nearest_one_is_named_with_the_requirement
     margins = grid((-50, -60), (-40, -30), (-20, -25))
     margins[2, 0] = (10.0, -4.0)
     assert feasible_words(tree((margins > 0.0) * 1, margins)) == (
-        "None of 6 designs meets both requirements. Rig with baseline 200 mm and focal length 4 mm comes closest: it "
-        "misses “far enough” (worst 2 %)"
+        "None of 6 designs meets both requirements; the rig with baseline 200 mm and focal length 4 mm comes closest: "
+        "it misses “far enough” (worst 2 %)"
     )
 
 

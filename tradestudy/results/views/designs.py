@@ -29,7 +29,7 @@ from tradestudy.units import (
     rounded_inwards,
     significant,
 )
-from tradestudy.wording import counted, distance, in_words, listed
+from tradestudy.wording import counted, distance, in_words, listed, with_article
 
 BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
 _STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that its words leave out
@@ -97,7 +97,7 @@ class Feasible:
 def path_words(tree: xr.DataTree, path: str) -> str:
     """A path of the study in words: ``cameras.head.baseline`` becomes "baseline of Head A"."""
     words, title = _words_and_camera(tree, path)
-    return f"{words} of {title}" if title else words
+    return f"{words} of {with_article(title)}" if title else words
 
 
 def parameter_words(tree: xr.DataTree, paths: Iterable[str]) -> str:
@@ -106,7 +106,9 @@ def parameter_words(tree: xr.DataTree, paths: Iterable[str]) -> str:
     for path in paths:
         words, title = _words_and_camera(tree, path)
         by_camera.setdefault(title, []).append(words)
-    return listed([f"{listed(own)} of {title}" if title else listed(own) for title, own in by_camera.items()])
+    return listed(
+        [f"{listed(own)} of {with_article(title)}" if title else listed(own) for title, own in by_camera.items()]
+    )
 
 
 def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
@@ -125,7 +127,9 @@ def design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:
     for path, value in values.items():
         words, title = _words_and_camera(tree, path)
         by_camera.setdefault(title, []).append(f"{words} {value}")
-    return listed([f"{title} with {listed(own)}" if title else listed(own) for title, own in by_camera.items()])
+    return listed(
+        [f"{with_article(title)} with {listed(own)}" if title else listed(own) for title, own in by_camera.items()]
+    )
 
 
 def dimension_of(axis: xr.DataArray) -> Dimension:
@@ -277,7 +281,7 @@ def feasible_words(tree: xr.DataTree) -> str:
     share = pretty(abs(found.best.margin), FRACTION, digits=2) if known else ""
     if not found.count:
         return (
-            f"None of {found.designs} designs meets {what}. {found.best.words} comes closest: it misses "
+            f"None of {found.designs} designs meets {what}; {found.best.words} comes closest: it misses "
             f"{listed([f'“{says}” ({reason})' for says, reason in found.misses])}"
         )
     if found.count == found.designs:
