@@ -14,11 +14,11 @@ NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
 _DESIGNATION: Final = re.compile(r"[A-Z]|\d+")
-_ORDINARY: Final = (
-    "calibrated", "camera", "conventional", "far", "fine", "fixed", "focused", "front", "head", "left", "light", "long",
-    "moving", "multi", "narrow", "near", "normal", "plenoptic", "rear", "right", "rig", "short", "single", "stereo",
-    "thermal", "unfocused", "uniform", "webcam", "wide",
-)  # fmt: skip
+_ORDINARY: Final = re.compile(
+    "calibrated|cameras?|conventional|far|fine|fixed|focused|front|heads?|left|light|long|moving|multi|narrow|near|normal"
+    "|plenoptic|rear|right|rigs?|short|single|stereo|thermal|unfocused|uniform|webcams?|wide",
+    re.IGNORECASE,
+)
 """Words with which titles of cameras begin and that are no names."""
 _SPELLED_UNITS: Final = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), " µm"))
 
@@ -49,7 +49,7 @@ def with_article(title: str) -> str:
     first, *others = title.split(" ")
     if first in ("a", "an", "the") or any(map(_DESIGNATION.fullmatch, {*others[:1], *others[-1:]})):
         return title
-    is_ordinary = first.partition("-")[0].lower().removesuffix("s") in _ORDINARY
+    is_ordinary = _ORDINARY.fullmatch(first.partition("-")[0])
     return f"the {title[:1].lower() + title[1:] if is_ordinary else title}"
 
 
