@@ -17,6 +17,7 @@ from tradestudy.cli import app
 from tradestudy.figures import build
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Callout, Paragraph, all_blocks, spans
+from tradestudy.report.sections.answer import describe_answer
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
 
@@ -154,9 +155,14 @@ def test_an_unconverged_calibration_is_reported_and_fails_a_strict_run(ran):
     assert "steps/τ" in unmet
     status, said = (folder / "said.txt").read_text(encoding="utf-8").splitlines()
     assert (status, said) == ("3", f"requirements not met: {unmet}")
+    (told,) = [line for line in result.lines() if line.startswith("Not converged")]
+    assert told.startswith("Not converged: the calibration of R5 (")
+    assert "too short" in told
     drawings = build(result.data)
     assert {"corner-rig", "corner-r5", "trace-r5", "trace-views"} <= set(drawings)
     blocks = tuple(all_blocks(compose_report(result.data, {}, drawings).blocks))
+    first = "".join(plain(one.text) for one in all_blocks(describe_answer(result.data)) if isinstance(one, Paragraph))
+    assert "The calibration did not converge for R5 (" in first
     warnings = [block for block in blocks if isinstance(block, Callout) and block.tone == "warning"]
     assert [plain(warning.title) for warning in warnings] == ["Unusual values", "R5 did not converge"]
     words = [plain(block.text) for block in all_blocks(warnings[1].blocks) if isinstance(block, Paragraph)]

@@ -48,7 +48,15 @@ from tradestudy.results.views.depth import (
     offset_words,
 )
 from tradestudy.results.views.designs import feasible_words
-from tradestudy.results.views.groups import camera_titles, consequences, group, has, perfectly_calibrated, titles_in
+from tradestudy.results.views.groups import (
+    camera_titles,
+    consequences,
+    group,
+    has,
+    perfectly_calibrated,
+    titles_in,
+    unconverged,
+)
 from tradestudy.results.views.requirement_conclusions import (
     VERDICTS,
     RequirementConclusion,
@@ -190,6 +198,11 @@ def _never_best(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
     """Say where answers hold, which cameras are biased, and which inputs are contradictory or assumed perfect."""
+    if failed := unconverged(tree):
+        yield say(
+            "**The calibration did not converge** for {cameras}, so the depth uncertainty may be wrong.",
+            cameras=few(failed),
+        )
     if worse := off_axis_words(tree):
         yield say("**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=few(worse))
     if biased := offset_words(tree):

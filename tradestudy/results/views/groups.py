@@ -72,6 +72,18 @@ def perfectly_calibrated(tree: xr.DataTree) -> tuple[str, ...]:
     return tuple(str(title) for title in cameras["title"].values[cameras["perfect_calibration"].values > 0.0])
 
 
+def unconverged(tree: xr.DataTree) -> tuple[str, ...]:
+    """Titles of the cameras whose fitted calibration did not converge, each with the failed checks in brackets."""
+    if not has(tree, "calibration", "posterior_converged"):
+        return ()
+    titles, rows = camera_titles(tree), records(tree, "calibration", "posterior")
+    return tuple(
+        f"{titles[str(one['posterior'])]} ({one['posterior_verdict']})"
+        for one in rows
+        if not one["posterior_converged"]
+    )
+
+
 def consequences(tree: xr.DataTree) -> tuple[str, ...]:
     """What contradictory inputs do to the answers about a camera, one sentence each, without a full stop."""
     if not has(tree, "contradictions", "consequence"):
