@@ -441,3 +441,27 @@ def test_mrcal_poses_that_contradict_each_other_are_refused(tmp_path: Path) -> N
     devices.cameramodels(tmp_path, extrinsics=[0.0, 0.0, 0.0, 1.0, 2.0, 3.0])
     said = refusal(study(tmp_path, rig="from: [left.cameramodel, right.cameramodel]"))
     assert "rt_cam_ref and extrinsics mean the same, but their values differ" in said
+
+
+@pytest.mark.parametrize(
+    ("line", "told", "said"),
+    [
+        ("fisheye_model: 0", "fisheye", "fisheye_model: 0 contradicts lens_model: fisheye of the study"),
+        ("fisheye: false", "fisheye", "fisheye: false contradicts lens_model: fisheye of the study"),
+        ("distortion_model: plumb_bob", "fisheye", "plumb_bob contradicts lens_model: fisheye of the study"),
+        ("distortion_model: equidistant", "pinhole", "equidistant contradicts lens_model: pinhole of the study"),
+        ("distortion_model: omni", "fisheye", "the lens model 'omni' is unknown"),
+        ("fisheye_model: 0", "pinhole", ""),
+        ("fisheye_model: 1", "fisheye", ""),
+        ("camera_model: pinhole", "fisheye", ""),  # the camera without its distortion
+    ],
+)
+def test_the_study_and_the_file_must_agree_on_the_lens(tmp_path: Path, line: str, told: str, said: str) -> None:
+    lens = np.array([[0.01, -0.002, 0.001, 0.0]])
+    file = written.opencv(tmp_path / "rig.yml", D1=lens, D2=lens)
+    file.write_text(f"{file.read_text()}{line}\n")
+    path = study(tmp_path, rig=f"{IN_MM}, lens_model: {told}")
+    if said:
+        assert said in refusal(path)
+    else:
+        assert f"lens model {told}" in tradestudy.load(path).imported[0]

@@ -268,17 +268,22 @@ def _stated_kind(top: Located, request: Request, side: int | None) -> str:
         names = (*names, "type") if kind.entry.text.lower() in _FISHEYE_NAMES else names
     if (named := next(filter(None, map(top.find, names)), None)) is not None:
         name = named.text().lower()
-        if name not in (*_FISHEYE_NAMES, *_PINHOLE_NAMES) and not request.lens_model:
+        if name not in (*_FISHEYE_NAMES, *_PINHOLE_NAMES):
             raise named.fail(
-                f"the lens model '{name[:40]}' is unknown; give lens_model: fisheye or pinhole beside from:"
+                f"the lens model '{name[:40]}' is unknown; write fisheye if the coefficients are k1 to k4, or pinhole "
+                "if they are k1 k2 p1 p2 k3 …"
             )
         kind_named = "fisheye" if name in _FISHEYE_NAMES else "pinhole"
         # "pinhole" also names the camera without its distortion.
         if flag is not None and said != kind_named and name != "pinhole":
             raise named.fail(f"'{name[:40]}' contradicts {flag.last}: {flag.text()}; correct one")
-        said = "fisheye" if "fisheye" in (said, kind_named) else "pinhole"
-    if said == "fisheye" and request.lens_model == "pinhole":
-        raise top.fail("the file declares a fisheye lens, which contradicts lens_model: pinhole; remove one of them")
+        if flag is None and name == "pinhole":
+            return request.lens_model or "pinhole"
+        said = said or kind_named
+    if (stated := flag or named) is not None and request.lens_model not in ("", said):
+        raise stated.fail(
+            f"{stated.text()[:40]} contradicts lens_model: {request.lens_model} of the study; remove the wrong one"
+        )
     return request.lens_model or said
 
 
