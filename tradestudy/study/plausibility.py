@@ -18,6 +18,7 @@ from tradestudy.errors import Problem
 from tradestudy.imaging.models import mean_electrons
 from tradestudy.study.camera_files.libpleno import IGNORED
 from tradestudy.study.camera_files.pairs import (
+    EXCHANGED_NAMES,
     FOLDING_LENS,
     INEXACT_ROTATION,
     OFF_CENTRE,
@@ -120,6 +121,7 @@ _OF_IMPORTS: Final = {
     UNUSUAL_MATRIX: "{}; check the camera matrix",
     OFF_CENTRE: "{}; check the size and the camera matrix",
     IGNORED: "{} of the file is not modelled: pictures and depth are those of a camera without it",
+    EXCHANGED_NAMES: "{}; check the names of the cameras, and the sign of the translation between them",
     UNUSUAL_SIGN: "{}; check the sign, and which camera is the left one",
     INEXACT_ROTATION: "{}; give more digits",
 }

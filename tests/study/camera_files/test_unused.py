@@ -13,6 +13,7 @@ import tradestudy
 from tests.study.camera_files import devices, written
 from tests.study.camera_files.test_import import calibrated, refusal
 from tests.study.camera_files.written import study
+from tradestudy.study.plausibility import implausible
 
 IN_MM = "from: rig.yml, length_unit: mm"
 LENGTH = 1e3 * float(np.linalg.norm(written.T))  # mm
@@ -465,3 +466,19 @@ def test_the_study_and_the_file_must_agree_on_the_lens(tmp_path: Path, line: str
         assert said in refusal(path)
     else:
         assert f"lens model {told}" in tradestudy.load(path).imported[0]
+
+
+def test_names_that_contradict_the_geometry_are_questioned(tmp_path: Path) -> None:
+    r1, r2, p1, p2 = written.rectified()
+    path = study(tmp_path, rig="from: [a.yaml, b.yaml]")
+    for names, is_questioned in (
+        (("stereo/left", "stereo/right"), False),
+        (("stereo/right", "stereo/left"), True),
+        (("b", "a"), False),
+    ):
+        written.camera_info(tmp_path / "a.yaml", written.K1, written.D1, r1, p1, camera_name=names[0])
+        written.camera_info(tmp_path / "b.yaml", written.K2, written.D2, r2, p2, camera_name=names[1])
+        loaded = tradestudy.load(path)
+        warned = [str(problem) for problem in implausible(loaded.definition)]
+        said = "by the geometry, stereo/right is the left camera, and stereo/left the right one; check the names"
+        assert any(said in warning for warning in warned) == is_questioned

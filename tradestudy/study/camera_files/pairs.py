@@ -116,6 +116,8 @@ UNUSUAL_NOISE: Final = "corner noise"
 """Name of the convention that states that corners scatter more about a fit than those of any detector."""
 FOLDING_LENS: Final = "part of the picture without direction"
 """Name of the convention that states that the lens model of a camera does not reach the edges of its picture."""
+EXCHANGED_NAMES: Final = "names of the cameras"
+"""Name of the convention that states that a pair is named left and right the other way round than it stands."""
 UNUSUAL_SIGN: Final = "sign of the projection"
 """Name of the convention that states that the signs of a pair's projection matrices are not those of ROS."""
 UNUSUAL_MATRIX: Final = "camera matrix"
@@ -204,6 +206,8 @@ def paired(
     pair = (first, second)
     doubts = {name: "; ".join(filter(None, map(words, pair))) for name, words in _DOUBTS.items()}
     doubts[OFF_CENTRE] = off_centre({one.name: (one.centre, one.pixels) for one in pair})
+    if not is_vertical and _side_in(first.name) == "right" and _side_in(second.name) == "left":
+        doubts[EXCHANGED_NAMES] = f"by the geometry, {first.name} is the left camera, and {second.name} the right one"
     for name, says in doubts.items():
         if says:
             conventions = (*conventions, Convention(name=name, says=says, key=key))
@@ -220,6 +224,12 @@ def paired(
         conventions=conventions,
         keys={"rotation": where[0].key, "translation": key},
     )
+
+
+def _side_in(name: str) -> str:
+    """The side that the name of a camera contains, such as ``stereo/left``; empty if none or both."""
+    sides = [side for side in ("left", "right") if side in name.lower()]
+    return sides[0] if len(sides) == 1 else ""
 
 
 def size_words(pixels: tuple[int, int]) -> str:
