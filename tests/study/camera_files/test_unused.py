@@ -482,3 +482,14 @@ def test_names_that_contradict_the_geometry_are_questioned(tmp_path: Path) -> No
         warned = [str(problem) for problem in implausible(loaded.definition)]
         said = "by the geometry, stereo/right is the left camera, and stereo/left the right one; check the names"
         assert any(said in warning for warning in warned) == is_questioned
+
+
+def test_the_baseline_of_a_reprojection_matrix_must_be_the_one_that_is_read(tmp_path: Path) -> None:
+    moved = 1e3 * written.T[:, None]
+    q = cv2.stereoRectify(written.K1, written.D1, written.K2, written.D2, written.SIZE, written.R, moved)[4]
+    path = study(tmp_path, rig=IN_MM)
+    written.opencv(tmp_path / "rig.yml", Q=q)
+    assert not unused(path)
+    q[3, 2] /= 2.0
+    written.opencv(tmp_path / "rig.yml", Q=q)
+    assert "rig.Q: 120 mm contradicts the baseline that is read" in refusal(path).replace("\N{NO-BREAK SPACE}", " ")

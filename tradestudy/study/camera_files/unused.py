@@ -371,6 +371,8 @@ def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     if value.last == "P2" and len(numbers) == 12 and numbers[0] > 0.0:  # by stereoRectify, P₂ = K′ [1, t]
         numbers, words = [numbers[3] / numbers[0], numbers[7] / numbers[0], 0.0], ("translation",)
         is_parallel = True
+    if value.last == "Q" and len(numbers) == 16 and numbers[14] != 0.0:  # by stereoRectify, Q₄₃ = −1/t
+        numbers, words = [1.0 / numbers[14]], ("baseline",)
     quantity = {*words} - {"deg", "degree", "degrees", "matrix", "mat", "m", "cm", "mm", "um"}
     rotation, problem, agrees = np.array(rig.rotation), "", False
     if _TRANSLATIONS & {*words} or quantity == {"t"}:
