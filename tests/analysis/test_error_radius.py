@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,6 +58,58 @@ def test_too_many_failures_leave_no_radius() -> None:
     assert np.isfinite(found[0])
     assert np.isinf(found[1])
     assert np.isinf(error_radius(lambda scores: depth_from_inverse(0.5 + 0.01 * scores), truth, 1.0)).all()
+
+
+def bisected_radius(depth: Callable[[float], float], truth: float, share: float) -> float:
+    """By plain bisection of how those outside are shared between too far and too near; depth falls with score."""
+    low, high = -9.0, 9.0
+    for _ in range(100):
+        lean = 0.5 * (low + high)
+        above = depth(float(ndtri((1.0 - share) * ndtr(lean)))) - truth
+        below = abs(truth - depth(float(-ndtri((1.0 - share) * ndtr(-lean)))))
+        low, high = (lean, high) if above > below else (low, lean)
+    return max(above, below)
+
+
+# Curved, with a kink, with a jump and with a flat part, failing at once or gradually; inverse depth by score, truth 2.
+HARD = {
+    "straight": lambda u: 0.5 + 0.1 * u,
+    "curved": lambda u: 0.45 * np.exp(0.3 * u),
+    "kink": lambda u: 0.5 + np.where(u > -0.9, 0.02, 0.2) * (u + 0.9) - 0.018,
+    "jump": lambda u: 0.5 + 0.05 * u + np.where(u > -1.1, 0.0, -0.1),
+    "jump to failure": lambda u: np.where(u > -1.7, 0.51 + 0.05 * u, -0.2),
+    "flat": lambda u: 0.5 + 0.03 * np.clip(u, -1.0, 1.2),
+    "far too near": lambda u: 0.8 + 0.03 * u,
+    "far too far": lambda u: 0.3 + 0.03 * u,
+    "barely seen": lambda u: 0.16 + 0.25 * u,
+}
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6827, 0.6827 / 0.95, 0.99, 0.99999])
+def test_radius_of_any_falling_depth_agrees_with_plain_bisection(share: float) -> None:
+    """All of them in one call too, so that a hard one at one distance does not disturb another."""
+    truth = np.full(len(HARD), 2.0)
+
+    def read(scores: np.ndarray) -> np.ndarray:
+        return depth_from_inverse(np.stack([of(scores[:, k]) for k, of in enumerate(HARD.values())], axis=1))
+
+    together = error_radius(read, truth, share)
+    for name, of, found in zip(HARD, HARD.values(), together, strict=True):
+        expected = bisected_radius(lambda u, of=of: float(depth_from_inverse(np.array([of(u)]))[0]), 2.0, share)
+        alone = error_radius(lambda scores, of=of: depth_from_inverse(of(scores)), truth[:1], share)[0]
+        assert found == pytest.approx(expected, rel=1e-8), name
+        assert alone == pytest.approx(expected, rel=1e-8), name
+
+
+def test_radius_takes_few_reads_of_a_smooth_depth() -> None:
+    reads = []
+
+    def read(scores: np.ndarray) -> np.ndarray:
+        reads.append(len(scores))
+        return depth_from_inverse(0.5 + np.array([0.001, 0.01, 0.05]) * scores)
+
+    error_radius(read, np.full(3, 2.0), 0.6827)
+    assert len(reads) <= 3
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.004, -0.03])

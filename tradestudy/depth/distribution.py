@@ -171,9 +171,12 @@ def standard_error(values: FloatArray) -> FloatArray:
 
 
 _FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
-_SECTIONS: Final = 16
-_ROUNDS: Final = 5  # to 1e-5 of a standard deviation, with linear interpolation within
+_RADIUS_TO: Final = 3e-5  # standard deviations, with linear interpolation within
 _ROUNDING: Final = 1e-12  # of a distance, by which depth misses it without any error
+_SECTIONS: Final = 16  # of a bracket in one round
+_WIDENING: Final = 2.0  # ratio of the distances of scores from a first estimate
+_OFF: Final = 0.1  # error of a cubic's zero, relative to the difference of the parabolas that it combines
+_NEAREST: Final = (1e-7, 0.1)  # of a bracket: limits of the smallest distance from an estimate
 
 
 def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray, share: float) -> FloatArray:
@@ -201,27 +204,26 @@ def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray,
     if share >= 1.0:
         return np.full(distance.shape, np.inf)
 
-    def beyond(far: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far the depth at the far score exceeds the truth, and how far that at the near score falls short."""
-        near = np.minimum(-ndtri(np.maximum(1.0 - share - ndtr(far), 0.0)), _FARTHEST_SCORE)
-        depths = read(np.concatenate([far, near]))
-        depths = np.where(np.isnan(depths), np.inf, depths)
-        with np.errstate(invalid="ignore"):
-            above, below = depths[: len(far)] - distance, np.abs(distance - depths[len(far) :])
-        return above, below
+    def beyond(lean: FloatArray) -> FloatArray:
+        """How far the depth at the far score exceeds the truth, and how far that at the near score falls short.
 
-    low, high = last_scores(
-        np.full(distance.shape, -_FARTHEST_SCORE),
-        np.full(distance.shape, ndtri(1.0 - share)),
-        lambda far: np.greater(*beyond(far)),
-        rounds=_ROUNDS,
-    )
-    above, below = beyond(np.stack([low, high]))
+        Of the measurements outside the radius, the share Φ(lean) is farther: depth is smooth in ``lean``, unlike in the
+        far score, at both ends. The margin before these values has the sign of their difference, and is almost
+        straight and finite because it is one of inverse depths.
+        """
+        far, near = ndtri((1.0 - share) * ndtr([lean, -lean]))
+        depths = read(np.concatenate([far, -near]))
+        depths = np.where(np.isnan(depths), np.inf, depths)
+        above, below = depths[: len(far)] - distance, np.abs(distance - depths[len(far) :])
+        with np.errstate(divide="ignore"):  # a depth of 0
+            return np.stack([1.0 / (distance + below) - 1.0 / depths[: len(far)], above, below], axis=1)
+
+    _, ends = last_score(np.full(distance.shape, _FARTHEST_SCORE), beyond, to=_RADIUS_TO)
+    margin, above, below = ends.swapaxes(0, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        excess = above - below
-        to_high = np.clip(excess[0] / (excess[0] - excess[1]), 0.0, 1.0)
+        to_high = np.clip(margin[0] / (margin[0] - margin[1]), 0.0, 1.0)
         between = above[0] + to_high * (above[1] - above[0])
-    crossed = np.isfinite(between) & (excess[0] > 0.0) & (excess[1] < 0.0)
+    crossed = np.isfinite(between) & (margin[0] > 0.0) & (margin[1] < 0.0)
     return without_rounding(np.where(crossed, between, np.maximum(above, below)[1]), distance)
 
 
@@ -230,21 +232,64 @@ def without_rounding(error: FloatArray, distance: FloatArray) -> FloatArray:
     return np.asarray(np.where(error <= _ROUNDING * distance, 0.0, error))
 
 
-def last_scores(
-    low: FloatArray,
-    high: FloatArray,
-    holds: Callable[[FloatArray], BoolArray],
-    *,
-    rounds: int,
+def last_score(
+    reach: FloatArray, read: Callable[[FloatArray], FloatArray], *, to: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Narrow brackets (distances,) of the last scores at which a condition holds, by subdivision into 16 per round.
+    """Brackets of the scores (distances,) at which a falling margin ceases to be positive, and what is read there.
 
-    The condition, of scores (scores, distances), holds at ``low`` and not at ``high``; if it does not hold at ``low``
-    or holds at ``high``, the bracket narrows towards that end.
+    Each round reads scores on both sides of an estimate, from far to near: first of 0, then of the zero of the cubic
+    through two margins on either side, down to the likely error of that zero. A round that narrows a bracket too little
+    is followed by one of equal sections, so that a margin of any shape costs only more rounds.
+
+    Parameters
+    ----------
+    reach
+        The largest score, of either sign. If the margin has the same sign up to it, both ends of the bracket are the
+        end of this range on whose side the change would lie.
+    read
+        The margin and any other values, shape (scores, values, distances), at scores (scores, distances).
+    to
+        Largest width of the brackets.
+
+    Returns
+    -------
+    tuple of arrays
+        Scores, shape (2, distances), and values, shape (2, values, distances), at both ends.
     """
-    shares, columns = np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis], np.arange(low.size)
-    for _ in range(rounds):
-        scores = low + shares * (high - low)
-        last = np.sum(np.logical_and.accumulate(holds(scores[1:-1]), axis=0), axis=0)
-        low, high = scores[last, columns], scores[last + 1, columns]
-    return low, high
+    columns, even = np.arange(reach.size), np.linspace(0.0, 1.0, _SECTIONS + 1)[1:-1, np.newaxis]
+    scores = reach * (2.0 * np.vstack([0.0, _around(np.array([0.5]), np.array([_WIDENING])), 1.0]) - 1.0)
+    values, before = read(scores), np.inf * reach
+    while True:
+        positive = np.sum(np.logical_and.accumulate(values[:, 0] > 0.0, axis=0), axis=0)
+        ends = np.clip([positive - 1, positive], 0, len(scores) - 1)
+        low, high = scores[ends, columns]
+        values_at_ends = values[ends, :, columns].swapaxes(1, 2)
+        if not np.any(high - low > to):
+            return np.stack([low, high]), values_at_ends
+        four = np.clip(positive - 2, 0, len(scores) - 4) + np.arange(4)[:, np.newaxis]
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # equal or infinite margins, or no bracket
+            zero, apart = _zero(scores[four, columns], values[four, 0, columns])
+            share, off = (zero - low) / (high - low), _OFF * apart / (high - low)
+        known = (share > 0.0) & (share < 1.0) & ((high - low) * (_SECTIONS - 1) < before)
+        ratio = np.clip(np.where(known, off, 1.0), *_NEAREST) ** (-2.0 / (_SECTIONS - 2))
+        inner = low + np.where(known, _around(np.where(known, share, 0.5), ratio), even) * (high - low)
+        scores = np.concatenate([[low], inner, [high]])
+        values, before = np.concatenate([values_at_ends[:1], read(inner), values_at_ends[1:]]), high - low
+
+
+def _around(share: FloatArray, ratio: FloatArray) -> FloatArray:
+    """Shares of brackets whose distances from given ones fall by a ratio, on both sides, and these; (15, brackets)."""
+    reach = 1.0 - ratio ** -np.arange(1.0, _SECTIONS // 2)[:, np.newaxis]
+    return np.concatenate([share * reach, [share], 1.0 - (1.0 - share) * reach[::-1]])
+
+
+def _zero(places: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the cubic of place in value through four of each (4, …) is zero, and how far its two parabolas differ."""
+    through = list(places)
+    for order in range(1, len(places)):  # Neville's scheme
+        apart = np.abs(through[0] - through[1])
+        through = [
+            (values[k + order] * through[k] - values[k] * through[k + 1]) / (values[k + order] - values[k])
+            for k in range(len(through) - 1)
+        ]
+    return through[0], apart

@@ -12,7 +12,7 @@ import numpy as np
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE, FieldPosition
-from tradestudy.depth.distribution import DepthDistribution, error_radius, last_scores, share_of_true_matches
+from tradestudy.depth.distribution import DepthDistribution, error_radius, last_score, share_of_true_matches
 from tradestudy.depth.draws import MeasuresDepth, fixed_errors, read_draws, uncertain_groups
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -27,7 +27,7 @@ _STEP: Final = 1e-3
 _LEAST_NOISE_PX: Final = 1e-3  # smallest step of the noise; a smaller one would be lost in rounding
 _NEVER: Final = 1e-18
 _FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
-_ROUNDS: Final = 7  # to 1e-7 of a standard deviation
+_INFINITY_TO: Final = 1e-7  # of a standard deviation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -192,13 +192,12 @@ def _score_of_infinity(
     found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])
     if open_.size:
-        low, high = last_scores(
-            -reach[open_],
+        ends, _ = last_score(
             reach[open_],
-            lambda scores: _under_noise(camera, distance[open_], field, scores) <= 0.0,
-            rounds=_ROUNDS,
+            lambda scores: -_under_noise(camera, distance[open_], field, scores)[:, np.newaxis],
+            to=_INFINITY_TO,
         )
-        found[open_] = 0.5 * (low + high)
+        found[open_] = np.mean(ends, axis=0)
     return np.asarray(found)
 
 
