@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -133,6 +134,25 @@ def test_the_plan_of_a_spot_counts_the_waves_that_its_methods_compare() -> None:
     assert "image of the spot  at once  light-spot, 3 pictures of 1 microlens" in plan.text(verbose=True)
 
 
+@pytest.mark.parametrize("compared", [{"methods": ["fresnel"], "tolerance": "20 %"}, {"methods": None}])
+def test_the_plan_counts_the_chosen_picture_of_a_spot_with_all_its_wavelengths(compared: dict[str, object]) -> None:
+    """The chosen picture took 18 s of processor time on a slow machine."""
+    spot = {
+        "tolerance": None,
+        "published_times": None,
+        "microlenses.lenses_across": 1,
+        "detector.pixels": 23,
+        "wavelength": None,
+        "spectrum": {"wavelengths": [f"{k} nm" for k in range(450, 651, 50)], "weights": [1] * 5},
+        **compared,
+    }
+    values: dict[str, Any] = {f"light_spot.{key}": value for key, value in spot.items()}
+    values |= dict.fromkeys(["claims", "readings", "point_spread"])
+    values |= {"effects": {"spectrum": "weighted"}, "accuracy": {"tolerance": "2 %"}}
+    plan = tradestudy.load(STUDIES / "light_spot.yaml").with_values(values).plan()
+    assert str(plan).splitlines()[0].endswith("; seconds")
+
+
 def test_the_verbose_plan_lists_every_decision_and_every_step(close_plan: Plan) -> None:
     text = close_plan.text(verbose=True)
     for problem in close_plan.problems:
@@ -216,7 +236,7 @@ def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override:
 
 def test_check_judges_the_picture_of_a_spot_that_compares_no_methods() -> None:
     spot = {"methods": None, "tolerance": None, "published_times": None, "microlenses.lens_phase": "perfect"}
-    values = {f"light_spot.{key}": value for key, value in spot.items()}
+    values: dict[str, Any] = {f"light_spot.{key}": value for key, value in spot.items()}
     study = tradestudy.load(STUDIES / "light_spot.yaml").with_values({**values, "claims": None, "readings": None})
     with pytest.raises(OutOfRangeError, match="perfect microlenses") as by_plan:
         study.plan()

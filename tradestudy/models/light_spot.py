@@ -307,10 +307,10 @@ class LightSpotProblem(SimulationProblem):
     @property
     def tries_laws(self) -> bool:
         """Whether pictures follow so many source points that trials of laws are worth their time."""
-        return self._points >= _WORTH_TRYING
+        return self.points >= _WORTH_TRYING
 
     @cached_property
-    def _points(self) -> float:
+    def points(self) -> float:
         """Source points that the picture follows at the coarsest sampling; infinite if they are too many to follow."""
         path, source = light_path(self._part), light_source(self._part)
         if not isinstance(source, DiscSource) or source.coherent:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.depth_measurement import CORNERS
-from tradestudy.effects import OFF
+from tradestudy.effects import OFF, Models
 from tradestudy.imaging.picture import kirchhoff_lattice
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.wave_optics import LightSpotPart
@@ -40,6 +40,7 @@ SECONDS: Final[Mapping[str, float]] = {
 }
 _AT_ONCE: Final = 2.0  # seconds
 _GROWTH_WITH_ACCURACY: Final = 0.75  # exponent of the time of a light spot in the inverse tolerance
+_POINTS_FOLLOWED_ALONG: Final = 50.0  # source points whose light takes as long as that of one microlens
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +171,7 @@ def _wave_optics(definition: StudyDefinition) -> Iterator[Work]:
             step = "Fresnel against Kirchhoff, off axis"
             yield _work(step, "pair of point spreads, off axis", pairs, f"{counted(pairs, 'pair')} of point spreads")
     if file.light_spot is not None:
-        yield _light_spot(file.light_spot)
+        yield _light_spot(file.light_spot, definition.models)
     if (part := file.point_spread) is not None:
         varied = (listed(part.f_numbers), part.wavelengths, part.field_angles, part.defocus)
         count = 2 * len(part.elements) * sum(map(len, varied))
@@ -182,21 +183,27 @@ def _wave_optics(definition: StudyDefinition) -> Iterator[Work]:
         yield _work("hard cases", "hard case", count, counted(count, "case"))
 
 
-def _light_spot(part: LightSpotPart) -> Work:
-    """Pictures by the compared methods other than rays, or else by the chosen models."""
-    from tradestudy.models.light_spot import NAME
-    from tradestudy.models.spot_images import RAYS
+def _light_spot(part: LightSpotPart, models: Mapping[str, Models]) -> Work:
+    """Pictures by waves: those of the compared methods and that of the chosen models; at least one picture."""
+    from tradestudy.models.light_spot import NAME, spot_models
+    from tradestudy.models.spot_images import RAYS, compared_models
 
-    pictures = max(1, sum(method not in RAYS for method in part.methods))
-    amount = f"{counted(pictures, 'picture')} of {counted(_microlenses(part), 'microlens', 'microlenses')}"
-    seconds = pictures * picture_seconds(part, part.tolerance)
+    asked = dict.fromkeys([*(compared_models(part, method) for method in part.methods), spot_models(models[NAME])])
+    waves = [one for one in asked if one.method not in RAYS]
+    amount = f"{counted(max(1, len(waves)), 'picture')} of {counted(_microlenses(part), 'microlens', 'microlenses')}"
+    seconds = math.fsum(
+        picture_seconds(part, one.tolerance) / (len(part.lines) if one.monochromatic else 1) for one in waves
+    )
     return Work(step="image of the spot", amount=amount, seconds=seconds, problem=NAME)
 
 
 def picture_seconds(part: LightSpotPart, tolerance: float) -> float:
-    """Time of one picture of a light spot by waves, to a tolerance."""
+    """Time of one picture of a light spot by waves, with all its wavelengths, to a tolerance."""
+    from tradestudy.models.light_spot import LightSpotProblem
+
     accuracy = (0.01 / tolerance) ** _GROWTH_WITH_ACCURACY
-    units = len(part.lines) * _microlenses(part) * accuracy
+    points = max(0.0, LightSpotProblem(part, {}).points - _POINTS_FOLLOWED_ALONG)
+    units = len(part.lines) * (_microlenses(part) + points / _POINTS_FOLLOWED_ALONG) * accuracy
     return float(units * SECONDS["microlens lit to 1 %"])
 
 
