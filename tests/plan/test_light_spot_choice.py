@@ -353,7 +353,11 @@ def test_check_plan_and_run_refuse_microlenses_that_follow_the_source_in_the_sam
             asked()
         said.add(str(refused.value))
     assert len(said) == 1
-    tradestudy.load(STUDY, [*PERFECT, "light_spot.tolerance=10 %"]).check()
+    looser = [*PERFECT, "light_spot.tolerance=10 %"]
+    for ask in (tradestudy.Study.check, tradestudy.Study.plan):  # the chosen picture has a tolerance of its own
+        with pytest.raises(OutOfRangeError, match=r"≤ 0\.01"):
+            ask(tradestudy.load(STUDY, looser))
+        ask(tradestudy.load(STUDY, [*looser, "accuracy.tolerance=10 %"]))
 
 
 def test_check_refuses_microlenses_that_follow_the_source_under_a_reading(tmp_path: Path) -> None:
