@@ -49,8 +49,3 @@ class Accuracy:
                 raise OutOfRangeError(f"tolerance of {name}", value=f"{value:g}", limit="> 0, finite")
         if not self.time_limit > 0.0:
             raise OutOfRangeError("time limit", value=f"{self.time_limit:g} s", limit="> 0 s")
-
-    @classmethod
-    def of_all(cls, tolerance: float, time_limit: float = math.inf) -> Accuracy:
-        """One tolerance for every quantity, including the depth uncertainty from noise alone."""
-        return cls(tolerances=dict.fromkeys(QUANTITIES, tolerance), time_limit=time_limit)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.depth_of_field import union
+from tradestudy.optics.depth_of_field import depth_of_field, union
 from tradestudy.optics.plenoptic_depth_of_field import (
     inverse_focus_virtual_depth,
     microlens_focal_length,
@@ -17,7 +17,6 @@ from tradestudy.optics.plenoptic_depth_of_field import (
     relay_blur_diameter,
     relay_depth_of_field,
     touching_inverse_virtual_depths,
-    view_depth_of_field,
     view_pupil_diameter,
 )
 
@@ -213,7 +212,7 @@ def test_refocusing_ends_at_infinity_and_at_the_focal_plane():
 def test_single_views_are_sharp_up_to_a_shift_of_one_microlens():
     a0, f, p = 0.5, 50e-3, 126.5e-6
     B = float(view_pupil_diameter(a0, focal_length=f, pixel_pitch=20e-6, microlens_focal_length=0.6e-3))
-    view = view_depth_of_field(a0, focal_length=f, view_pupil_diameter=B, blur_diameter=p)
+    view = depth_of_field(a0, f, B, p)
     ends = refocus_distance([1.0, -1.0], a0, focal_length=f, view_pupil_diameter=B, microlens_pitch=p)
     np.testing.assert_allclose([view.near, view.far], ends, rtol=1e-12)
 

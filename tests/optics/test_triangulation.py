@@ -21,7 +21,6 @@ from tradestudy.optics.thin_lens import (
 from tradestudy.optics.triangulation import (
     midpoint_depth,
     plenoptic_depth,
-    plenoptic_depth_condition,
     plenoptic_disparity,
     stereo_depth,
     stereo_disparity,
@@ -30,6 +29,16 @@ from tradestudy.optics.triangulation import (
 KEPLERIAN = {"mla_distance": 14.773e-3, "microlens_gap": 0.568e-3, "focal_length": 12.5e-3}
 GALILEAN = {"mla_distance": 11.607e-3, "microlens_gap": 0.4464e-3, "focal_length": 12.5e-3}
 EPSILON = 2.0**-52
+
+
+def plenoptic_depth_condition(
+    object_distance: float, *, mla_distance: float, microlens_gap: float, focal_length: float
+) -> float:
+    """Σ |∂ ln a / ∂ ln p| over p = Δσ, Δx, b_L (each contributes b_L |v| (f/s)² / a), z and f."""
+    a, f, z = object_distance, focal_length, mla_distance
+    a_L = microlens_gap * float(virtual_depth(a, z, microlens_gap, f))
+    slope = ((a - f) / f) ** 2  # |∂a/∂s|
+    return (3.0 * abs(a_L) * slope + z * slope + f * (a / f) ** 2) / abs(a)
 
 
 def ray(height: float, slope: float, *elements: tuple[tuple[float, float], tuple[float, float]]) -> tuple[float, float]:
@@ -121,7 +130,7 @@ def test_forward_then_backward_is_the_identity_within_the_condition_number(
     assume(a > 1.2 * f)
     relay = {"mla_distance": f * (1 + share), "microlens_gap": gap, "focal_length": f}
     assume(abs(float(virtual_depth(a, **relay))) > 1e-6)
-    condition = float(plenoptic_depth_condition(a, **relay))
+    condition = plenoptic_depth_condition(a, **relay)
     back = float(plenoptic_depth(plenoptic_disparity(a, 126.5e-6, **relay), 126.5e-6, **relay))
     bound = 10 * condition * EPSILON
     # Where the bound reaches the pole, infinity is as near as rounding allows.
@@ -146,7 +155,7 @@ def test_condition_number_is_the_measured_sensitivity(relay: dict[str, float], a
         f, exact = inputs["focal_length"], mpmath.mpf(a)
         inputs["disparity"] = inputs["microlens_gap"] / (inputs["mla_distance"] - f - f * f / (exact - f))
         total = sum(abs(depth(inputs | {name: inputs[name] * (1 + step)}) / exact - 1) / step for name in names)
-    assert float(plenoptic_depth_condition(a, **relay)) == pytest.approx(float(total), rel=1e-4)
+    assert plenoptic_depth_condition(a, **relay) == pytest.approx(float(total), rel=1e-4)
 
 
 def test_back_projection_is_the_line_of_sight() -> None:

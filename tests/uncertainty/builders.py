@@ -29,3 +29,8 @@ def correlated_normal(
     return JointNormal(
         name=name, parameters=parameters, mean=np.array(mean), covariance=covariance, error_class=error_class
     )
+
+
+def plain_random(dimensions, rng):
+    """Independent uniform points, in the form of `scrambled_sobol`: plain Monte Carlo, to compare Sobol points with."""
+    return lambda n: np.ascontiguousarray(rng.random((n, dimensions)).T)

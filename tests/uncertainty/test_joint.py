@@ -8,7 +8,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT, Triangular, Uniform
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
 from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Source, Sources
-from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
+from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
 
 RIG = ErrorClass.RIG
 
@@ -207,7 +207,7 @@ def test_sources_are_drawn_by_class_and_the_others_stay_nominal():
     sources = Sources(groups=tuple(classed(kind.name, kind) for kind in ErrorClass))
     noise = of_class(sources, NOISE)
     assert noise.dimensions == 1
-    draws = noise.draw(ndtri(plain_random(1, np.random.default_rng(0))(16)))
+    draws = noise.draw(ndtri(np.random.default_rng(0).random((1, 16))))
     assert np.ptp(draws["MEASUREMENT"]) > 0.0
     for name in ("RIG", "SESSION", "ELEMENT"):
         np.testing.assert_array_equal(draws[name], 1.0)

@@ -118,20 +118,18 @@ def draw_curves(
     metres: Sequence[FloatArray],
     *,
     variable: str = "depth_uncertainty",
-    names: bool = True,
 ) -> None:
     """Draw the curve of every camera, named at its end; the scales and limits of the axes must be set."""
     distance = np.asarray(view["distance"].values, dtype=float)
     for camera, curve, under in zip(shown, metres, covered_by(metres, axes.get_ylim()), strict=True):
         draw_curve(axes, view, camera, curve, under, variable)
-    if names:
-        name_ends(
-            axes,
-            [
-                NamedCurve(name=camera.title, color=camera.style.color, x=distance, y=curve * MM)
-                for camera, curve in zip(shown, metres, strict=True)
-            ],
-        )
+    name_ends(
+        axes,
+        [
+            NamedCurve(name=camera.title, color=camera.style.color, x=distance, y=curve * MM)
+            for camera, curve in zip(shown, metres, strict=True)
+        ],
+    )
 
 
 def covered_by(metres: Sequence[FloatArray], limits: tuple[float, float]) -> list[int]:

@@ -192,9 +192,9 @@ class StudyFigure(Figure):
         return self.svg().decode()
 
 
-def new_figure(height: float, width: float = PAGE_WIDTH) -> StudyFigure:
-    """Make an empty figure, sizes in inches; call this, and all that fills the figure, inside :func:`styled`."""
-    return StudyFigure(figsize=(width, height), layout="constrained")
+def new_figure(height: float) -> StudyFigure:
+    """Make an empty figure as wide as a page, height in inches; call this, and all that fills it, inside `styled`."""
+    return StudyFigure(figsize=(PAGE_WIDTH, height), layout="constrained")
 
 
 def panel_size(axes: Axes) -> tuple[float, float]:

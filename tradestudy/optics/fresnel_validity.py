@@ -99,40 +99,6 @@ def bounded_minimum_f_number(
         return np.asarray(f / 2 * (curvature / (8 * np.asarray(wavelength) * eps)) ** 0.25)
 
 
-def goodman_minimum_distance(*, wavelength: npt.ArrayLike, largest_offset: npt.ArrayLike) -> FloatArray:
-    """Distance at which the dropped phase is one radian: z³ = (π/4λ) [(x − ξ)² + (y − η)²]²_max.
-
-    Goodman requires z to be *much larger* than this, and calls the condition sufficient, not necessary.
-
-    Parameters
-    ----------
-    wavelength
-        λ > 0 [m].
-    largest_offset
-        Largest lateral distance between an aperture point and an observation point [m], ≥ 0.
-
-    Returns
-    -------
-    ndarray
-        z [m].
-
-    Raises
-    ------
-    OutOfRangeError
-        If the wavelength is not positive or the offset is negative.
-
-    Notes
-    -----
-    J. W. Goodman, *Introduction to Fourier Optics*, 3rd ed. (Roberts, 2005), section 4.2.2, with his example:
-    1 cm and 0.5 µm give 25 cm.
-    """
-    require_all_positive("wavelength", wavelength)
-    offset = np.asarray(largest_offset, dtype=np.float64)
-    if not np.all(offset >= 0):
-        raise OutOfRangeError("largest offset", value=f"{np.min(offset):g} m", limit="≥ 0 m")
-    return np.asarray(np.cbrt(np.pi / (4 * np.asarray(wavelength)) * offset**4))
-
-
 def goodman_minimum_f_number(
     *,
     focal_length: npt.ArrayLike,
@@ -157,7 +123,9 @@ def goodman_minimum_f_number(
 
     Notes
     -----
-    Goodman as in `goodman_minimum_distance`, with observation points on axis.
+    J. W. Goodman, *Introduction to Fourier Optics*, 3rd ed. (Roberts, 2005), section 4.2.2, z³ = (π/4λ) r⁴ for points
+    on axis, with his example: 1 cm and 0.5 µm give 25 cm. He requires z to be *much larger* than this, and calls the
+    condition sufficient, not necessary.
     """
     require_all_positive("focal length", focal_length)
     require_all_positive("wavelength", wavelength)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray, as_floats, require
-from tradestudy.optics.depth_of_field import DepthOfField, depth_of_field
+from tradestudy.optics.depth_of_field import DepthOfField
 from tradestudy.optics.thin_lens import focus_shift, image_distance
 
 
@@ -279,35 +279,3 @@ def refocus_distance(
         moved = np.where(travel < B, image_distance(a0, f) * travel / np.where(travel < B, B - travel, 1.0), np.inf)
         s = focus_shift(a0, f) + moved
         return np.asarray(np.where(s > 0, f + f * (f / np.where(s > 0, s, 1.0)), np.inf))
-
-
-def view_depth_of_field(
-    focus_distance: ArrayLike,
-    *,
-    focal_length: ArrayLike,
-    view_pupil_diameter: ArrayLike,
-    blur_diameter: ArrayLike,
-) -> DepthOfField:
-    """Distances at which every view is sharp, so that the camera can refocus on them: depth of field of the pupil B.
-
-    Parameters
-    ----------
-    focus_distance, focal_length
-        a₀ > f and f [m].
-    view_pupil_diameter
-        B, from `view_pupil_diameter` [m].
-    blur_diameter
-        Geometric blur c that counts as sharp, on the array [m]; with the microlens pitch, the ends correspond to the
-        shifts ∓1.
-
-    Returns
-    -------
-    The limits [m], broadcast. Refocusing multiplies the range of inverse image distances by the number of views across
-    the pupil.
-
-    Raises
-    ------
-    OutOfRangeError
-        As in `depth_of_field`.
-    """
-    return depth_of_field(focus_distance, focal_length, view_pupil_diameter, blur_diameter)

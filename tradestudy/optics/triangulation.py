@@ -85,8 +85,8 @@ def plenoptic_depth(
     -------
     FloatArray
         a_M [m]; +infinity where s ≤ 0: a disparity that no point in front of the camera causes ranks beyond the
-        farthest point, so that quantiles of noisy depths stay right. The relative error is `plenoptic_depth_condition`
-        × 2⁻⁵².
+        farthest point, so that quantiles of noisy depths stay right. The relative error is 2⁻⁵² times the condition
+        number Σ |∂ ln a / ∂ ln p| over all inputs p, which grows as a/f for distant points.
     """
     f = np.asarray(focal_length, dtype=np.float64)
     s = plenoptic_focus_shift(
@@ -95,26 +95,6 @@ def plenoptic_depth(
     with np.errstate(divide="ignore"):
         depth = np.where(s > 0.0, f + f * (f / np.where(s > 0.0, s, 1.0)), np.inf)
     return np.asarray(np.where(np.isnan(s), np.nan, depth))
-
-
-def plenoptic_depth_condition(
-    object_distance: ArrayLike, *, mla_distance: ArrayLike, microlens_gap: ArrayLike, focal_length: ArrayLike
-) -> FloatArray:
-    """The condition number of eq. 8: the relative change of depth per relative change of its inputs, summed.
-
-    ``Σ |∂ ln a / ∂ ln p|`` over p = Δσ, Δx, b_L (each contributes ``b_L |v| (f/s)² / a``), z and f. It grows as a/f for
-    distant points and limits the digits that any program can retain after rounding.
-
-    Parameters
-    ----------
-    object_distance, mla_distance, microlens_gap, focal_length
-        a_M, z, b_L and f_M [m].
-    """
-    a, f = np.asarray(object_distance, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
-    z = np.asarray(mla_distance, dtype=np.float64)
-    a_L = np.asarray(microlens_gap, dtype=np.float64) * virtual_depth(a, z, microlens_gap, f)
-    slope = ((a - f) / f) ** 2  # |∂a/∂s|
-    return np.asarray((3.0 * np.abs(a_L) * slope + z * slope + f * (a / f) ** 2) / np.abs(a))
 
 
 def stereo_disparity(

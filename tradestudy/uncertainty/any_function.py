@@ -18,7 +18,6 @@ from tradestudy.uncertainty.evaluation import Model, Outcome, Replicate, alignme
 from tradestudy.uncertainty.joint import GaussianCopula
 from tradestudy.uncertainty.outputs import order_quantile
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
-from tradestudy.uncertainty.streams import scrambled_sobol
 
 _REPLICATES: Final = 16
 _FIRST_DRAWS: Final = 2**10
@@ -169,7 +168,7 @@ def propagate_through(
     alignment = alignment_with([model], sources)
     replicates = [
         Replicate(
-            model, sources, sampler=scrambled_sobol, seed=seed, point="function", replicate=number,
+            model, sources, seed=seed, point="function", replicate=number,
             alignment=alignment, inverse_depth=False,
         )
         for number in range(_REPLICATES)

@@ -13,7 +13,6 @@ from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.evaluation import Model, Replicate, alignment_with
 from tradestudy.uncertainty.outputs import RunningMean
 from tradestudy.uncertainty.sources import Sources
-from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +40,6 @@ def rank_probability(
     seed: int,
     point: str,
     batch_draws: int = 2**14,
-    sampler: Sampler = scrambled_sobol,
 ) -> RankProbability:
     """Probability that |depth error| of one camera is smaller than that of the other.
 
@@ -64,8 +62,6 @@ def rank_probability(
         Seed of the study, >= 0, and identity of the study point.
     batch_draws : int
         Draws per call of a model; does not affect results.
-    sampler : Sampler
-        Scrambled Sobol or plain random points.
 
     Raises
     ------
@@ -85,7 +81,7 @@ def rank_probability(
         errors = []
         for model in (first, second):
             replicate = Replicate(
-                model, sources, sampler=sampler, seed=seed, point=point, replicate=number,
+                model, sources, seed=seed, point=point, replicate=number,
                 alignment=alignment, inverse_depth=True,
             )  # fmt: skip
             replicate.lengthen(draws, batch_draws)

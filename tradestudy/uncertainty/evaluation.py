@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.sources import Sources
-from tradestudy.uncertainty.streams import Sampler, point_generator
+from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
 
 BoolArray = NDArray[np.bool_]
 
@@ -171,8 +171,6 @@ class Replicate:
         The vectorised model.
     sources : Sources
         The uncertain sources.
-    sampler : Sampler
-        Scrambled Sobol or plain random points.
     seed, point, replicate
         Identity of the random stream (see :func:`tradestudy.uncertainty.streams.point_generator`).
     alignment : ScoreAlignment
@@ -186,7 +184,6 @@ class Replicate:
         model: Model,
         sources: Sources,
         *,
-        sampler: Sampler,
         seed: int,
         point: str,
         replicate: int,
@@ -196,7 +193,7 @@ class Replicate:
         self._model, self._sources, self._inverse_depth = model, sources, inverse_depth
         self._alignment = alignment
         rng = point_generator(seed=seed, point=point, replicate=replicate)
-        self._uniform = sampler(sources.dimensions, rng)
+        self._uniform = scrambled_sobol(sources.dimensions, rng)
         self.values: FloatArray = np.empty((0, 0))
         self.failures: NDArray[np.int64] = np.zeros((len(CAUSES), 0), np.int64)
 

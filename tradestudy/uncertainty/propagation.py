@@ -28,7 +28,6 @@ from tradestudy.uncertainty.outputs import (
     replicate_statistics,
 )
 from tradestudy.uncertainty.sources import Sources
-from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
 
 # Step of central differences in standard deviations: far above the rounding of the model, with a truncation error of a
 # millionth of the third-order term.
@@ -126,9 +125,6 @@ class Sampling:
     memory_bytes : int
         Limit on the memory for stored draws. Replicates are not extended beyond it. Instead, more replicates of the
         same length are added, whose quantiles remain exact, until their bias could matter (status ``memory``).
-    sampler : Sampler
-        :func:`~tradestudy.uncertainty.streams.scrambled_sobol`, or
-        :func:`~tradestudy.uncertainty.streams.plain_random` for comparison.
 
     Raises
     ------
@@ -143,7 +139,6 @@ class Sampling:
     first_draws: int = 2**9
     batch_draws: int = 2**14
     memory_bytes: int = 2**29
-    sampler: Sampler = scrambled_sobol
 
     def __post_init__(self) -> None:
         for name, number, least in (
@@ -294,7 +289,7 @@ def propagate(
     sources : Sources
         The uncertain sources.
     sampling : Sampling
-        Tolerance, budget, sampler.
+        Tolerance and budget.
     seed : int
         Seed of the study, >= 0.
     point : str
@@ -330,7 +325,6 @@ def propagate(
         return Replicate(
             model,
             sources,
-            sampler=sampling.sampler,
             seed=seed,
             point=point,
             replicate=number,

@@ -17,7 +17,7 @@ from tradestudy.uncertainty.joint import correlation_factor
 from tradestudy.uncertainty.outputs import Propagated, RunningMean
 from tradestudy.uncertainty.propagation import Sampling, propagate
 from tradestudy.uncertainty.sources import Group, Source, Sources
-from tradestudy.uncertainty.streams import point_generator
+from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
 from tradestudy.wording import in_words
 
 MOST_PARTS: Final = 12
@@ -241,7 +241,7 @@ def sobol_indices(
     sources : Sources
         Independent groups.
     sampling : Sampling
-        Its sampler, batch size and number of replicates are used.
+        Its batch size and number of replicates are used.
     draws : int
         Base draws per replicate, a power of two; the model is evaluated (groups + 2) times as often.
     seed, point
@@ -320,7 +320,7 @@ def _saltelli_outputs(
     """Outputs of the matrices A, B and A with each group from B, shape (2 + groups, outputs, draws)."""
     size, coordinates = sources.dimensions, sources.coordinates()
     rng = point_generator(seed=seed, point=point, replicate=replicate)
-    stream = sampling.sampler(2 * size, rng)
+    stream = scrambled_sobol(2 * size, rng)
     blocks = []
     for start in range(0, draws, sampling.batch_draws):
         count = min(sampling.batch_draws, draws - start)

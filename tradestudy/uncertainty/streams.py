@@ -20,9 +20,6 @@ from tradestudy.uncertainty.distributions import FloatArray
 UniformStream = Callable[[int], FloatArray]
 """Returns the next n points of a sequence in the open unit cube, shape (dimensions, n)."""
 
-Sampler = Callable[[int, np.random.Generator], UniformStream]
-"""Starts a stream of points with the given number of dimensions."""
-
 
 def point_generator(*, seed: int, point: str, replicate: int) -> np.random.Generator:
     """Random generator of one study point and replicate: Philox, keyed by a hash of seed, point and replicate.
@@ -63,12 +60,6 @@ def fixed_order_product(matrix: FloatArray, columns: FloatArray) -> FloatArray:
             if weight != 0.0:
                 row += weight * coordinate
     return product
-
-
-def plain_random(dimensions: int, rng: np.random.Generator) -> UniformStream:
-    """Independent uniform points: plain Monte Carlo, to compare Sobol points with."""
-    below_all = 2.0**-54  # replaces an exact 0, which numpy can return
-    return lambda n: np.maximum(np.ascontiguousarray(rng.random((n, dimensions)).T), below_all)
 
 
 Bits = NDArray[np.uint64]

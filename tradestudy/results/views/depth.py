@@ -118,9 +118,9 @@ def field_words(field: float, corner: str = "") -> str:
     )
 
 
-def worst_corner(off: xr.Dataset, variable: str = "depth_uncertainty") -> xr.DataArray:
-    """The largest value of ``/depth_field`` towards any corner that the camera sees."""
-    return off[variable].max("corner")
+def worst_corner(off: xr.Dataset) -> xr.DataArray:
+    """The largest depth uncertainty in ``/depth_field`` towards any corner that the camera sees."""
+    return off["depth_uncertainty"].max("corner")
 
 
 def table_distances(tree: xr.DataTree) -> FloatArray:
