@@ -131,3 +131,18 @@ def test_impossible_cameras_are_refused() -> None:
         dataclasses.replace(r5().microlenses, aperture_diameter=130e-6)
     with pytest.raises(OutOfRangeError, match="1 or 3 types"):
         dataclasses.replace(r5().microlenses, focal_lengths=(4e-4, 4.1e-4))
+
+
+def test_a_camera_without_errors_reads_the_truth_whatever_was_read_before() -> None:
+    """Observations and baselines are kept from one reading to the next; a change of colour is not."""
+    cameras = (r5(), r5(estimator="least-squares", lenses="all"), r5(mla_distance=14.8e-3))
+    places = (np.array([0.3, 1.0, 2.0]), np.array([0.4, 1.0, 2.0]), np.array([[0.3], [1.0], [2.0]]))
+    for _ in range(2):
+        for camera in cameras:
+            for place in places:
+                for field in (0.0, 0.7):
+                    found = camera.read(place, field, {})
+                    np.testing.assert_allclose(found.inverse_depth * place, 1.0, rtol=1e-9)
+                    assert not found.out_of_range.any()
+                    shifted = camera.read(place, field, {"color_shift": np.array(1e-5)})
+                    assert (np.abs(shifted.inverse_depth * place - 1.0) > 1e-4).all()

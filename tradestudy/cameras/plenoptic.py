@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
@@ -224,18 +225,25 @@ class PlenopticCamera(DepthCamera):
     ) -> MeasuredInverseDepth:
         """See `DepthCamera.read`, and `ArrayGeometry.changed` for the effect of the surroundings."""
         require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
-        a, geometry = np.asarray(distance, dtype=np.float64), self.geometry
-        right, down = (
-            share * extent / 2.0 / geometry.mla_distance
-            for share, extent in zip(shares_of(field), (self.sensor.width, self.sensor.height), strict=True)
-        )
-        seen = self.observe_warm(errors, environment, (right * a, down * a, a))
+        a = np.asarray(distance, dtype=np.float64)
+        if self.geometry.changed(errors, environment):
+            seen = self.observe_warm(errors, environment, self._points(a, field))
+        else:
+            seen = _observation(self, a.tobytes(), a.shape, field)
         inverse, valid = self.believe(errors, seen, a)
         return MeasuredInverseDepth(
             inverse_depth=inverse,
             no_overlap=np.zeros((1, 1), dtype=bool),
             out_of_range=~(valid & self.images(a)),
         )
+
+    def _points(self, distance: FloatArray, field: Field) -> Points:
+        """Points [m] at distances [m] that the design pictures at field positions."""
+        right, down = (
+            share * extent / 2.0 / self.geometry.mla_distance
+            for share, extent in zip(shares_of(field), (self.sensor.width, self.sensor.height), strict=True)
+        )
+        return right * distance, down * distance, distance
 
     def light_chain(self) -> MicrolensCamera:
         """The camera in the form that `tradestudy.optics.microlens_image` expects.
@@ -393,3 +401,9 @@ def _unsharp(lens: Lens, array: MicrolensArray, mla_distance: float) -> Iterator
             consequence="its microlenses focus on no real object: at every distance, their blur is at least "
             f"{pretty(least, FRACTION, 2)} of their aperture",
         )
+
+
+@lru_cache(maxsize=8)
+def _observation(camera: PlenopticCamera, distances: bytes, shape: tuple[int, ...], field: Field) -> Observation:
+    """What an unchanged camera observes, from which depth is computed many times with different calibration errors."""
+    return camera.observe({}, *camera._points(np.frombuffer(distances).reshape(shape), field))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
@@ -244,7 +245,8 @@ class FocusedPlenoptic(PlenopticCamera):
         """Baseline Δx [m] of a pair of microlenses that measures as precisely as the estimator."""
         if self.estimator in LENSES_OF_PAIRS:
             return np.full(np.shape(distance), neighbour_distance(self.estimator, self.microlenses))
-        return effective_baseline(self.estimator, self.lenses, self.microlenses, self.radius_over_pitch(distance))
+        z = np.asarray(distance, dtype=np.float64)
+        return _baseline(self, z.tobytes(), z.shape)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """Disparity over the estimator's baseline, ``Δσ = Δx / v`` [m], signed like v."""
@@ -507,3 +509,10 @@ class FocusedPlenoptic(PlenopticCamera):
             ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
             ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
         )
+
+
+@lru_cache(maxsize=8)
+def _baseline(camera: FocusedPlenoptic, distances: bytes, shape: tuple[int, ...]) -> FloatArray:
+    """Baseline [m] of an estimator that uses many microlenses, asked for with each of many noises at a distance."""
+    radius = camera.radius_over_pitch(np.frombuffer(distances).reshape(shape))
+    return effective_baseline(camera.estimator, camera.lenses, camera.microlenses, radius)
