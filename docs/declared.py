@@ -238,7 +238,7 @@ def _variable(name: str, one: Variable) -> Iterator[str]:
     if one.described_in:
         yield f": As in [`/{one.described_in}`](#group-{one.described_in})."
         return
-    yield f": {_sentence(one.long_name)}"
+    yield f": {_sentence(one.comment)}"
     facts = {
         "Symbol": f"{one.symbol}.",
         "Source": _sentence(one.reference.replace(PAPER, "the paper")) if one.reference else ".",
@@ -293,9 +293,10 @@ With `result = tradestudy.open_result(folder)`, `result.data` is the whole file 
 
 Each entry below gives the name of a variable, its dimensions in parentheses and its unit in brackets: an SI unit, `px`,
 `electrons`, `percent`, or `mixed` if the unit differs from value to value. A variable without brackets is a plain
-number or text. The description is the attribute `long_name` of the variable; *Symbol*, *Source* and *Error* are its
-attributes `symbol`, `reference` and `error`. Where a source is {term}`the paper <paper, the>`, the attribute gives its
-title.
+number or text. The description is the attribute `comment` of the variable; *Symbol*, *Source* and *Error* are its
+attributes `symbol`, `reference` and `error`. `long_name` is a short name, with which xarray labels plots, and
+`ancillary_variables` names the variable with the error, if one holds it. Where a source is {term}`the paper <paper,
+the>`, the attribute gives its title.
 
 *Error* says how large the error of a value may be:
 

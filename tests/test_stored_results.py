@@ -255,7 +255,8 @@ def test_the_table_of_variables_is_complete_and_names_errors_that_exist() -> Non
     assert sum(map(len, GROUPS.values())) == len(cells)
     for group, variables in GROUPS.items():
         for name, variable in variables.items():
-            assert variable.long_name, f"/{group}/{name}"
+            assert 0 < len(variable.long_name) <= 40, f"/{group}/{name}"
+            assert variable.comment, f"/{group}/{name}"
             assert variable.units or not variable.error, f"/{group}/{name} is a text with an error"
             if see := re.match(r"see (\w+)(?: of /(\w+))?", variable.error):
                 assert see[1] in GROUPS[see[2] or group], f"/{group}/{name}: {variable.error}"

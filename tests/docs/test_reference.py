@@ -120,7 +120,7 @@ def test_entries_that_refer_to_another_group_find_the_same_variable_described_th
         for line, below in pairwise(section.splitlines()):
             if below.startswith(": As in"):
                 name, other = line.split("`")[1], below.partition("#group-")[2].partition(")")[0]
-                assert GROUPS[group][name].long_name == GROUPS[other][name].long_name
+                assert GROUPS[group][name].comment == GROUPS[other][name].comment
                 assert f"\n`{name}` " in sections[other]
                 referring += 1
     assert referring > 20

@@ -23,7 +23,7 @@ def unexplained(tree: xr.DataTree) -> list[str]:
         for name, variable in tree[group].to_dataset().data_vars.items():
             if variable.dtype.kind != "f":
                 continue
-            words = " ".join(str(variable.attrs.get(key, "")) for key in ("long_name", "error"))
+            words = " ".join(str(variable.attrs.get(key, "")) for key in ("comment", "error"))
             if np.isnan(variable.values).any() and not SAYS_NAN.search(words):
                 found.append(f"{group}/{name}: NaN")
             if np.isinf(variable.values).any() and not SAYS_INFINITE.search(words):

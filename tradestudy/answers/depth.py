@@ -234,8 +234,10 @@ def _error_arrays(evaluations: Sequence[DepthEvaluation]) -> tuple[dict[str, NDA
         }
 
     missing = np.full_like(evaluations[0].distance, np.nan)
+    uncertainty = widths("depth_uncertainty", "uncertainty")
     return {
-        **widths("depth_uncertainty", "uncertainty"),
+        **uncertainty,
+        "relative_uncertainty": uncertainty["depth_uncertainty"] / evaluations[0].distance,
         **widths("depth_error_radius", "error_radius"),
         "variance_share": np.stack(
             [np.stack([one.shares.get(name, missing) for name in part_names], axis=-1) for one in evaluations]

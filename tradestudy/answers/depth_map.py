@@ -146,6 +146,7 @@ def depth_map_group(definition: StudyDefinition) -> xr.Dataset | None:
     values = {
         "depth_uncertainty": np.stack([one.uncertainty for one in maps.values()]),
         "depth_uncertainty_error": errors,
+        "relative_uncertainty": np.stack([one.uncertainty for one in maps.values()]) / distance[:, None, None],
         "depth_error_radius": np.stack([one.radius for one in maps.values()]),
         "depth_error_radius_error": radius_errors,
     }

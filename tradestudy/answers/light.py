@@ -125,7 +125,7 @@ def images_group(part: LightSpotPart, steps: Steps, seconds: Seconds, models: Mo
         },
     )
     for name in ("row", "column"):
-        result[name].attrs = {"units": "m", "long_name": f"centre of the pixel's {name} on the detector"}
+        result[name].attrs = {"units": "m", "long_name": f"position of the {name} on the detector"}
     result["wavelength"].attrs = {"units": "m", "long_name": "wavelength of a spectral line", "symbol": "λ"}
     return result
 

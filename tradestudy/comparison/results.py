@@ -63,7 +63,7 @@ def stated_error(tree: xr.DataTree, name: str, variable: str) -> xr.DataArray | 
 
 def _standard_errors(tree: xr.DataTree, data: xr.Dataset, error_variable: str) -> xr.DataArray | float:
     """Factor by which a stored error counts; by camera where it depends on how the depth errors were propagated."""
-    says = str(data[error_variable].attrs.get("long_name", ""))
+    says = str(data[error_variable].attrs.get("comment", ""))
     if error_variable != _DRAWN_OR_LINEAR and _DRAWN_OR_LINEAR not in says:
         return SURE if _FROM_DRAWS in says else 1.0
     keys = data["camera"].values
@@ -204,13 +204,14 @@ _OF_PLACES, _OF_DEPTH, _REQUIREMENTS = "depth_at_places", "depth", "requirements
 _UNCERTAINTY, _RADIUS = "depth_uncertainty", "depth_error_radius"
 _PARTS_OF_DEPTH: Final = (
     "depth_uncertainty_by_error_source", "depth_error_radius_by_error_source", "depth_quantile", "equivalent_baseline",
-    "limit_value", "usable_near", "usable_far",
+    "limit_value", "usable_near", "usable_far", "relative_uncertainty",
 )  # fmt: skip
 # They repeat another variable, or the conclusions.
 _REPETITIONS: Final[Mapping[str, tuple[str, ...]]] = {
     _OF_DEPTH: _PARTS_OF_DEPTH,
     _OF_PLACES: _PARTS_OF_DEPTH,
     "depth_field": _PARTS_OF_DEPTH,
+    "depth_map": ("relative_uncertainty",),
     "depth_of_field": ("sharp_near", "sharp_far", "scene_share", "resolved_scene_share"),
     "disparity_causes": ("disparity_error_px", "disparity_error_px_changed"),
 }

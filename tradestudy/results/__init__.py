@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +22,8 @@ PAPER: Final = "Diffraction model of a plenoptic camera for in-situ space explor
 JUDGED: Final = ("depth_uncertainty", "depth_error_radius")
 """The larger of these variables judges a camera; see `judged_uncertainty`."""
 _ALSO_IN: Final = "as in /"
+_NOT_IN_WORDS: Final = re.compile("_(px|percent|by_error_source)$")  # units and dimensions, which plots show anyway
+_SEE: Final = re.compile(r"see (\w+)(?! of /)\b")
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,10 @@ class Variable:
         Its symbol, and the source of its equation.
     error
         The variable with its error estimate, or why it is exact. `compare` reads it, and the words "standard error" in
-        the ``long_name`` of that variable.
+        the ``comment`` of that variable.
     long_name
+        Its short name, as on the axis of a plot.
+    comment
         What the variable is.
     described_in
         The group whose variable of the same name is the same but for its dimensions, and describes both.
@@ -50,18 +55,27 @@ class Variable:
     reference: str
     error: str
     long_name: str
+    comment: str
     described_in: str = ""
 
 
 def _declared(table: str) -> Mapping[str, Mapping[str, Variable]]:
-    """The variables of each group; a long name "as in /GROUP" stands for all texts of that group's variable."""
+    """The variables of each group; a comment "as in /GROUP" stands for all texts of that group's variable.
+
+    An empty long name is the name in words. Errors are named after their values.
+    """
     groups: dict[str, dict[str, Variable]] = {}
     for line in table.splitlines()[1:]:
         group, name, dims, *texts = line.split("\t")
         variable = Variable(tuple(dims.split(", ")) if dims else (), *texts)
-        if (other := variable.long_name.removeprefix(_ALSO_IN)) in groups:
+        of, known = name.removesuffix("_error"), groups.setdefault(group, {})
+        if (other := variable.comment.removeprefix(_ALSO_IN)) in groups:
             variable = replace(groups[other][name], dims=variable.dims, described_in=other)
-        groups.setdefault(group, {})[name] = variable
+        elif not variable.long_name:
+            is_error = of in known and variable.error.startswith("itself")
+            words = f"error of {known[of].long_name}" if is_error else _NOT_IN_WORDS.sub("", name).replace("_", " ")
+            variable = replace(variable, long_name=words)
+        known[name] = variable
     return groups
 
 
@@ -98,8 +112,10 @@ def dataset(
     variables = {}
     for name, value in values.items():
         spec = declared[name]
-        attrs = {"units": spec.units, "long_name": spec.long_name}
+        attrs = {key: getattr(spec, key) for key in ("units", "long_name", "comment")}
         attrs |= {key: text for key in ("symbol", "reference", "error") if (text := getattr(spec, key))}
+        if (see := _SEE.match(spec.error)) and see[1] in values:
+            attrs["ancillary_variables"] = see[1]
         array = np.asarray(value)
         swept = leading if array.ndim == len(leading) + len(spec.dims) else ()
         variables[name] = (swept + spec.dims, array.astype(object) if array.dtype.kind == "U" else array, attrs)
@@ -108,8 +124,11 @@ def dataset(
         for name, labels in coordinates.items()
     }
     result = xr.Dataset(variables, coords=coords, attrs=dict(attributes or {}))
+    for name in map(str, result.coords):
+        of_length = {"units": "m"} if name.endswith(("distance", "place")) else {}
+        result[name].attrs = of_length | {"long_name": name.replace("_", " ")}
     if "distance" in result.coords:
-        result["distance"].attrs = {"units": "m", "long_name": "object distance", "symbol": "a"}
+        result["distance"].attrs |= {"long_name": "object distance", "symbol": "a"}
     return result
 
 

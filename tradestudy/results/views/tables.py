@@ -56,12 +56,11 @@ class Table:
 def tables_of(tree: xr.DataTree) -> Mapping[str, Table]:
     """All tables of a results tree by name, such as ``depth_by_camera_distance``.
 
-    Tables of the depth uncertainty over distance also have the relative one. A sweep adds columns to a table but keeps
-    its name, unless the group has another table of that name.
+    A sweep adds columns to a table but keeps its name, unless the group has another table of that name.
     """
     found = {}
     for group in tree.children.values():
-        data = _with_relative_uncertainty(group.to_dataset())
+        data = group.to_dataset()
         by_dims: dict[tuple[str, ...], list[str]] = {}
         for name, array in data.data_vars.items():
             by_dims.setdefault(tuple(map(str, array.dims)), []).append(str(name))
@@ -71,17 +70,6 @@ def tables_of(tree: xr.DataTree) -> Mapping[str, Table]:
             over = "_by_" + "_".join(named) if named else ""
             found[f"{group.name}{over}".replace("/", "_")] = Table(data=data, dims=dims, variables=tuple(names))
     return found
-
-
-def _with_relative_uncertainty(data: xr.Dataset) -> xr.Dataset:
-    """The group with the depth uncertainty over the distance, if it has that uncertainty over distances."""
-    if "depth_uncertainty" not in data or "distance" not in data["depth_uncertainty"].dims:
-        return data
-    relative = data["depth_uncertainty"] / data["distance"]
-    attributes = {"units": "1", "long_name": "depth uncertainty divided by the distance"}
-    return data.assign(
-        relative_uncertainty=relative.transpose(*data["depth_uncertainty"].dims).assign_attrs(attributes)
-    )
 
 
 def table_named(tree: xr.DataTree, name: str) -> Table:
