@@ -319,7 +319,15 @@ def choose(problem: SimulationProblem, tolerances: Mapping[Quantity, float], for
     """
     complete = problem.complete
     if not _fits(problem, complete, tolerances):
-        raise _out_of_reach(problem, problem.changes(complete), tolerances)
+        changes = problem.changes(complete)
+        worst = max(problem.asked, key=lambda q: changes[q].relative / tolerances[q])
+        raise UnaffordableError(
+            f"{problem.title}: even the most complete models cannot keep the {worst.replace('_', ' ')} "
+            "within the tolerance",
+            value=pretty(changes[worst].relative, FRACTION, digits=2),
+            limit=pretty(tolerances[worst], FRACTION),
+            remedy="loosen the tolerance, or force the models under 'effects'",
+        )
     chosen = dict(complete)
     saving = [slot for slot in problem.slots if slot.saves_time]
     for slot in sorted((one for one in saving if one.costly), key=lambda one: -one.costly):
@@ -350,16 +358,3 @@ def _fits(problem: SimulationProblem, models: Models, tolerances: Mapping[Quanti
             return True
         if any(change.least > tolerance for change, tolerance in over) or not problem.try_out(models):
             return False
-
-
-def _out_of_reach(
-    problem: SimulationProblem, changes: Changes, tolerances: Mapping[Quantity, float]
-) -> UnaffordableError:
-    worst = max(problem.asked, key=lambda q: changes[q].relative / tolerances[q])
-    return UnaffordableError(
-        f"{problem.title}: even the most complete models cannot keep the {worst.replace('_', ' ')} "
-        "within the tolerance",
-        value=pretty(changes[worst].relative, FRACTION, digits=2),
-        limit=pretty(tolerances[worst], FRACTION),
-        remedy="loosen the tolerance, or force the models under 'effects'",
-    )

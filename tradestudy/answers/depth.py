@@ -12,14 +12,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
-from tradestudy.cameras.depth_measurement import CORNERS, FieldPosition, PicturePlace, towards_corners
+from tradestudy.cameras.depth_measurement import CORNERS, FieldPosition, towards_corners
 from tradestudy.depth.evaluation import ERROR_SOURCES, DepthEvaluation, distribution, evaluate_depth
 from tradestudy.depth.usable import LIMIT_NAMES, Interval, all_met, evaluate_limits, usable_intervals
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.varying import SweepAxis, point_labels, sweep_axes
 
 
@@ -125,14 +125,26 @@ def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition],
 def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]) -> xr.Dataset:
     """/depth_at_places: the variables of /depth at the distances of the decision, for the study as declared."""
     distance = np.array(sorted(set(places)))
-    arrays, part_names = _depth_arrays(_tables(definition.case, distance))
+    arrays, part_names = _depth_arrays(
+        [
+            depth_table(DepthPoint(camera=camera, criteria=definition.case.criteria, distance=distance))
+            for camera in definition.case.cameras.values()
+        ]
+    )
     return dataset("depth_at_places", arrays, _coordinates(definition, distance, part_names))
 
 
 def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], steps: Steps) -> xr.Dataset:
     """/depth_field: depth errors off the axis, over (camera, field, corner, distance), for the study as declared."""
     cameras, distance = definition.case.cameras, definition.case.distance
-    points = [FieldPoint(camera=camera, fields=_off_axis(fields), distance=distance) for camera in cameras.values()]
+    points = [
+        FieldPoint(
+            camera=camera,
+            fields=tuple(place for field in fields for place in towards_corners(field)),
+            distance=distance,
+        )
+        for camera in cameras.values()
+    ]
     table = steps.map(OFF_AXIS, depth_over_field, points, list(cameras))
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
@@ -147,11 +159,6 @@ def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], st
     )
 
 
-def _off_axis(fields: Sequence[float]) -> tuple[PicturePlace, ...]:
-    """The places at field positions towards all corners of the picture."""
-    return tuple(place for field in fields for place in towards_corners(field))
-
-
 def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
     cameras = definition.case.cameras
     return {
@@ -163,13 +170,6 @@ def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: 
         "part": part_names,
         "limit": list(LIMIT_NAMES),
     }
-
-
-def _tables(case: Case, distance: FloatArray) -> list[DepthTable]:
-    return [
-        depth_table(DepthPoint(camera=camera, criteria=case.criteria, distance=distance))
-        for camera in case.cameras.values()
-    ]
 
 
 def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]], list[str]]:

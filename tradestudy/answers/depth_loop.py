@@ -193,7 +193,8 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
             pictures = math.ceil(side**2 / (small.sensor.rows * small.sensor.columns))
             with part_of_point(_TRIED, 1.0):
                 found, truth = _enough(camera, small, point, pictures)
-        scored, reason = _scored(camera, found, truth, point), ""
+        predicted = float(depth_uncertainty(camera, np.array([point.distance]), "noise")[0])
+        scored, reason = score(found, truth, np.full(truth.depth.shape, predicted), point.window_px), ""
         errors, bounds = _of_windows_apart(found, truth, point.window_px)
     except OutOfRangeError as refused:
         scored, reason = None, str(refused)
@@ -206,11 +207,6 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
         blur_px=blur,
         reason=reason,
     )
-
-
-def _scored(camera: DepthCamera, found: DepthMap, truth: TrueDepth, point: LoopPoint) -> DepthScore:
-    predicted = float(depth_uncertainty(camera, np.array([point.distance]), "noise")[0])
-    return score(found, truth, np.full(truth.depth.shape, predicted), point.window_px)
 
 
 def _windows(found: DepthMap, truth: TrueDepth, point: LoopPoint) -> float:

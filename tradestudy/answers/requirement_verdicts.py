@@ -65,7 +65,9 @@ def requirements_group(
         "value": [one.value for one in deciding],
         "value_error": [one.error for one in deciding],
         "bound": [one.bound for one in deciding],
-        "bound_is_relative": [_is_relative(one.required) for one in requirements.values()],
+        "bound_is_relative": [
+            isinstance(one.required, BoundOverPart) and one.required.is_relative for one in requirements.values()
+        ],
         "bound_text": [_bound_words(one.required) for one in requirements.values()],
         "over_near": [one.over[0] if one.over else math.nan for one in requirements.values()],
         "over_far": [one.over[-1] if one.over else math.nan for one in requirements.values()],
@@ -115,11 +117,6 @@ def requirements_group(
             values |= _stretch_arrays(found_stretches)
         steps.progress("requirements", 1.0)
     return over_designs("requirements", values, coordinates, axes)
-
-
-def _is_relative(required: Required) -> bool:
-    """Whether a bound is a fraction of the distance."""
-    return isinstance(required, BoundOverPart) and required.is_relative
 
 
 def _bound_words(required: Required) -> str:

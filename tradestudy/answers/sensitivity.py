@@ -67,7 +67,14 @@ def sensitivity_of(name: str, camera: DepthCamera, distance: FloatArray, field: 
     corner = _least_certain_corner(camera, distance, field) if field else ""
     place = dict(zip(CORNERS, towards_corners(field), strict=True))[corner] if corner else 0.0
     model, sources = outcome_model(camera, distance, place), uncertain_sources(camera, "both")
-    sampling, seed = _sampling(distance.size), camera.propagation.seed
+    seed = camera.propagation.seed
+    sampling = Sampling(
+        absolute_tolerance=0.0,
+        relative_tolerance=_ACCURACY,
+        budget_draws=_TORNADO_BUDGET,
+        batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
+        memory_bytes=2**28,
+    )
     point = f"{name}/{field:g}/sensitivity"
     groups = tornado(model, sources, sampling, seed=seed, point=point, inverse_depth=True)
     parameters, refused = None, ""
@@ -99,16 +106,6 @@ def _least_certain_corner(camera: DepthCamera, distance: FloatArray, field: floa
 
     found = dict(zip(CORNERS, map(uncertainty, towards_corners(field)), strict=True))
     return max(found, key=lambda corner: found[corner])
-
-
-def _sampling(outputs: int) -> Sampling:
-    return Sampling(
-        absolute_tolerance=0.0,
-        relative_tolerance=_ACCURACY,
-        budget_draws=_TORNADO_BUDGET,
-        batch_draws=max(2**8, 2**14 >> max(outputs - 1, 0).bit_length()),
-        memory_bytes=2**28,
-    )
 
 
 def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: Steps) -> xr.Dataset:

@@ -144,7 +144,9 @@ def trade_off_group(
         progress(STEP, number / len(designs))
         table.append(own.values if design is definition else measurer.measure(design).values)
         feasible.append(_feasible(design, names, judge))
-    front = _front(np.array(table), np.array(feasible), scales)
+    possible = np.array(feasible)  # the Pareto front is that of all candidates in all feasible designs
+    rows = np.where(possible[..., np.newaxis], np.array(table), np.nan).reshape(possible.size, -1)
+    front = non_dominated(rows, [scale.best > scale.worst for scale in scales]).reshape(possible.shape)
     progress(STEP, 1.0)
     shape = tuple(len(axis.labels) for axis in axes)
     values: dict[str, Any] = {
@@ -223,9 +225,3 @@ def _feasible(design: StudyDefinition, names: Sequence[str], judge: Judge) -> li
             answer = every.get(name) if one.camera == ANY else deciding
             feasible[name] &= answer is not None and answer.met is True
     return list(feasible.values())
-
-
-def _front(values: FloatArray, feasible: npt.NDArray[np.bool_], scales: Sequence[ValueScale]) -> npt.NDArray[np.bool_]:
-    """The Pareto front of all candidates in all feasible designs, shape (designs, candidates)."""
-    rows = np.where(feasible[..., np.newaxis], values, np.nan).reshape(-1, values.shape[-1])
-    return non_dominated(rows, [scale.best > scale.worst for scale in scales]).reshape(feasible.shape)

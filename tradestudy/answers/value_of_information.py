@@ -36,7 +36,8 @@ def value_of_information_group(
     file, case = definition.file, definition.case
     names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(case.cameras)
     places = np.array(part.at or (file.decision.at if file.decision else distances_without_decision(case.distance)))
-    rng = np.random.default_rng(_seed(file.propagation.seed))
+    own_seed = hashlib.sha256(f"{file.propagation.seed} {NAME}".encode()).digest()[:16]  # of this group alone
+    rng = np.random.default_rng(int.from_bytes(own_seed))
     scaled = scrambled_sobol(len(part.assumptions), rng)(part.draws)
     assumptions = [assumed(definition, one) for one in part.assumptions.values()]
     values = np.array(
@@ -75,11 +76,6 @@ def value_of_information_group(
             "draws": part.draws,
         },
     )
-
-
-def _seed(seed: int) -> int:
-    """A seed that gives this group its own random stream."""
-    return int.from_bytes(hashlib.sha256(f"{seed} {NAME}".encode()).digest()[:16])
 
 
 def _changes(assumptions: Sequence[Varying | AnyReading], values: FloatArray) -> dict[str, Entry]:

@@ -64,17 +64,10 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     return tuple(found), len(paths)
 
 
-def _parts(text: str) -> list[str]:
-    """The values of a list, or the only one."""
-    is_list = text.startswith("[") and text.endswith("]") and "{" not in text  # parts are shown as they are
-    return [one.strip("' ") for one in text[1:-1].split(",")] if is_list else [text]
-
-
 def _shown(text: str, titles: Mapping[str, str]) -> str:
     """A value as declared, with a space before its unit; lists without brackets, cameras by their titles."""
-    parts = _parts(text)
-    if parts != [text]:
-        return ", ".join(_shown(part, titles) for part in parts)
+    if text.startswith("[") and text.endswith("]") and "{" not in text:  # parts are shown as they are
+        return ", ".join(_shown(part.strip("' "), titles) for part in text[1:-1].split(","))
     return titles.get(text, _QUANTITY.sub(r"\1 \2", text) if _QUANTITY.fullmatch(text) else text)
 
 

@@ -324,18 +324,12 @@ def scramble_error(values: FloatArray, distance: float) -> float:
     for row in values:
         with np.errstate(invalid="ignore"):  # an infinite value has a sign
             turns = np.flatnonzero(np.sign(row[1:]) * np.sign(row[:-1]) <= 0.0)
-            shares = _share_of_zero(row[turns], row[turns + 1])
+            shares = row[turns] / (row[turns] - row[turns + 1])  # zeros of lines; halfway where a value is infinite
         if not turns.size:
             return float("inf")
-        roots = logs[turns] + shares * (logs[turns + 1] - logs[turns])
+        roots = logs[turns] + np.where(np.isfinite(shares), shares, 0.5) * (logs[turns + 1] - logs[turns])
         found.append(float(roots[np.argmin(np.abs(roots - np.log(distance)))]))
     return float(distance * np.std(found, ddof=1) / np.sqrt(len(found)))
-
-
-def _share_of_zero(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Zero of a line through two values of opposite sign, as a share of their distance; 0.5 where one is infinite."""
-    share = low / (low - high)
-    return np.where(np.isfinite(share), share, 0.5)
 
 
 def _binding(camera: DepthCamera, criteria: UsableCriteria, ends: Sequence[Boundary]) -> list[str]:

@@ -348,7 +348,7 @@ def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
     for axes, ratio, place in zip(panels, ratios, one["distance"].values, strict=True):
         bare(axes, distance(float(place)))
         values = np.asarray(one["depth_uncertainty"].sel(distance=place).values, dtype=np.float64) * 1e3
-        middle = _middle(values)
+        middle = float(values[values.shape[0] // 2, values.shape[1] // 2])
         axes.imshow(
             np.where(np.isfinite(ratio), values, np.nan),
             cmap="viridis",
@@ -364,10 +364,6 @@ def _tables(tree: xr.DataTree, key: str) -> Tables:
     one = group(tree, "depth_map").sel(camera=key)
     places = one["distance"].values.tolist()
     return uncertainty_map_tables(places, [ratio_to_middle(one, float(place)) for place in places])
-
-
-def _middle(values: FloatArray) -> float:
-    return float(values[values.shape[0] // 2, values.shape[1] // 2])
 
 
 _TOLERANCE = 0.1  # of the spread: how closely a fitted matcher should predict it at other distances

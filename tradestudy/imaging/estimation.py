@@ -217,7 +217,8 @@ def score(
     measured = found.reason == Reason.MEASURED
     both = measured & truth.measurable
     surface = np.isfinite(truth.depth) & ~np.isin(found.reason, (Reason.NO_LIGHT, Reason.LESS_SHARP))
-    block = _blocks(both.shape)
+    row, column = (np.arange(size) * _BLOCKS // size for size in both.shape)
+    block = row[:, np.newaxis] * _BLOCKS + column  # the part of the map to which each pixel belongs
     points, seen, filled = (
         np.bincount(block[one], minlength=_BLOCKS**2) for one in (surface | truth.measurable, truth.measurable, both)
     )
@@ -331,12 +332,6 @@ class _Pairs:
         if np.count_nonzero(among) < 3:
             return math.nan
         return float(np.corrcoef(self.left[among], self.right[among])[0, 1])
-
-
-def _blocks(shape: tuple[int, ...]) -> NDArray[np.intp]:
-    """Index of the part of the map to which each pixel belongs."""
-    row, column = (np.arange(size) * _BLOCKS // size for size in shape)
-    return np.asarray(row[:, np.newaxis] * _BLOCKS + column)
 
 
 def _jackknife(

@@ -118,7 +118,11 @@ class DepthProblem(SimulationProblem):
         if models["calibration"] != "exact" and self._linear is None and self._is_line:
             self._try_line()
             return True
-        if self._exact_paths is None and self._pictured and self._leaves_out_paths(models):
+        if (
+            self._exact_paths is None
+            and self._pictured
+            and any(models[name] != "kirchhoff" for name in self._free_lenses)
+        ):
             worst = max(self._pictured, key=lambda one: float(np.nanmax(np.sum(one.by_exact_paths, axis=0))))
             of_error, of_depth = worst.tried_by_exact_paths()
             self._exact_paths = TRIAL_MARGIN * of_error, TRIAL_MARGIN * of_depth
@@ -130,9 +134,6 @@ class DepthProblem(SimulationProblem):
         """Whether errors can be propagated linearly: all calibrations are known before the run and have covariances."""
         cameras = [variant.camera for variant in self._variants]
         return all(one.calibration.inferred and has_covariance(one) for one in cameras)
-
-    def _leaves_out_paths(self, models: Models) -> bool:
-        return any(models[name] != "kirchhoff" for name in self._free_lenses)
 
     @property
     def _free_lenses(self) -> list[SlotName]:

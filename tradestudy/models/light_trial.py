@@ -403,19 +403,10 @@ def _spread_out(fine: FloatArray, radius: float, *, point: bool) -> FloatArray:
     fine = np.pad(fine, _PARTS * math.ceil(radius / _PARTS))
     if point or radius == 0.0:
         return fine
-    turn = 2.0 * math.pi * radius * _frequencies(fine)
-    return np.asarray(scipy.fft.irfft2(scipy.fft.rfft2(fine) * _jinc(turn), s=fine.shape))
-
-
-def _frequencies(fine: FloatArray) -> FloatArray:
     f_x, f_y = scipy.fft.rfftfreq(fine.shape[1]), scipy.fft.fftfreq(fine.shape[0])
-    return np.hypot(f_x, f_y[:, None])
-
-
-def _jinc(turn: FloatArray) -> FloatArray:
-    """2 J₁(t)/t."""
-    turn = np.maximum(turn, 1e-9)
-    return np.asarray(2.0 * scipy.special.j1(turn) / turn)
+    turn = np.maximum(2.0 * math.pi * radius * np.hypot(f_x, f_y[:, None]), 1e-9)
+    disc = 2.0 * scipy.special.j1(turn) / turn
+    return np.asarray(scipy.fft.irfft2(scipy.fft.rfft2(fine) * disc, s=fine.shape))
 
 
 def _centre_of_light(image: FloatArray) -> FloatArray:

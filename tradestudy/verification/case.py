@@ -165,7 +165,7 @@ def judge(family: Family, case: NumericCase | OutcomeCase, references: Mapping[s
         law=case.law.name,
         naive_answer=_text(naive),
         our_answer=ours if isinstance(ours, str) else _text(ours.value),
-        reference=_shortened(reference.value),
+        reference=reference.value if reference.value in ("inf", "-inf") else f"{float(reference.value):.9g}",
         naive_error=math.inf if isinstance(naive, str) else relative_error(naive, reference),
         our_error=our_error,
         bound=bound,
@@ -245,10 +245,6 @@ def _scalar(value: Any) -> float:
 
 def _text(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:.9g}"
-
-
-def _shortened(digits: str) -> str:
-    return digits if digits in ("inf", "-inf") else f"{float(digits):.9g}"
 
 
 @cache

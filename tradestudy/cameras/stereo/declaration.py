@@ -114,15 +114,16 @@ _ASSUMED_PITCH: Final = "3 um"
 
 def stated_by(imported: ImportedRig | ImportedCorners) -> Iterator[Stated]:
     """Every value of a stereo rig from a calibration file, and the conventions by which the file was read."""
-    yield Stated(path=("kind",), value="stereo", key=_first_key(imported), basis="derived")
+    yield Stated(
+        path=("kind",),
+        value="stereo",
+        key=imported.key if isinstance(imported, ImportedCorners) else imported.keys["translation"],
+        basis="derived",
+    )
     if isinstance(imported, ImportedCorners):
         yield from _of_corners(imported)
         return
     yield from _of_rig(imported)
-
-
-def _first_key(imported: ImportedRig | ImportedCorners) -> str:
-    return imported.key if isinstance(imported, ImportedCorners) else imported.keys["translation"]
 
 
 def _of_rig(rig: ImportedRig) -> Iterator[Stated]:

@@ -184,16 +184,11 @@ def _of_sharpness(tree: xr.DataTree) -> str:
 
 def _expense(camera: SharpCamera) -> str:
     parts = "" if camera.moving_parts == "—" else f", {counted(int(camera.moving_parts), 'moving part')}"
-    return f"{_length_up(camera.resolution)} in {counted(camera.images, 'exposure')}{parts}"
+    return f"{_worst(camera.resolution, camera.resolution)} in {counted(camera.images, 'exposure')}{parts}"
 
 
 def _percent(share: float) -> str:
     return pretty(math.floor(share * 100.0) / 100.0, FRACTION, digits=2)
-
-
-def _length_up(value: float) -> str:
-    """A length [m], rounded up to two digits."""
-    return _worst(value, value)
 
 
 def _of_one_camera_asked(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]) -> str:
