@@ -122,7 +122,7 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
         ({"correlation": {("x", "constant"): 0.5}}, "constant input: constant"),
         ({"inputs": {"x": 3.0}}, "input 'x': 3.0"),
         ({"inputs": {1: UNIT}}, "by name"),
-        ({"inputs": [UNIT]}, "by name"),
+        ({"inputs": []}, "by name"),
         ({"correlation": [1]}, "pairs of names"),
         ({"correlation": {("x", "y"): float("nan")}}, "x and y: nan"),
         ({"correlation": {("x", "x"): 1.0}}, "x and x"),

@@ -6,18 +6,20 @@ import math
 import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty.distributions import Distribution, FloatArray
+from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.evaluation import Model, Outcome, Replicate, alignment_with
-from tradestudy.uncertainty.joint import GaussianCopula
+from tradestudy.uncertainty.inputs import Correlation, sources_of
 from tradestudy.uncertainty.outputs import order_quantile
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+
+if TYPE_CHECKING:
+    from tradestudy.uncertainty.inputs import Covariance, Inputs
 
 _REPLICATES: Final = 16
 _FIRST_DRAWS: Final = 2**10
@@ -55,7 +57,8 @@ class Spread:
     error
         For each interval, the greater of the standard errors of its two ends, estimated from the scatter between
         independent replicates; shape (m, …). If the output takes discrete values and an end lies where one value gives
-        way to the next, the step between these values is included.
+        way to the next, the step between these values is included. Where draws are given as an input, the error does
+        not include that they are only a sample.
     draws
         Total number of draws.
     converged
@@ -82,9 +85,10 @@ class Spread:
 
 def propagate_through(
     function: Function,
-    inputs: Mapping[str, Distribution],
+    inputs: Inputs,
     *,
-    correlation: Mapping[tuple[str, str], float] | None = None,
+    correlation: Correlation | None = None,
+    covariance: Covariance | None = None,
     coverage: float | Sequence[float] = (0.6827, 0.95),
     tolerance: float = 0.01,
     most_draws: int = 2**22,
@@ -101,14 +105,27 @@ def propagate_through(
     ----------
     function
         Function that takes each input as a keyword argument, an array of shape (draws,), and returns an array of real
-        numbers, of shape (draws,) or (draws, …).
+        numbers, of shape (draws,) or (draws, …). Inputs without names are passed by position.
     inputs
-        Distributions of the inputs, at least one, by the name of the function's argument, such as
-        ``{"gap": Uniform(low=-0.03, high=0.03)}``.
+        The distributions of at least one input, in one of these forms:
+
+        * by the names of the function's arguments, such as ``{"gap": Uniform(low=-0.03, high=0.03)}``. Frozen
+          distributions of scipy.stats can be given too, such as ``{"gap": scipy.stats.norm(0.0, 0.03)}``. A tuple of
+          names stands for inputs with a joint distribution: ``{("block", "gap"): draws}``;
+        * without names, in the order of the function's arguments: a sequence of distributions, such as
+          ``[Normal(25.0, 0.01), scipy.stats.norm(0.0, 0.03)]``;
+        * as joint draws: a DataFrame with a column for each argument, or a matrix of shape (draws, inputs), with at
+          least two rows and as many rows as columns. Every row is equally probable and is used as a whole, which
+          keeps all dependences between its values;
+        * as ``scipy.stats.multivariate_normal(mean, cov)``;
+        * as numbers, by name or in order: the means of inputs with the given ``covariance``.
     correlation
         Correlations of pairs of inputs, such as ``{("block", "gap"): 0.5}``; all other pairs are uncorrelated. Inputs
         that are not normal are joined by a Gaussian copula; the correlations are then those of the standard normal
-        variables from which it generates the inputs.
+        variables from which it generates the inputs. Inputs whose joint distribution is given cannot have others.
+    covariance
+        Covariance of the inputs that are given as numbers, which are then jointly normal: a DataFrame whose rows and
+        columns have the names of these inputs, or a matrix in the order of the inputs if all are numbers.
     coverage
         Probability of the interval that is reported, between 0 and 1; or one probability for each of several intervals.
     tolerance
@@ -129,9 +146,9 @@ def propagate_through(
     ------
     OutOfRangeError
         An argument has the wrong type or a number is outside its range; ``most_draws`` is too small for the coverage; a
-        correlation names an unknown or constant input, or contradicts another; no joint distribution has these
-        correlations; or the function returns an array of the wrong shape, no values, or values that are not finite real
-        numbers.
+        correlation names an unknown or constant input, or contradicts another; a covariance names an input that is not
+        given as a number; no joint distribution has these correlations; or the function returns an array of the wrong
+        shape, no values, or values that are not finite real numbers.
 
     Examples
     --------
@@ -156,7 +173,9 @@ def propagate_through(
         raise OutOfRangeError("a coverage", value=repr(coverage), limit="between 0 and 1") from None
     _require(levels, tolerance, most_draws, seed)
     draws = _first_draws(levels, most_draws)
-    sources = _sources(inputs, correlation or {})
+    sources, by_position = sources_of(inputs, covariance=covariance, correlation=correlation)
+    if by_position:
+        function = _by_name(function)
     shape = _real_numbers(function(**{name: value.ravel() for name, value in sources.nominal().items()})).shape[1:]
     if 0 in shape:
         raise OutOfRangeError(
@@ -265,72 +284,9 @@ def _steps(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
     return np.moveaxis(np.where(around.min(axis=-1) == 0.0, around.max(axis=-1), 0.0), -1, 0)
 
 
-def _sources(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str, str], float]) -> Sources:
-    if not (isinstance(inputs, Mapping) and inputs and all(isinstance(name, str) for name in inputs)):
-        raise OutOfRangeError(
-            "inputs", value=repr(inputs), limit="at least one distribution by name", remedy='give {"x": Normal(…)}'
-        )
-    names = tuple(inputs)
-    for name, one in inputs.items():
-        if not (hasattr(one, "quantile") and hasattr(one, "standard_deviation")):
-            raise OutOfRangeError(
-                f"input {name!r}",
-                value=repr(one),
-                limit="a distribution",
-                remedy="give Normal(…), Uniform(…) or another",
-            )
-    _require_correlations(inputs, correlation)
-    if not correlation:
-        own = [Source(name=name, distribution=one, error_class=ErrorClass.RIG) for name, one in inputs.items()]
-        return Sources(groups=tuple(own))
-    matrix = np.eye(len(names))
-    for (first, second), value in correlation.items():
-        matrix[names.index(first), names.index(second)] = matrix[names.index(second), names.index(first)] = value
-    return Sources(
-        groups=(
-            GaussianCopula(
-                name="inputs",
-                parameters=names,
-                marginals=tuple(inputs.values()),
-                correlation=matrix,
-                error_class=ErrorClass.RIG,
-            ),
-        )
-    )
-
-
-def _require_correlations(inputs: Mapping[str, Distribution], correlation: Mapping[tuple[str, str], float]) -> None:
-    if not isinstance(correlation, Mapping):
-        raise OutOfRangeError("correlation", value=repr(correlation), limit="pairs of names with their correlation")
-    for pair, value in correlation.items():
-        if not (isinstance(pair, tuple) and len(pair) == 2):
-            raise OutOfRangeError(
-                "a correlation", value=repr(pair), limit="a pair of names", remedy='give it as {("x", "y"): 0.5}'
-            )
-        if unknown := [name for name in pair if name not in inputs]:
-            raise OutOfRangeError(
-                "a correlation names an unknown input", value=", ".join(map(str, unknown)), limit=", ".join(inputs)
-            )
-        if pair[0] == pair[1] or not (isinstance(value, numbers.Real) and -1.0 <= value <= 1.0):
-            raise OutOfRangeError(
-                f"the correlation of {pair[0]} and {pair[1]}",
-                value=repr(value),
-                limit="a number from −1 to 1, of two inputs",
-            )
-        if constant := [name for name in pair if inputs[name].standard_deviation == 0.0]:
-            raise OutOfRangeError(
-                "a correlation with a constant input",
-                value=", ".join(constant),
-                limit="inputs that vary",
-                remedy="leave the correlation out",
-            )
-        if correlation.get(pair[::-1], value) != value:
-            raise OutOfRangeError(
-                f"two correlations of {pair[0]} and {pair[1]}",
-                value=f"{value:g} and {correlation[pair[::-1]]:g}",
-                limit="one value",
-                remedy="give each pair once",
-            )
+def _by_name(function: Function) -> Function:
+    """The function with arguments whose names are ignored."""
+    return lambda **values: function(*values.values())
 
 
 def _model(function: Function, shape: tuple[int, ...]) -> Model:

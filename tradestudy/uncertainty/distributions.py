@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,7 +59,7 @@ def _require_ordered(what: str, *values: float) -> None:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Normal:
     """Normal distribution.
 
@@ -346,7 +347,7 @@ def _flank_depth(e: FloatArray) -> FloatArray:
     return np.asarray(s)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Empirical:
     """Distribution given by draws, each with the same probability.
 
@@ -396,5 +397,21 @@ class Empirical:
         return np.asarray(self._sorted[np.clip(rank, 0, n - 1)])
 
 
-Distribution = Normal | Uniform | Triangular | StudentT | Arcsine | CurvilinearTrapezoid | Empirical
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrozenDistribution:
+    """A distribution of scipy.stats with its parameters; mean and standard deviation are None if not finite."""
+
+    frozen: Any
+    mean: float | None
+    standard_deviation: float | None
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the quantiles at probabilities from 0 to 1 [unit of the quantity], in the shape of the argument."""
+        quantiles = self.frozen.ppf if hasattr(self.frozen, "ppf") else self.frozen.icdf
+        return np.asarray(quantiles(np.asarray(probability, float)), float)
+
+
+Distribution = (
+    Normal | Uniform | Triangular | StudentT | Arcsine | CurvilinearTrapezoid | Empirical | FrozenDistribution
+)
 """The distribution of one error; mean and standard deviation are None where they do not exist."""
