@@ -17,7 +17,7 @@ ORDER = (
     "optics", "declarations", "uncertainty", "execution",
     "cameras", "imaging", "calibration", "effects",
     "study", "depth", "verification", "results", "models", "answers",
-    "figures", "report", "comparison", "result", "loaded_study", "api",
+    "figures", "report", "comparison", "result", "camera_object", "loaded_study", "api",
     "shown_progress", "cli", "__main__",
 )  # fmt: skip
 # Figures and reports are made from results, and from nothing that computes them.
@@ -34,7 +34,17 @@ DRAWINGS = ("figures", "figures.drawing", "figures.drawn", "figures.fonts")
 # library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
     "pydantic": ("declarations", "study", *DECLARATIONS),
-    "xarray": ("results", "answers", "comparison", "figures", "report", "result", "loaded_study", "api"),
+    "xarray": (
+        "results",
+        "answers",
+        "comparison",
+        "figures",
+        "report",
+        "result",
+        "camera_object",
+        "loaded_study",
+        "api",
+    ),
     "matplotlib": ("figures", "optics.spread_plot"),
     "PIL": ("imaging.scenes.pattern", "answers.pictures", "answers.depth_maps"),
     "typst": ("report",),

@@ -1,7 +1,8 @@
 """Trade studies that compare plenoptic cameras with stereo rigs: depth, depth of field, diffraction, calibration.
 
-``load(path)`` reads a study, and the study's ``run()`` computes it. ``open_result(folder)`` opens a finished run,
-``compare(folders)`` compares finished runs, and ``starter(name)`` returns a commented study to start from.
+``load(path)`` reads a study, and the study's ``run()`` computes it. ``camera(kind, …)`` makes a single camera.
+``open_result(folder)`` opens a finished run, ``compare(folders)`` compares finished runs, and ``starter(name)`` returns
+a commented study to start from.
 `tradestudy.optics` offers the wave optics on its own, and `tradestudy.uncertainty` propagates uncertainty through any
 function. Errors are in ``tradestudy.errors`` and derive from ``TradestudyError``; their messages state the value, the
 limit and a remedy.
@@ -15,16 +16,19 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tradestudy import optics, uncertainty
     from tradestudy.api import compare, schema
-    from tradestudy.loaded_study import Study, load
+    from tradestudy.camera_object import Camera
+    from tradestudy.loaded_study import Study, camera, load
     from tradestudy.result import Result, open_result
     from tradestudy.study.starter import starter
 
     __version__: str
 
 __all__ = [
+    "Camera",
     "Result",
     "Study",
     "__version__",
+    "camera",
     "compare",
     "load",
     "open_result",
@@ -36,8 +40,10 @@ __all__ = [
 
 _PACKAGES = ("optics", "uncertainty")
 _MODULES = {
+    "Camera": "camera_object",
     "Result": "result",
     "Study": "loaded_study",
+    "camera": "loaded_study",
     "load": "loaded_study",
     "open_result": "result",
     "starter": "study.starter",

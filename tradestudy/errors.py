@@ -71,6 +71,12 @@ class OutOfRangeError(TradestudyError, ValueError):
     exit_status = 2
 
 
+class UnknownNameError(TradestudyError, KeyError):
+    """Nothing has this name; the message lists the names that exist."""
+
+    exit_status = 2
+
+
 class UnaffordableError(TradestudyError):
     """A computation needs more nodes, bytes or seconds than are allowed.
 

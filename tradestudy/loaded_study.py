@@ -7,17 +7,22 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, TextIO, cast
 
 from tradestudy import provenance
+from tradestudy.camera_object import Camera, Cameras
+from tradestudy.errors import OutOfRangeError
 from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Value
-from tradestudy.study.loading import load_definition
-from tradestudy.study.reader import options
+from tradestudy.study.document import Document, Value
+from tradestudy.study.loading import checked
+from tradestudy.study.python_values import plain_value
+from tradestudy.study.reader import options, overridden, read, read_text, read_values
+from tradestudy.study.writing import standalone, yaml_of
 from tradestudy.wording import counted
 
 if TYPE_CHECKING:
@@ -31,15 +36,18 @@ if TYPE_CHECKING:
 Corners = Literal["not fitted", "few views", "all views"]
 
 
-def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | None = None) -> Study:
-    """Read a study file and check it.
+def load(
+    source: str | Path | TextIO | Mapping[str, Any], overrides: Sequence[str] = (), *, tolerance: str | None = None
+) -> Study:
+    """Read a study and check it.
 
     Parameters
     ----------
-    path
-        Path of the study file.
+    source
+        Path of the study file, an open text stream, or a dictionary; see `Study.from_dict`. Files that a stream names
+        are sought beside the file that it reads, or else in the current folder.
     overrides
-        Values that replace those in the file, each as on the command line after ``--set``, such as
+        Values that replace those of the study, each as on the command line after ``--set``, such as
         ``"stereo-short.baseline=50 mm"``.
     tolerance
         One tolerance for every quantity, such as ``"1 %"``. Default: the tolerances that the study declares.
@@ -52,17 +60,132 @@ def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | No
     Raises
     ------
     StudyError
-        If the file, an override or the tolerance contains mistakes. The error lists all of them.
+        If the study, an override or the tolerance contains mistakes. The error lists all of them.
     """
-    definition = load_definition(Path(path), tuple(overrides))
+    if isinstance(overrides, str):
+        raise OutOfRangeError(
+            "overrides", value=repr(overrides), limit="a list of texts", remedy=f"write [{overrides!r}]"
+        )
+    definition = checked(overridden(_document(source), overrides))
     return Study(definition if tolerance is None else definition.with_tolerance(tolerance))
 
 
-@dataclass(frozen=True)
+def _document(source: str | Path | TextIO | Mapping[str, Any]) -> Document:
+    """The document of a study that is a file, a text stream or a dictionary."""
+    if isinstance(source, Mapping):
+        return read_values(cast(Mapping[str, Value], plain_value(source)))
+    if isinstance(source, str | Path):
+        return read(Path(source))
+    if not (hasattr(source, "read") and isinstance(text := source.read(), str)):
+        expected = "a path, a text stream or a dictionary"
+        raise OutOfRangeError("a study", value=type(source).__name__, limit=expected)
+    name = getattr(source, "name", None)
+    return read_text(text, name if isinstance(name, str) else "text")
+
+
+def camera(
+    kind: str,
+    /,
+    *,
+    scene: Mapping[str, Any] | None = None,
+    usable_range: Mapping[str, Any] | None = None,
+    **values: Any,
+) -> Camera:
+    """Make a camera without a study.
+
+    Parameters
+    ----------
+    kind
+        Kind of camera: ``"stereo"``, ``"focused-plenoptic"``, ``"unfocused-plenoptic"`` or ``"conventional"``.
+    scene
+        The key ``scene`` of a study. Default: distances from 0.1 to 10 m, and light of 550 nm. The models of depth
+        hold, and `Camera.usable_range` is sought, within these distances.
+    usable_range
+        The key ``usable_range`` of a study. Default: no limits beyond those of the camera itself.
+    **values
+        The keys of the camera in a study file, as for `Camera.replace`: numbers in SI, text with units, quantities of
+        pint, and dictionaries of these. ``note``, ``title`` and all other optional keys have the same defaults.
+
+    Returns
+    -------
+    Camera
+        The camera; messages call it by its kind.
+
+    Raises
+    ------
+    StudyError
+        If a value is missing or wrong, or no camera can have these values.
+    """
+    study = {
+        "format": 2,
+        "study": "camera",
+        "title": "A single camera",
+        "question": "How well does it measure depth?",
+        "cameras": {kind: {"kind": kind, **values}},
+        "scene": scene or _SCENE,
+        **({} if usable_range is None else {"usable_range": usable_range}),
+    }
+    return Study.from_dict(study).cameras[kind]
+
+
+_SCENE: Final = {"distances": {"from": 0.1, "to": 10.0, "points": 61}, "wavelength": 550e-9}
+
+
+@dataclass(frozen=True, eq=False)
 class Study:
-    """A study that has been read and checked; `load` returns it."""
+    """A study that has been read and checked; `load` returns it.
+
+    Studies are equal if they ask the same of the same cameras: the same values in SI with the same bases, from the same
+    content of data files, wherever they are written. They can be pickled, hashed, and sent to other processes.
+    """
 
     definition: StudyDefinition
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Study:
+        """Make a study from nested dictionaries with the keys of study files.
+
+        Parameters
+        ----------
+        values
+            The content of a study file. Numbers are in SI where a quantity is expected, except in sweeps, readings
+            and questions, whose dimension depends on what they vary: write their units as text. Quantities of pint
+            and arrays of numpy, such as distances, are accepted anywhere. Files are sought in the current folder.
+
+        Returns
+        -------
+        Study
+            The study, ready to run.
+
+        Raises
+        ------
+        StudyError
+            If it contains mistakes. The error lists all of them, each with its path.
+        """
+        return load(values)
+
+    @cached_property
+    def _content(self) -> tuple[str, str, str]:
+        """What equal studies have in common."""
+        placed = standalone(self.definition)
+        files = {str(path): provenance.file_hash(file) for path, file in placed.data_files.items()}
+        return repr(placed.file), repr(sorted(placed.document.annotations.items(), key=repr)), repr(files)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, Study) and self._content == other._content)
+
+    def __hash__(self) -> int:
+        return hash(self._content)
+
+    def __reduce__(self) -> tuple[type[Study], tuple[StudyDefinition]]:
+        return Study, (self.definition,)
+
+    def to_yaml(self) -> str:
+        """The text of a study file for an equal study, complete without the files of its cameras.
+
+        Values have their units and bases. The names of data files, such as detected corners, are absolute.
+        """
+        return yaml_of(standalone(self.definition).under_tolerance.root)
 
     @property
     def file(self) -> StudyFile:
@@ -73,6 +196,11 @@ class Study:
     def name(self) -> str:
         """Name of the study."""
         return self.file.study
+
+    @cached_property
+    def cameras(self) -> Mapping[str, Camera]:
+        """The cameras by name: their properties, and their depth errors at any distance."""
+        return Cameras(self.definition)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -160,13 +288,14 @@ class Study:
         self._refuse_calibrations("few views")
         return self.check_summary()
 
-    def with_values(self, values: Mapping[str, Value]) -> Study:
+    def with_values(self, values: Mapping[str, Any]) -> Study:
         """Return the study with other values.
 
         Parameters
         ----------
         values : Mapping
-            New value, as in a study file, for each dotted path, such as ``{"stereo-short.baseline": "50 mm"}``.
+            New value for each dotted path, such as ``{"stereo-short.baseline": "50 mm"}``: text as in a study file, a
+            number in SI, or a value as for `from_dict`.
 
         Returns
         -------
@@ -178,7 +307,8 @@ class Study:
         StudyError
             If the changed study contains mistakes.
         """
-        return Study(self.definition.with_values(values))
+        plain = {path: plain_value(value) for path, value in values.items()}
+        return Study(self.definition.with_values(plain, numbers_in_si=True))
 
     def plan(self) -> Plan:
         """Decide which effects a run simulates and which it leaves out, and name its slow steps.

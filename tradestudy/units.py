@@ -206,6 +206,8 @@ class UnitError(TradestudyError, ValueError):
     """A value is not the expected quantity; the message gives a valid example."""
 
     exit_status = 2
+    without_unit: Dimension | None = None
+    """The expected dimension, if the value is a number that lacks only its unit."""
 
 
 def parse(value: object, dimension: Dimension) -> float:
@@ -242,7 +244,9 @@ def parse(value: object, dimension: Dimension) -> float:
         raise _mismatch(f"{_shown(text)} is not a quantity", dimension)
     number, unit = match["number"], match["unit"].strip()
     if not unit and dimension.unit:
-        raise _mismatch(f"'{text}' has no unit", dimension)
+        mistake = _mismatch(f"'{text}' has no unit", dimension)
+        mistake.without_unit = dimension
+        raise mistake
     result = _in_si(number, unit, text, dimension) if unit else float(number)
     if not math.isfinite(result):
         raise _mismatch(f"'{text}' is too large for a floating-point number", dimension)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from tradestudy.accuracy import IN_WORDS, QUANTITIES, Quantity
@@ -112,6 +112,21 @@ def refuse_chosen_spot(definition: StudyDefinition, problems: Sequence[Chosen]) 
         from tradestudy.models.light_trial import refuse_picture
 
         refuse_picture(spot, spot_models(next(one.models for one in problems if one.name == NAME)))
+
+
+def choose_depth_models(definition: StudyDefinition, names: Collection[str]) -> dict[str, Models]:
+    """The models that `choose_models` chooses for some cameras that measure depth, by camera.
+
+    Raises
+    ------
+    UnaffordableError
+        If even the most complete models exceed a tolerance.
+    """
+    from tradestudy.models.depth_problem import depth_problems
+
+    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
+    asked = (one for one in depth_problems(definition, forced) if one.name in names)
+    return {one.name: chosen(one, tolerances, forced).models for one in asked}
 
 
 def chosen(

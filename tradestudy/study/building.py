@@ -13,6 +13,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.effects import Models, SlotName
 from tradestudy.imaging.models import Matcher, PictureModels, closed_form_models
 from tradestudy.imaging.picture import PictureDisparityError
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.schema.scene import ScenePart
 
 # Parts of a camera that affect no posterior: texts, measurement noise, and changes after the calibration.
@@ -27,8 +28,8 @@ _NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
 }
 
 
-def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
-    """Build a declared camera, given the study's scene.
+def camera_of(part: CameraDeclaration, scene: ScenePart | None, distance: FloatArray | None = None) -> Camera:
+    """Build a declared camera, given the study's scene, and its distances [m] if they are known.
 
     Raises
     ------
@@ -39,7 +40,9 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
         return part.design(None)
     camera = part.design(_picture_law(scene, part))
     if scene is not None:
-        camera.modelled_distance(scene.distance_values())  # refuses those that it cannot measure
+        camera.modelled_distance(
+            scene.distance_values() if distance is None else distance
+        )  # refuses those that it cannot measure
     return camera
 
 

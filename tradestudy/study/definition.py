@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -20,11 +20,11 @@ from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.declarations.part import MistakeAt
 from tradestudy.effects import OFF, Models
-from tradestudy.errors import Problem, StudyError, TradestudyError
+from tradestudy.errors import OutOfRangeError, Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.building import apply_models, camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
-from tradestudy.study.reader import with_values
+from tradestudy.study.reader import in_si, with_values
 from tradestudy.study.schema.questions import PROBLEM, DepthOfFieldPart, ReliefPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.validation import validate, validate_changes
@@ -104,6 +104,12 @@ class StudyDefinition:
     tolerance: str | None = None
     posteriors: Mapping[str, Calibration] = field(default_factory=dict, repr=False)
     before: StudyDefinition | None = field(default=None, repr=False, compare=False)
+    _folders: dict[str, Path] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __reduce__(self) -> tuple[Callable[..., StudyDefinition], tuple[object, ...]]:
+        """Pickle what was read; classes of parts are made while the program runs, so parts are validated again."""
+        given = (self.models, self.other_models, self.tolerance, self.posteriors)
+        return _validated, (self.document, *given)
 
     @classmethod
     def of(cls, document: Document) -> StudyDefinition:
@@ -203,7 +209,7 @@ class StudyDefinition:
 
     def _refuse_impossible_errors(self, cameras: Mapping[str, DepthCamera], distance: FloatArray) -> None:
         """Refuse calibrations of which one standard deviation leaves no camera, as with a wrong unit in a file."""
-        some = distance[np.unique(np.linspace(0, distance.size - 1, 3).astype(int))] if distance.size else distance
+        some = self._some_distances(distance)
         before = {} if self.before is None else self.before.case.all_cameras
         problems = []
         for name, camera in cameras.items():
@@ -213,6 +219,11 @@ class StudyDefinition:
             problems += [self.document.problem(path, one) for one in impossible_errors(camera, some)]
         if problems:
             raise StudyError(problems)
+
+    @staticmethod
+    def _some_distances(distance: FloatArray) -> FloatArray:
+        """The first, a middle and the last distance [m]."""
+        return distance[np.unique(np.linspace(0, distance.size - 1, 3).astype(int))] if distance.size else distance
 
     def _sharp(self) -> dict[str, BlurCriterion]:
         """Criteria of sharpness, by name; without a diffraction spot if the models leave diffraction out."""
@@ -278,6 +289,17 @@ class StudyDefinition:
                 return known
         part = self.file.cameras[name]
         assert isinstance(part, DepthCameraDeclaration)
+        return self._with_calibration(name, part, design, propagation, posterior)
+
+    def _with_calibration(
+        self,
+        name: str,
+        part: DepthCameraDeclaration,
+        design: DepthCamera,
+        propagation: Propagation,
+        posterior: Calibration | None,
+    ) -> DepthCamera:
+        """A camera with the calibration of a declaration, or with its inferred posterior."""
         if part.calibration.posterior is not None:
             posterior = self._saved(name, part.calibration.posterior.file, design)
         calibration = calibration_of(
@@ -292,6 +314,26 @@ class StudyDefinition:
 
             calibration = as_calibrated(calibration, design)
         return replace(design, calibration=calibration, propagation=propagation)
+
+    def with_declaration(self, name: str, part: DepthCameraDeclaration) -> DepthCamera:
+        """A camera of the study with other values, whose calibration needs no inference; fast, and reads no file.
+
+        Its declaration must be valid, and name the same files.
+
+        Raises
+        ------
+        OutOfRangeError
+            If no camera can have these values, or one standard deviation of changed errors leaves none.
+        """
+        case, declared = self.case, self.file.cameras[name]
+        design = camera_of(part, self.file.scene, case.distance)
+        assert isinstance(design, DepthCamera)
+        assert isinstance(declared, DepthCameraDeclaration)
+        camera = self._with_calibration(name, part, design, case.cameras[name].propagation, None)
+        if part.calibration != declared.calibration:
+            for what in impossible_errors(camera, self._some_distances(case.distance)):
+                raise OutOfRangeError(what)
+        return apply_models(camera, self.models.get(name, {}))
 
     @property
     def _wavelength(self) -> float:
@@ -339,7 +381,10 @@ class StudyDefinition:
 
     def calibration_folder(self, name: str) -> Path:
         """Folder of a camera's calibration files: that of the file in which the first of them is named."""
-        return self.folder_of(next(iter(self._calibration_files(name)), ("cameras", name, "calibration")))
+        if name not in self._folders:
+            first = next(iter(self._calibration_files(name)), ("cameras", name, "calibration"))
+            self._folders[name] = self.folder_of(first)
+        return self._folders[name]
 
     def _calibration_files(self, name: str) -> dict[tuple[str | int, ...], str]:
         """Files named by the calibration of a camera, by the paths of their names."""
@@ -356,6 +401,7 @@ class StudyDefinition:
         values: Mapping[str, Value | Entry],
         *,
         written_at: tuple[str | int, ...] | None = None,
+        numbers_in_si: bool = False,
     ) -> StudyDefinition:
         """The same study with other values, by dotted path; None removes a value. The result is fully checked.
 
@@ -365,16 +411,25 @@ class StudyDefinition:
             New value for each path: text, a number, a list or a mapping, as in a study file, or an entry of this study.
         written_at
             The mapping of this study that contains the values; their mistakes are reported there.
+        numbers_in_si
+            Whether numbers without a unit are in SI where a quantity is expected; else they are mistakes.
         """
         for path in values:
             if not isinstance(path, str):
                 raise TypeError(f"the path of a value is text, such as 'scene.distances.to', not {path!r}")
         places = None if written_at is None else {path: (*written_at, path) for path in values}
         document = with_values(self.document, values, written_at=places)
+        document = in_si(document) if numbers_in_si else document
         declared = validate_changes(document, self.document, self.declared)
         changed = replace(self, document=document, declared=declared, before=self)
         changed.designs  # noqa: B018 - built here so that an impossible camera is refused, as in a study that is read
         return changed
+
+    def with_texts(self, texts: Mapping[tuple[str | int, ...], str]) -> StudyDefinition:
+        """The same study with other texts of existing single values, which stay those of the study file."""
+        document = self.document.with_texts(texts)
+        declared = validate_changes(document, self.document, self.declared)
+        return replace(self, document=document, declared=declared, before=self)
 
     @cached_property
     def data_files(self) -> Mapping[str, Path]:
@@ -385,12 +440,16 @@ class StudyDefinition:
         return found
 
     def _own_files(self) -> dict[str, Path]:
+        return {dotted(path): file for path, file in self.named_files().items()}
+
+    def named_files(self) -> dict[tuple[str | int, ...], Path]:
+        """Files named by calibrations and the scene of the study as declared, by the paths of their names."""
         return {
-            dotted(path): self.calibration_folder(name) / file
+            path: self.calibration_folder(name) / file
             for name in self.file.cameras
             for path, file in self._calibration_files(name).items()
         } | {
-            dotted(("scene", "image", *path)): self.folder_of(("scene", "image")) / file
+            ("scene", "image", *path): self.folder_of(("scene", "image")) / file
             for path, file in (self.file.scene.image.files() if self.file.scene and self.file.scene.image else ())
         }
 
@@ -463,3 +522,8 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
+
+
+def _validated(document: Document, *given: Any) -> StudyDefinition:
+    """A definition from its pickled form, with models, tolerance and posteriors as `given`."""
+    return StudyDefinition(document, validate(document, StudyFile), *given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,6 +33,8 @@ class Place(NamedTuple):
 
 # Place of a value that is in no file.
 OUTSIDE = Place("--set", 1, 1)
+# Place of a study that Python gives as a dictionary.
+DICTIONARY = Place("--dictionary", 1, 1)
 
 _FOUND = re.compile(r"\d+\.\d{10,}")  # a number from a fit; nobody writes so many decimals
 
@@ -224,6 +227,17 @@ class Document:
         others = tuple(one for one in self.overrides if one.path != changed)
         return replace(after, overrides=(*others, override))
 
+    def with_texts(self, texts: Mapping[Path, str]) -> Document:
+        """The document with other texts of existing single values, which keep their places, bases and overrides."""
+        after = replace(self, root=cast(MappingEntry, _with_texts(self.root, (), texts)))
+        overrides = (
+            replace(one, text=_with_basis(after.entry(one.path)))
+            if any(path[: len(one.path)] == one.path for path in texts)
+            else one
+            for one in self.overrides
+        )
+        return replace(after, overrides=tuple(overrides))
+
     def _inheriting(self, changed: Path, after: Document) -> tuple[str, ...]:
         """Cameras that have what ``after`` changes by being like the camera at the changed path, not by themselves."""
         if len(changed) < 3 or changed[0] != "cameras":
@@ -355,6 +369,23 @@ def _with_basis(entry: Entry | None) -> str:
     annotation = entry.annotation or Annotation()
     basis = ": ".join(part for part in (annotation.basis, annotation.note) if part)
     return text_of(entry) + (f" ({basis})" if basis else "")
+
+
+def _with_texts(entry: Entry, here: Path, texts: Mapping[Path, str]) -> Entry:
+    """An entry with other texts of single values by their paths; the same object where nothing changes."""
+    if isinstance(entry, ScalarEntry):
+        return replace(entry, value=texts[here], text=texts[here]) if here in texts else entry
+    if isinstance(entry, ListEntry):
+        items = tuple(_with_texts(item, (*here, index), texts) for index, item in enumerate(entry.items))
+        return entry if all(map(operator.is_, items, entry.items)) else replace(entry, items=items)
+    members = {
+        key: member
+        if (changed := _with_texts(member.entry, (*here, key), texts)) is member.entry
+        else member._replace(entry=changed)
+        for key, member in entry.members.items()
+    }
+    same = all(map(operator.is_, members.values(), entry.members.values()))
+    return entry if same else replace(entry, members=members)
 
 
 def _first_key(entry: MappingEntry, steps: list[str]) -> int | None:

@@ -32,7 +32,17 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     StudyError
         With every mistake found, at its place.
     """
-    document = read(path, overrides)
+    return checked(read(path, overrides))
+
+
+def checked(document: Document) -> StudyDefinition:
+    """Check a document, its readings, and both ends of every varied range.
+
+    Raises
+    ------
+    StudyError
+        With every mistake found, at its place.
+    """
     try:
         definition = StudyDefinition.of(document)
     except StudyError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -10,6 +10,7 @@ from typing import cast
 from tradestudy.errors import Problem, StudyError
 from tradestudy.study import document as tree
 from tradestudy.study.document import (
+    DICTIONARY,
     OUTSIDE,
     Document,
     Entry,
@@ -22,8 +23,10 @@ from tradestudy.study.document import (
     dotted,
     is_null,
     merged,
+    text_of,
 )
-from tradestudy.study.schema.validation import validate
+from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.validation import units_missing, validate
 from tradestudy.study.shared_cameras import (
     OF_IMPORTS,
     SHARING,
@@ -62,25 +65,67 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Document:
         If there is no tree: the file is missing, larger than 1 MB, binary, empty, or broken YAML.
     """
     place = Place(str(path), 1, 1)
+    document = _document(lambda: load_entries(path), place, path.parent)
+    return overridden(document, overrides)
+
+
+def overridden(document: Document, overrides: Sequence[str]) -> Document:
+    """The document with ``path=value`` texts applied, as `read` applies them."""
+    for number, override in enumerate(overrides, start=1):
+        document = _overridden(document, override, number)
+    return document
+
+
+def read_text(text: str, name: str) -> Document:
+    """Read the text of a study; ``name`` is that of its file, from whose folder other files are read.
+
+    Raises
+    ------
+    StudyError
+        If there is no tree.
+    """
+    place = Place(name, 1, 1)
+    return _document(lambda: compose(text, place), place, Path(name).parent)
+
+
+def read_values(values: Mapping[str, Value]) -> Document:
+    """Read a study given as a dictionary: its numbers are in SI, and files are read from the current folder.
+
+    Raises
+    ------
+    StudyError
+        If there are too many or too deeply nested values.
+    """
+    return in_si(_document(lambda: entry_of_value(values, DICTIONARY), DICTIONARY, Path()))
+
+
+def in_si(document: Document) -> Document:
+    """The document with the SI unit beside every number from Python that lacks its unit."""
+    while units := units_missing(document, StudyFile):  # those of a part may show only when another is valid
+        entries = {path: document.entry(path) for path in units}
+        texts = {path: f"{text_of(entry)} {units[path]}" for path, entry in entries.items() if entry is not None}
+        document = document.with_texts(texts)
+    return document
+
+
+def _document(entries: Callable[[], tuple[Entry, list[Problem]]], place: Place, folder: Path) -> Document:
+    """Assemble a study from its entries, with files from a folder."""
     try:
-        entry, problems = load_entries(path)
+        entry, problems = entries()
     except UnreadableError as error:
         raise StudyError(error.problems) from None
     if not isinstance(entry, MappingEntry):
         problems.append(entry.place.problem((), f"a study is a mapping of keys to values, not {kind_of(entry)}"))
         raise StudyError(problems)
-    cameras = SharedCameras(folder=path.parent, root=replace(entry, place=place))
+    cameras = SharedCameras(folder=folder, root=replace(entry, place=place))
     root = cameras.resolved()
-    document = Document(
+    return Document(
         root=root,
         problems=(*problems, *cameras.problems),
         broken=frozenset(cameras.broken),
         imported=tuple(cameras.imported),
         like=cameras.like,
     )
-    for number, override in enumerate(overrides, start=1):
-        document = _overridden(document, override, number)
-    return document
 
 
 def with_values(

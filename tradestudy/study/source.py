@@ -231,7 +231,7 @@ class _Composer:
         if any("\ud800" <= letter <= "\udfff" for letter in written):
             self.note(place, "an escape gives half a character (a lone surrogate)", path)
         text = re.sub("[\0\ud800-\udfff]", "\ufffd", written)
-        return ScalarEntry(place=place, value=_resolved(text) if is_plain else text, text=text)
+        return ScalarEntry(place=place, value=scalar_of(text) if is_plain else text, text=text)
 
     def sequence(
         self, place: Place, parts: Iterator[_Part], entry_of: Callable[[_Part, Path], Entry], path: Path
@@ -324,7 +324,7 @@ class _Composer:
         return replace(value, annotation=said)
 
 
-def _resolved(text: str) -> Scalar:
+def scalar_of(text: str) -> Scalar:
     """Read a plain scalar by the core schema."""
     if _NULL.fullmatch(text):
         return None

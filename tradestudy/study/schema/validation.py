@@ -15,6 +15,8 @@ from pydantic import BaseModel, ValidationError
 from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.errors import Problem, StudyError, escaped, nearest
 from tradestudy.study.document import (
+    DICTIONARY,
+    OUTSIDE,
     Document,
     Entry,
     ListEntry,
@@ -36,6 +38,7 @@ _LABEL = re.compile(
     re.DOTALL,
 )
 _KEY = "[key]"
+_PYTHON = (OUTSIDE.file, DICTIONARY.file)
 
 
 def key_names(model: type[BaseModel]) -> list[str]:
@@ -188,6 +191,26 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
         news = [one for one in problems if not any(_is_same(one, reported) for reported in document.problems)]
         raise StudyError(list(dict.fromkeys([*document.problems, *news])))
     return valid
+
+
+def units_missing(document: Document, model: type[BaseModel]) -> dict[Path, str]:
+    """The SI unit of every number that Python gives without one where a quantity is expected, by its path."""
+    try:
+        model.model_validate(document.tree)
+    except ValidationError as error:
+        found = [_Finding.of(one, document, model) for one in error.errors(include_url=False) if _lacks_unit(one)]
+        return {one.path: one.context["error"].without_unit.unit for one in found if _is_of_python(one.entry)}
+    return {}
+
+
+def _lacks_unit(details: Any) -> bool:
+    mistake = details.get("ctx", {}).get("error")
+    return isinstance(mistake, UnitError) and mistake.without_unit is not None
+
+
+def _is_of_python(entry: Entry | None) -> bool:
+    """Whether an entry is a number that is in no file."""
+    return isinstance(entry, ScalarEntry) and type(entry.value) in (int, float) and entry.place.file in _PYTHON
 
 
 def _is_same(found: Problem, reported: Problem) -> bool:

@@ -1,0 +1,201 @@
+"""Studies made, changed, written and sent from Python."""
+
+from __future__ import annotations
+
+import io
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pint
+import pytest
+
+import tradestudy
+from tradestudy.errors import OutOfRangeError, StudyError
+
+ROOT = Path(__file__).parents[2]
+STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
+RIG: dict[str, Any] = {
+    "kind": "stereo",
+    "baseline": 0.1,
+    "focus_distance": "autofocus",
+    "lenses": {"focal_length": 0.008, "f_number": 8},
+    "sensor": {"pixels": [1024, 1024], "pixel_pitch": 1e-5},
+    "depth": {"disparity_error": 0.1, "discrimination_step": 0.1},
+    "calibration": {"errors": {"yaw": {"standard_deviation": 1e-4}}},
+}
+STUDY: dict[str, Any] = {
+    "format": 2,
+    "study": "small",
+    "title": "A rig",
+    "question": "How well does it measure?",
+    "cameras": {"rig": RIG},
+    "scene": {"distances": [0.5, 1.0, 2.0], "wavelength": 550e-9},
+}
+TEXT = """
+format: 2
+study: small
+title: A rig
+question: How well does it measure?
+cameras:
+  rig:
+    kind: stereo
+    baseline: 10 cm
+    focus_distance: autofocus
+    lenses: {focal_length: 8 mm, f_number: 8}
+    sensor: {pixels: [1024, 1024], pixel_pitch: 10 um}
+    depth: {disparity_error: 0.1 px, discrimination_step: 0.1 px}
+    calibration: {errors: {yaw: {standard_deviation: 0.1 mrad}}}
+scene: {distances: [0.5 m, 1 m, 200 cm], wavelength: 550 nm}
+"""
+
+
+def with_rig(**changes: Any) -> dict[str, Any]:
+    return {**STUDY, "cameras": {"rig": {**RIG, **changes}}}
+
+
+def test_numbers_of_a_dictionary_are_in_si() -> None:
+    study = tradestudy.Study.from_dict(STUDY)
+    assert study == tradestudy.load(io.StringIO(TEXT)) == tradestudy.load(STUDY)
+    assert hash(study) == hash(tradestudy.load(io.StringIO(TEXT)))
+    assert study.cameras["rig"].baseline == 0.1
+
+
+def test_a_number_is_in_metres_where_pixels_are_possible_too() -> None:
+    rig = tradestudy.Study.from_dict(with_rig(lenses={"focal_length": 0.012, "f_number": 8.0})).cameras["rig"]
+    assert rig.focal_length == 0.012
+
+
+def test_arrays_and_quantities_of_pint_are_values() -> None:
+    units = pint.UnitRegistry()
+    scene = {"distances": np.array([0.5, 1.0, 2.0]), "wavelength": units.Quantity(0.55, "um")}
+    lenses = {"focal_length": units.Quantity(8, "mm"), "f_number": np.float64(8.0)}
+    errors = {"yaw": {"standard_deviation": units.Quantity(0.1, "millirad")}}
+    rig = with_rig(baseline=units.Quantity(10.0, "cm"), lenses=lenses, calibration={"errors": errors})
+    study = tradestudy.Study.from_dict({**rig, "scene": scene})
+    assert study == tradestudy.load(STUDY)
+    in_array = {**scene, "distances": units.Quantity(np.array([50.0, 100.0, 200.0]), "cm")}
+    assert tradestudy.Study.from_dict({**STUDY, "scene": in_array}) == study
+
+
+def test_many_distances_are_read_in_time_that_grows_with_their_number() -> None:
+    study = tradestudy.load({**STUDY, "scene": {"distances": np.linspace(0.5, 5.0, 20_000), "wavelength": 550e-9}})
+    assert study.definition.case.distance.size == 20_000
+
+
+def test_with_values_takes_numbers_in_si_and_the_record_has_their_unit() -> None:
+    study = tradestudy.load(STUDY)
+    changed = study.with_values({"rig.baseline": 0.05, "scene.distances": np.array([0.25, 0.5])})
+    assert changed == study.with_values({"rig.baseline": "50 mm", "scene.distances": "[25 cm, 0.5 m]"})
+    assert "cameras.rig.baseline=0.05m" in changed.folder_name
+    assert study.cameras["rig"].baseline == 0.1
+
+
+def test_the_command_line_still_needs_units() -> None:
+    with pytest.raises(StudyError, match=r"rig.baseline: '0.05' has no unit; a length is expected"):
+        tradestudy.load(STUDY, ["rig.baseline=0.05"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"baseline": -0.1}, "cameras.rig.baseline: '-0.1 m' is out of range; a length above 0 m is expected"),
+        ({"basline": 0.1}, "cameras.rig.basline: unknown key; nearest: 'baseline'"),
+        ({"sensor": {"pixels": "1024", "pixel_pitch": 1e-5}}, "cameras.rig.sensor.pixels: '1024' is given; a list"),
+        ({"lenses": {"focal_length": "1 px/m", "f_number": 8}}, "cameras.rig.lenses.focal_length: '1 px/m' is"),
+    ],
+)
+def test_mistakes_speak_of_the_path_alone(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(StudyError) as refusal:
+        tradestudy.load(with_rig(**changes))
+    assert str(refusal.value).startswith(message)
+
+
+def test_a_text_is_no_list() -> None:
+    with pytest.raises(StudyError, match=r"^scene.distances: '0.5 m' is given; a (list|mapping)"):
+        tradestudy.load({**STUDY, "scene": {"distances": "0.5 m", "wavelength": 550e-9}})
+    with pytest.raises(OutOfRangeError, match=r"overrides: 'rig.baseline=5 cm' \(allowed: a list of texts\)"):
+        tradestudy.load(STUDY, "rig.baseline=5 cm")
+    with pytest.raises(OutOfRangeError, match="a study: list"):
+        tradestudy.load([STUDY])  # type: ignore[arg-type]
+
+
+def test_places_in_a_stream_are_those_of_its_text() -> None:
+    with pytest.raises(StudyError, match=r"^text:9:15: cameras.rig.baseline: '10 px' is a number of pixels"):
+        tradestudy.load(io.StringIO(TEXT.replace("10 cm", "10 px")))
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_yaml_reads_back_as_an_equal_study(path: Path) -> None:
+    study = tradestudy.load(path)
+    again = tradestudy.load(io.StringIO(study.to_yaml()))
+    assert again == study
+    assert hash(again) == hash(study)
+    assert again.definition.document.annotations == study.definition.document.annotations
+
+
+def test_yaml_keeps_text_that_looks_like_something_else() -> None:
+    odd = [
+        "null",
+        "1e3",
+        "yes: no",
+        "a # b",
+        " x ",
+        "it's",
+        'say "no"',
+        "two\nlines",
+        "µ",
+        "\U0001f600\u2028",
+        "- a",
+        "*a",
+    ]
+    for text in odd:
+        study = tradestudy.load({**STUDY, "title": text, "cameras": {"rig": {**RIG, "note": text}}})
+        assert tradestudy.load(io.StringIO(study.to_yaml())) == study, text
+
+
+def test_yaml_has_the_values_set_and_the_tolerance() -> None:
+    study = tradestudy.load(STUDY, ["rig.baseline=5 cm"], tolerance="2 %")
+    again = tradestudy.load(io.StringIO(study.to_yaml()))
+    assert again == study != tradestudy.load(STUDY)
+    assert again.cameras["rig"].baseline == 0.05
+
+
+def test_studies_differ_by_values_bases_and_order() -> None:
+    study = tradestudy.load(STUDY)
+    basis = {"value": 0.1, "basis": "measured", "note": "by us"}
+    others = [with_rig(baseline=0.2), with_rig(baseline=basis), {**STUDY, "study": "other"}]
+    assert all(tradestudy.load(one) != study for one in others)
+    assert study != STUDY
+    assert len({study, tradestudy.load(STUDY), *map(tradestudy.load, others)}) == 4
+
+
+def _uncertainty(study: tradestudy.Study) -> float:
+    return float(study.cameras["rig"].depth_uncertainty(1.0))
+
+
+def test_studies_and_cameras_pickle() -> None:
+    study = tradestudy.load(STUDY, tolerance="2 %")
+    copy = pickle.loads(pickle.dumps(study))
+    assert copy == study
+    assert copy.folder_name == study.folder_name
+    rig = study.cameras["rig"].replace(baseline=0.2).replace(baseline=0.3)
+    again = pickle.loads(pickle.dumps(rig))
+    assert again.baseline == 0.3
+    assert float(again.depth_uncertainty(1.0)) == float(rig.depth_uncertainty(1.0))
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_every_study_pickles(path: Path) -> None:
+    study = tradestudy.load(path)
+    assert pickle.loads(pickle.dumps(study)) == study
+
+
+def test_processes_map_over_studies() -> None:
+    studies = [tradestudy.load(with_rig(baseline=baseline)) for baseline in (0.05, 0.1, 0.2)]
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        found = list(pool.map(_uncertainty, studies))
+    assert found == [_uncertainty(study) for study in studies]

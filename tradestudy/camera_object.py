@@ -1,0 +1,390 @@
+"""Cameras as Python sees them: their properties, their depth errors at any distance, and copies with other values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+
+from tradestudy.cameras import camera as in_si
+from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.depth.evaluation import ERROR_SOURCES, distribution, imaged, variance_shares
+from tradestudy.depth.usable import usable_intervals
+from tradestudy.effects import Models
+from tradestudy.errors import OutOfRangeError, TradestudyError, UnknownNameError, nearest
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import GROUPS, dataset
+from tradestudy.study.building import apply_models
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import ScalarEntry, Value, plain
+from tradestudy.study.python_values import in_metres, plain_value
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ErrorSource = Literal["noise", "calibration", "both"]
+_QUANTITY: Final = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)? ?[A-Za-zµ°%][\w°/*^ -]*", re.ASCII)
+# SI units of values that replaced numbers had, by declaration and path; found by the schema at the first replacement.
+_UNITS: dict[tuple[type[CameraDeclaration], str], str] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class _Origin:
+    """The study from which a camera and its copies come, which share its models and their inferred calibrations."""
+
+    definition: StudyDefinition
+    name: str
+    posteriors: dict[str, Calibration] = field(default_factory=dict)
+
+    @cached_property
+    def models(self) -> Models:
+        """The models that a run of the study would choose for the camera."""
+        from tradestudy.models.choice import choose_depth_models
+
+        return choose_depth_models(self.definition, [self.name])[self.name]
+
+
+class Camera:
+    """A camera of a study; `Study.cameras` and `camera` return it.
+
+    All numbers are in SI. Distances may be numbers [m], arrays of any shape, arrays of xarray or quantities of pint;
+    results are `xarray.DataArray` of the same shape, with units, and a single number works with ``float()``. Depth
+    errors are those that a run of the study computes, by the models that it would choose. At the first question the
+    camera chooses these models and, if its calibration comes from corners or a calibration board, infers it, which can
+    take seconds.
+    """
+
+    def __init__(self, origin: _Origin, definition: StudyDefinition) -> None:
+        self._origin, self._definition, self.name = origin, definition, origin.name
+        self._part = definition.file.cameras[self.name]
+        self._tree: dict[str, Any] = plain(definition.document.entry(("cameras", self.name)))  # type: ignore[arg-type]
+        self._quick: dict[str, str | float] = {}
+
+    @classmethod
+    def of(cls, definition: StudyDefinition, name: str) -> Camera:
+        """A camera of a study."""
+        return cls(_Origin(definition, name), definition)
+
+    def __reduce__(self) -> tuple[type[Camera], tuple[object, ...]]:
+        return Camera, (self._origin, self._changed({}))
+
+    def __repr__(self) -> str:
+        return f"<Camera {self.name}: {self.kind}, {self.title}>"
+
+    @property
+    def kind(self) -> str:
+        """Kind of camera, such as ``"stereo"``."""
+        return self._part.kind
+
+    @property
+    def title(self) -> str:
+        """Name in figures and tables."""
+        return self._part.title
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The declared values as in a study file, in nested dictionaries: `replace` takes their names and paths."""
+        return dict(self._tree)
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length of the lens that gathers the light [m]."""
+        return self._calibrated.gathering_lens.focal_length
+
+    @property
+    def f_number(self) -> float:
+        """F-number of that lens [1]: focal length divided by pupil diameter."""
+        return self._calibrated.gathering_lens.f_number
+
+    @property
+    def pupil_diameter(self) -> float:
+        """Diameter of the entrance pupil of that lens [m]."""
+        return self._calibrated.gathering_lens.pupil_diameter
+
+    @property
+    def baseline(self) -> float:
+        """Largest distance between two views from which depth is measured [m]; NaN for a single view.
+
+        It is the distance between the lenses of a rig, and the pupil of a plenoptic camera.
+        """
+        return self._calibrated.view_baseline or float("nan")
+
+    @property
+    def pixels(self) -> tuple[int, int]:
+        """Columns and rows of pixels."""
+        return self._calibrated.sensor.columns, self._calibrated.sensor.rows
+
+    @property
+    def pixel_pitch(self) -> float:
+        """Distance between neighbouring pixel centres [m]."""
+        return self._calibrated.sensor.pixel_pitch
+
+    @property
+    def field_of_view(self) -> tuple[float, float]:
+        """Horizontal and vertical field of view, focused at infinity [rad]."""
+        left, right, top, bottom = self._calibrated.edge_angles(float("inf"))
+        return left + right, top + bottom
+
+    @property
+    def models(self) -> Models:
+        """The model of each effect on depth; copies by `replace` keep it."""
+        self._depth  # noqa: B018 - refuses cameras that measure no depth
+        return self._origin.models
+
+    def replace(self, changes: Mapping[str, Any] | None = None, /, **values: Any) -> Camera:
+        """Return the camera with other values.
+
+        Parameters
+        ----------
+        changes
+            New value for each dotted path in the camera, such as ``{"lenses.f_number": 4.0}``.
+        **values
+            New value for each key of the camera, such as ``baseline=0.1``. A mapping changes only what it contains.
+            Numbers are in SI; text with a unit and quantities of pint are accepted too. None removes a value.
+
+        Returns
+        -------
+        Camera
+            The changed camera. It keeps the models of this one; `Study.with_values` chooses models again.
+
+        Raises
+        ------
+        StudyError
+            If no camera can have these values.
+        """
+        given = {path: plain_value(value) for path, value in {**(changes or {}), **values}.items()}
+        return self._replaced_quickly(given) or Camera(self._origin, self._changed(given))
+
+    def _replaced_quickly(self, given: Mapping[str, Value]) -> Camera | None:
+        """The changed camera without a new study; None if this cannot tell whether the values are right."""
+        if self.name in self._definition.posterior_keys or not isinstance(self._part, DepthCameraDeclaration):
+            return None
+        tree, quick = self._tree, dict(self._quick)
+        for path, value in given.items():
+            if type(value) in (int, float):
+                unit = _UNITS.get((type(self._part), path))
+                if unit is None:
+                    return None
+                quick[path] = f"{value!r} {unit}" if unit else value  # type: ignore[assignment]
+            elif isinstance(value, str) and _QUANTITY.fullmatch(value):
+                quick[path] = value
+            else:
+                return None
+            changed = _with_leaf(tree, path.split("."), quick[path])
+            if changed is None:
+                return None
+            tree = changed
+        try:
+            part = type(self._part).model_validate({"title": self.title, **tree})
+            built = self._definition.with_declaration(self.name, part)
+        except (TradestudyError, ValueError):
+            return None  # reported with its path by the study
+        copy = object.__new__(Camera)
+        copy.__dict__ |= {**self.__dict__, "_part": part, "_tree": tree, "_quick": quick, "_calibrated": built}
+        copy.__dict__.pop("_depth", None)
+        return copy
+
+    def _changed(self, given: Mapping[str, Value]) -> StudyDefinition:
+        """The study of the camera with all its changes."""
+        definition = self._definition
+        for values in (self._quick, given):
+            if values:
+                paths = {f"cameras.{self.name}.{path}": value for path, value in values.items()}
+                definition = definition.with_values(paths, numbers_in_si=True)
+        for path, value in given.items():
+            entry = definition.document.entry(f"cameras.{self.name}.{path}")
+            if type(value) in (int, float) and isinstance(entry, ScalarEntry):
+                _UNITS[type(definition.file.cameras[self.name]), path] = entry.text.partition(" ")[2]
+        return definition
+
+    @cached_property
+    def _calibrated(self) -> in_si.Camera:
+        """The camera in SI, with its calibration."""
+        definition, known = self._definition, self._origin.posteriors
+        key = definition.posterior_keys.get(self.name)
+        if key is None:
+            return definition.case.all_cameras[self.name]
+        if key not in known:
+            from tradestudy.calibration.posteriors import infer
+
+            known[key] = infer(definition.calibrations_to_infer()[key]).calibration
+        return definition.with_posteriors({key: known[key]}).case.all_cameras[self.name]
+
+    @cached_property
+    def _depth(self) -> DepthCamera:
+        """The camera with the models of its study."""
+        camera = self._calibrated
+        if not isinstance(camera, DepthCamera):
+            raise OutOfRangeError(f"the {self.kind} camera '{self.name}' measures no depth")
+        return apply_models(camera, self._origin.models)
+
+    def depth_uncertainty(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
+        """Half the central 68.27 % interval of the measured depth [m], whatever its bias.
+
+        Parameters
+        ----------
+        distance
+            True distances [m], any shape.
+        errors
+            Errors that count: ``"noise"``, ``"calibration"`` or ``"both"``.
+
+        Returns
+        -------
+        xarray.DataArray
+            Same shape. Infinite where the interval has no far end, NaN where the camera does not see the point.
+        """
+        return self._over("depth_uncertainty", distance, errors)
+
+    def depth_error_radius(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
+        """Radius about the true distance that contains 68.27 % of all measurements [m]; arguments as above.
+
+        Failures and false matches count as infinitely wrong.
+        """
+        return self._over("depth_error_radius", distance, errors)
+
+    def failed_fraction(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
+        """Fraction of measurements that end at or beyond infinity, or are false matches [1]; arguments as above."""
+        return self._over("failed_fraction", distance, errors)
+
+    def quantiles(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
+        """Quantiles of the measured depth [m]; arguments as above.
+
+        The last dimension, ``quantile``, has their probabilities: the median, and the ends of every interval that the
+        study reports.
+        """
+        probabilities = list(self._depth.propagation.probabilities)
+        return self._over("depth_quantile", distance, errors, quantile=probabilities)
+
+    def parts(self, distance: Any) -> xr.DataArray:
+        """Share of each part of the errors in the variance of inverse depth [1]; they sum to 1.
+
+        The last dimension, ``part``, names the parts, such as ``noise``.
+        """
+        metres = in_metres(distance)
+        shares = variance_shares(self._depth, imaged(self._depth, metres.ravel()))
+        values = np.stack(list(shares.values()), axis=-1)
+        return _labelled("variance_share", values, distance, metres, part=np.array(list(shares), dtype=object))
+
+    def usable_range(self) -> xr.Dataset:
+        """The intervals of distance in which the camera meets the limits of its study (key `usable_range`).
+
+        Returns
+        -------
+        xarray.Dataset
+            ``usable_near`` and ``usable_far`` [m], and ``near_limit`` and ``far_limit``, the names of the limits that
+            set these ends, over ``interval``, from the nearest. They are sought within the distances of the scene.
+        """
+        import xarray as xr
+
+        case = self._origin.definition.case
+        found = usable_intervals(self._depth, case.criteria, case.distance)
+        columns: dict[str, list[Any]] = {
+            "usable_near": [one.near for one in found],
+            "usable_far": [one.far for one in found],
+            "near_limit": [one.near_limit for one in found],
+            "far_limit": [one.far_limit for one in found],
+        }
+        kinds = {name: object if "limit" in name else float for name in columns}
+        return xr.Dataset(
+            {
+                name: ("interval", np.array(column, dtype=kinds[name]), attributes(name))
+                for name, column in columns.items()
+            }
+        )
+
+    def _over(self, variable: str, distance: Any, errors: str, **last: Sequence[float]) -> xr.DataArray:
+        """A variable of the distribution of depth at distances."""
+        if errors not in ERROR_SOURCES:
+            raise OutOfRangeError("errors", value=repr(errors), limit=", ".join(map(repr, ERROR_SOURCES)))
+        metres = in_metres(distance)
+        values = OF_DISTRIBUTION[variable](self._depth, metres.ravel(), errors)
+        return _labelled(variable, values, distance, metres, **last)
+
+
+def _from_distribution(attribute: str) -> Callable[[DepthCamera, FloatArray, str], FloatArray]:
+    def read(camera: DepthCamera, distance: FloatArray, errors: str = "both") -> FloatArray:
+        values: FloatArray = getattr(distribution(camera, imaged(camera, distance), errors), attribute)
+        return values.T
+
+    return read
+
+
+OF_DISTRIBUTION: Final = {
+    "depth_uncertainty": _from_distribution("half_width"),
+    "depth_error_radius": _from_distribution("error_radius"),
+    "failed_fraction": _from_distribution("failed_fraction"),
+    "depth_quantile": _from_distribution("quantile"),
+}
+"""Variables of ``/depth`` of one camera at distances [m] with an error source; the distance is the first dimension."""
+
+
+@cache
+def attributes(variable: str) -> Mapping[str, Any]:
+    """Attributes of a variable of ``/depth``, as in results."""
+    dims = GROUPS["depth"][variable].dims
+    return dataset("depth", {variable: np.zeros((0,) * len(dims))}, {})[variable].attrs
+
+
+def _labelled(variable: str, values: FloatArray, distance: Any, metres: FloatArray, **last: Any) -> xr.DataArray:
+    """Values at flattened distances in the shape of the distances, followed by a named dimension with its labels."""
+    import xarray as xr
+
+    coordinates: dict[str, Any] = {}
+    if isinstance(distance, xr.DataArray):
+        dims = tuple(map(str, distance.dims))
+        coordinates |= {str(key): value for key, value in distance.coords.items()}
+    else:
+        dims = ("distance",) if metres.ndim == 1 else tuple(f"distance_{k}" for k in range(metres.ndim))
+    coordinates["distance"] = (dims, metres, {"units": "m", "long_name": "object distance"})
+    return xr.DataArray(
+        values.reshape((*metres.shape, *values.shape[1:])),
+        dims=(*dims, *last),
+        coords=coordinates | last,
+        attrs=dict(attributes(variable)),
+        name=variable,
+    )
+
+
+def _with_leaf(tree: Mapping[str, Any], steps: list[str], value: str | float) -> dict[str, Any] | None:
+    """A nested dictionary with another single value; None if something else has its place, or the part above."""
+    step, *rest = steps
+    old = tree.get(step)
+    if not rest:
+        return None if isinstance(old, dict | list) else {**tree, step: value}
+    below = _with_leaf(old, rest, value) if isinstance(old, dict) else None
+    return None if below is None else {**tree, step: below}
+
+
+class Cameras(Mapping[str, Camera]):
+    """The cameras of a study by name, in its order."""
+
+    def __init__(self, definition: StudyDefinition) -> None:
+        self._definition = definition
+        self._known: dict[str, Camera] = {}
+
+    def __getitem__(self, name: str) -> Camera:
+        names = list(self._definition.file.cameras)
+        if name not in names:
+            close = nearest(str(name), names)
+            raise UnknownNameError(
+                "no camera of the study has this name",
+                value=repr(name),
+                limit=", ".join(map(repr, names)) or "none, because the study has no cameras",
+                remedy="" if close is None else f"nearest: {close!r}",
+            )
+        return self._known.setdefault(name, Camera.of(self._definition, name))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._definition.file.cameras)
+
+    def __len__(self) -> int:
+        return len(self._definition.file.cameras)
+
+    def __repr__(self) -> str:
+        return f"<Cameras {', '.join(self)}>"
