@@ -89,7 +89,7 @@ class Camera:
 
     @property
     def values(self) -> dict[str, Any]:
-        """The declared values as in a study file, in nested dictionaries: `replace` takes their names and paths."""
+        """The declared values as in a study file, in nested dictionaries; `replace` takes their paths."""
         return dict(self._tree)
 
     @property
