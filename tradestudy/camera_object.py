@@ -99,7 +99,7 @@ class Camera:
 
     @property
     def f_number(self) -> float:
-        """F-number of that lens [1]: focal length divided by pupil diameter."""
+        """F-number of that lens [1], its focal length divided by the diameter of its pupil."""
         return self._calibrated.gathering_lens.f_number
 
     @property

@@ -199,7 +199,7 @@ class Study:
 
     @cached_property
     def cameras(self) -> Mapping[str, Camera]:
-        """The cameras by name: their properties, and their depth errors at any distance."""
+        """The cameras by name, with their properties and their depth errors at any distance."""
         return Cameras(self.definition)
 
     @property
