@@ -6,12 +6,13 @@ times: from all samples, from every second and from every fourth. The changes gi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arguments import checked
@@ -28,10 +29,14 @@ _BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic s
 
 
 @checked
-@dataclass(frozen=True, kw_only=True)
-class Measured:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured(np.lib.mixins.NDArrayOperatorsMixin):
     """A number or an array of numbers, each with its numerical error.
 
+    It is used like a number or an array: ``float``, formats such as ``.3f``, comparisons and ``np.asarray`` take the
+    values. Arithmetic and elementwise functions of NumPy, such as ``np.sqrt``, return a `Measured` whose error is the
+    largest change that the errors of the operands cause, to first order. The changes by different operands are added,
+    because their errors may have the same cause. Sums and other reductions by NumPy return the values alone.
     ``str`` shows each value to the digits that its error supports.
 
     Attributes
@@ -48,8 +53,11 @@ class Measured:
     --------
     >>> import numpy as np
     >>> from tradestudy.optics import Measured
-    >>> print(Measured(value=np.array(4.709640e-6), error=np.array(3e-11)))
+    >>> width = Measured(value=np.array(4.709640e-6), error=np.array(3e-11))
+    >>> print(width)
     4.70964e-06 ± 3e-11
+    >>> print(f"{1e6 * width} µm; half of it is {1e6 * width / 2:.3f} µm; below 5 µm: {width < 5e-6}")
+    4.70964 ± 3e-05 µm; half of it is 2.355 µm; below 5 µm: True
     """
 
     value: FloatArray
@@ -71,6 +79,45 @@ class Measured:
             return f"Measured({self.value.shape}, not numbers)"
         low, high = np.nanmin(self.value), np.nanmax(self.value)
         return f"Measured({self.value.shape}, {low:.6g} to {high:.6g}, errors up to {np.nanmax(self.error):.1g})"
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        return np.array(self.value, dtype=dtype, copy=copy)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        values = [given.value if isinstance(given, Measured) else given for given in inputs]
+        result = getattr(ufunc, method)(*values, **kwargs)
+        comparison = getattr(result, "dtype", None) != np.float64
+        if comparison or method != "__call__" or "out" in kwargs:
+            return result
+        error = np.zeros_like(result)
+        with np.errstate(all="ignore"):  # a function may end within the error, as √ does at 0
+            for place, given in enumerate(inputs):
+                if isinstance(given, Measured):
+                    moved = [[*values[:place], end, *values[place + 1 :]] for end in given._ends]
+                    error = error + np.fmax(*(np.abs(ufunc(*one, **kwargs) - result) for one in moved))
+        return Measured(value=np.asarray(result), error=np.asarray(error))
+
+    @property
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        return np.asarray(self.value - self.error), np.asarray(self.value + self.error)
+
+    def __float__(self) -> float:
+        return float(self.value)
+
+    def __bool__(self) -> bool:
+        return bool(self.value)
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def __getitem__(self, index: Any) -> Measured:
+        return Measured(value=np.asarray(self.value[index]), error=np.asarray(self.error[index]))
+
+    def __iter__(self) -> Iterator[Measured]:
+        return (self[place] for place in range(len(self)))
+
+    def __format__(self, spec: str) -> str:
+        return format(self.value[()], spec) if spec else str(self)
 
     def __str__(self) -> str:
         return ", ".join(_with_error(v, e) for v, e in zip(np.ravel(self.value), np.ravel(self.error), strict=True))
