@@ -238,20 +238,21 @@ def _criteria(asked: FresnelValidityPart, elements: list[ElementPart]) -> Mappin
     return {
         "paper_eq27_f_number": [zero for zero, _ in zeros],
         "paper_eq27_condition": [condition for _, condition in zeros],
-        "paper_eq27_sweep": [[_sweep(element, w) for w in asked.wavelengths] for element in elements],
+        "paper_eq27_sweep": [
+            [
+                paper_eq27_sweep(
+                    focal_length=element.focal_length,
+                    object_distance=element.object_distance,
+                    wavelength=wavelength,
+                    points=_SWEEP_POINTS,
+                )
+                for wavelength in asked.wavelengths
+            ]
+            for element in elements
+        ],
         "path_error_f_number": [
             path_error_f_number(element, wavelengths[:, None], np.asarray(asked.path_errors)) for element in elements
         ],
         "goodman_f_number": [goodman_f_number(element, wavelengths) for element in elements],
         "southwell_f_number": [southwell_f_number(element, wavelengths, asked.error_limit) for element in elements],
     }
-
-
-def _sweep(element: ElementPart, wavelength: float) -> FloatArray:
-    found = paper_eq27_sweep(
-        focal_length=element.focal_length,
-        object_distance=element.object_distance,
-        wavelength=wavelength,
-        points=_SWEEP_POINTS,
-    )
-    return np.stack([found.first_zero_f_number, found.second_zero_f_number])

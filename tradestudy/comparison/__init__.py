@@ -158,10 +158,10 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
     changed = [difference for answers, _, _ in found for difference in answers.changed]
     unchanged = [counted(one.unchanged, word, words) for one, word, words in found if one.unchanged]
     if best_is_compared(runs):
-        best = compare_best(runs)
-        changed += best.changed
-        within = ", within the error of its switch distances" if best.has_explained else ""
-        unchanged += [] if best.changed else [f"the best camera from {span(*common_range(runs))}{within}"]
+        differing, is_explained = compare_best(runs)
+        changed += differing
+        within = ", within the error of its switch distances" if is_explained else ""
+        unchanged += [] if differing else [f"the best camera from {span(*common_range(runs))}{within}"]
     for ranges, word in ((compare_usable(runs), "usable"), (compare_sharp(runs), "sharp")):
         changed += ranges.changed
         unchanged += [f"the {word} range of {counted(ranges.unchanged, 'camera')}"] if ranges.unchanged else []

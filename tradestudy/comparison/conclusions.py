@@ -232,16 +232,8 @@ def best_is_compared(runs: Sequence[Run]) -> bool:
     return near < far
 
 
-@dataclass(frozen=True, kw_only=True)
-class Best:
+def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], bool]:
     """Where the runs name different best cameras, and whether errors of the switches explain further differences."""
-
-    changed: tuple[Difference, ...]
-    has_explained: bool
-
-
-def compare_best(runs: Sequence[Run]) -> Best:
-    """Where the runs name different best cameras, except where errors of the switch distances explain it."""
     winners = [list(reported_winners(run.tree)) for run in runs]
     ranges = list(_ranges(winners, common_range(runs)))
     edges = [edge for run, found in zip(runs, winners, strict=True) for edge in _edges(run.tree, found)]
@@ -250,7 +242,7 @@ def compare_best(runs: Sequence[Run]) -> Best:
     titles = titles_of(runs)
     what = "Best camera, as declared" if any(swept(group(run.tree, "depth")) for run in runs) else "Best camera"
     rest = "; otherwise unchanged" if len(changed) < len(ranges) else ""
-    found = tuple(
+    unexplained = tuple(
         Difference(
             what=what,
             values=tuple(answer_title(titles, name, NOBODY) for name in one.names),
@@ -258,7 +250,7 @@ def compare_best(runs: Sequence[Run]) -> Best:
         )
         for one in changed
     )
-    return Best(changed=found, has_explained=len(changed) < len(differing))
+    return unexplained, len(changed) < len(differing)
 
 
 def common_range(runs: Sequence[Run], of: str = "decision") -> tuple[float, float]:

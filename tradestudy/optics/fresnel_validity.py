@@ -343,26 +343,7 @@ def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.A
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PaperEq27Sweep:
-    """The printed criterion over one quarter-wave period of a + b.
-
-    Attributes
-    ----------
-    extra_path
-        Change of a + b [m], from zero up to (not including) λ/4 beyond the last jump.
-    first_zero_f_number, second_zero_f_number
-        As in `PaperEq27`, at each extra path.
-    """
-
-    extra_path: FloatArray
-    first_zero_f_number: FloatArray
-    second_zero_f_number: FloatArray
-
-
-def paper_eq27_sweep(
-    *, focal_length: float, object_distance: float, wavelength: float, points: int = 257
-) -> PaperEq27Sweep:
+def paper_eq27_sweep(*, focal_length: float, object_distance: float, wavelength: float, points: int) -> FloatArray:
     """Both zeros of the printed criterion while a + b grows by one quarter wave.
 
     The first value belongs to s = 0 (a + b a whole number of quarter waves), so the sweep shows the full excursion
@@ -375,7 +356,11 @@ def paper_eq27_sweep(
     focal_length, object_distance, wavelength
         As in `paper_eq27` [m], scalars.
     points
-        Number of samples, at least 2; equally spaced, without the end of the period.
+        Number of samples, at least 2; equally spaced in a + b, from the last jump up to (not including) λ/4 beyond it.
+
+    Returns
+    -------
+    f-number of the first and the second zero, as in `PaperEq27`, shape (2, points).
 
     Raises
     ------
@@ -387,17 +372,13 @@ def paper_eq27_sweep(
     paper_eq27(focal_length=focal_length, object_distance=object_distance, wavelength=wavelength)
     s = np.arange(points) / points
     image_distance = object_distance * focal_length / (object_distance - focal_length)
-    first, second = (
-        bounded_minimum_f_number(
-            focal_length=focal_length,
-            object_distance=object_distance,
-            image_distance=image_distance,
-            wavelength=wavelength,
-            path_error_waves=waves,
-        )
-        for waves in (s / 4, (s + 1) / 4)
+    return bounded_minimum_f_number(
+        focal_length=focal_length,
+        object_distance=object_distance,
+        image_distance=image_distance,
+        wavelength=wavelength,
+        path_error_waves=np.stack([s / 4, (s + 1) / 4]),
     )
-    return PaperEq27Sweep(extra_path=s * wavelength / 4, first_zero_f_number=first, second_zero_f_number=second)
 
 
 def _decimal(value: float) -> Fraction:

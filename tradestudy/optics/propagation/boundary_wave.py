@@ -264,22 +264,6 @@ _LEAST_DEPTH = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class EdgeField:
-    """Field of the edge at flat targets, and where its poles were not found.
-
-    Attributes
-    ----------
-    field
-        Boundary-diffracted wave, shape (m,).
-    failed
-        Targets next to the shadow of the edge whose poles were not found.
-    """
-
-    field: ComplexArray
-    failed: BoolArray
-
-
 def edge_field(
     *,
     wave: LensWave,
@@ -290,7 +274,7 @@ def edge_field(
     z: FloatArray,
     count: int,
     tolerance: float,
-) -> EdgeField:
+) -> tuple[ComplexArray, BoolArray]:
     """Boundary-diffracted wave of a circular lens.
 
     Parameters
@@ -311,8 +295,8 @@ def edge_field(
 
     Returns
     -------
-    EdgeField
-        Wave to add to the field of the rays that pass inside the aperture.
+    Wave to add to the field of the rays that pass inside the aperture, shape (m,), and which targets next to the shadow
+    of the edge have poles that were not found, shape (m,).
     """
     # Two node sets, half a step apart: a target takes the one whose nodes stay away from its pole.
     bearing = np.arctan2(rays.v[0], rays.u[0])
@@ -326,7 +310,7 @@ def edge_field(
             field[part] = _trapezoid(wave, kernel, angle, x[part], y[part], z[part], tolerance)
     start_of = np.where(shifted, math.pi / count, 0.0)
     correction, failed = _pole_terms(wave, kernel, rays, x, y, z, count, start_of, tolerance)
-    return EdgeField(field=field + correction, failed=failed)
+    return field + correction, failed
 
 
 def pole_reach(count: int, tolerance: float) -> float:

@@ -372,7 +372,7 @@ def _rays_and_edge(
             determinant=rays.determinant[:, part],
             trace=rays.trace[:, part],
         )
-        from_edge = edge_field(
+        from_edge, failed = edge_field(
             wave=wave,
             kernel=kernel,
             rays=kept,
@@ -382,8 +382,8 @@ def _rays_and_edge(
             count=edge,
             tolerance=tolerance,
         )
-        field[part] = ray_fields(wave, kernel, kept, x[part], y[part], z[part])[0] + from_edge.field
-        singular[part] |= from_edge.failed
+        field[part] = ray_fields(wave, kernel, kept, x[part], y[part], z[part])[0] + from_edge
+        singular[part] |= failed
     return _Evaluation(field=field, singular=singular, zones=zones)
 
 
