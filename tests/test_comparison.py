@@ -137,6 +137,7 @@ def sentences(*trees: xr.DataTree) -> list[str]:
     return [one.replace("\N{NO-BREAK SPACE}", " ") for one in compared(*trees).sentences()]
 
 
+SWITCH = "From 0.1 to {} m take the near head, to 10 m the far head"
 REST = "Unchanged: 1 claim; the best camera from 0.1 to 10 m; the usable range of 2 cameras."
 
 
@@ -435,6 +436,7 @@ def test_models_that_were_chosen_differently_are_named() -> None:
 
 def test_equal_runs_have_no_changes() -> None:
     assert str(compared(tree(), tree(), a=("1 m", "1 m"))).splitlines() == [
+        f"The answer stays “{SWITCH.format(1)}”.",
         "run0 → run1",
         REST,
         "Inputs that differ: none of 1",
@@ -471,7 +473,9 @@ def test_runs_without_conclusions_say_so() -> None:
 
 def test_three_runs_are_reported_in_their_order() -> None:
     found = compared(tree(), tree(handover=2.0), tree(factor=2.0), a=("1 m", "2 m", "1 m"))
-    assert str(found).splitlines()[:2] == [
+    answers = " to ".join(f"“{SWITCH.format(place)}”" for place in (1, 2, 1))
+    assert str(found).splitlines()[:3] == [
+        f"The answer changes from {answers}.",
         "run0 → run1 → run2",
         "Best camera: Far head → Near head → Far head from 1 to 2 m; otherwise unchanged.",
     ]
@@ -536,8 +540,11 @@ def test_the_page_contacts_no_host_and_its_file_is_replaced_atomically(
     done = CliRunner().invoke(app, ["compare", *runs, "--html", str(page)])
     assert done.exit_code == 0, done.output
     lines = done.stdout.splitlines()
-    assert lines[0] == " → ".join(runs)
-    assert lines[1:3] == [
+    heads = ("75 mm stereo head", "50 mm stereo head")
+    assert all(f"ake the {head}" in lines[0] for head in heads)
+    assert lines[0].startswith("The answer changes from “")
+    assert lines[1] == " → ".join(runs)
+    assert lines[2:4] == [
         'Requirement "20 mm or better from 0.4 to 1 m": met on the lower bound of matching, by 75 mm stereo head → met '
         "on the lower bound of matching, by 50 mm stereo head.",
         "Best camera: 75 mm stereo head → 50 mm stereo head from 0.3 to 4 m.",
@@ -548,8 +555,9 @@ def test_the_page_contacts_no_host_and_its_file_is_replaced_atomically(
     assert not re.findall(r"https?://|<script[^>]* src|<link|@import", text)
     assert text.count('<figure class="plot"') == 1
     same = compare_runs(runs, [one.run_record for one in results], [one.data for one in results])
+    assert lines[0] == same.headline.replace("\N{NO-BREAK SPACE}", " ")
     plain = unescape(text).replace("\N{NO-BREAK SPACE}", " ")
-    for sentence in same.sentences():
+    for sentence in (same.headline, *same.sentences()):
         assert sentence.replace("\N{NO-BREAK SPACE}", " ") in plain
     # A page that cannot be made leaves the old one.
     monkeypatch.setattr(Comparison, "html", lambda _: 1 / 0)

@@ -29,6 +29,7 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.overlay import FEW, overlay_drawing
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.headline import compared_headline
 from tradestudy.wording import counted, in_words, listed, span
 
 __all__ = ["Comparison", "Difference", "compare_runs"]
@@ -130,6 +131,7 @@ def compare_runs(
     labels = _labels(runs)
     overlay, without = _overlay(runs, labels, inputs, results)
     return Comparison(
+        headline=compared_headline([run.tree for run in runs], len(conclusions)),
         names=tuple(names),
         labels=labels,
         notes=tuple(_notes(runs, results)),

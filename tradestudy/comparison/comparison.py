@@ -13,7 +13,18 @@ import xarray as xr
 
 from tradestudy.errors import escaped
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Paragraph, Picture, Report, Table
+from tradestudy.report.document import (
+    Block,
+    Bullets,
+    Callout,
+    Column,
+    Heading,
+    Paragraph,
+    Picture,
+    Report,
+    Table,
+    literal,
+)
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import (
     ANGLE,
@@ -145,6 +156,8 @@ class Comparison:
 
     Parameters
     ----------
+    headline
+        How the answer changes, in one sentence; empty if no run has an answer.
     names, labels
         Folder of each run, and its short name.
     notes
@@ -167,6 +180,7 @@ class Comparison:
         Why there is no figure, as a sentence.
     """
 
+    headline: str
     names: tuple[str, ...]
     labels: tuple[str, ...]
     notes: tuple[str, ...]
@@ -184,6 +198,8 @@ class Comparison:
         return "\n".join(map(escaped, self._lines())).replace("\N{NO-BREAK SPACE}", " ")
 
     def _lines(self) -> Iterator[str]:
+        if self.headline:
+            yield self.headline
         yield ARROW.join(self.names)
         yield from self.sentences()
         yield from self.notes
@@ -206,6 +222,7 @@ class Comparison:
         return Report(
             title=f"{counted(len(self.names), 'run')} side by side",
             subtitle=ARROW.join(self.names),
+            headline=literal(self.headline),
             blocks=tuple(self._blocks()),
         )
 
