@@ -10,12 +10,24 @@ import xarray as xr
 
 from tradestudy import figures
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import Bullets, Heading, Paragraph, Picture, Report, Table, Text, all_blocks, spans
+from tradestudy.report.document import (
+    Bullets,
+    Callout,
+    Heading,
+    Paragraph,
+    Picture,
+    Report,
+    Table,
+    Text,
+    all_blocks,
+    spans,
+)
 from tradestudy.report.sections.registers import _times_the_error
 from tradestudy.report.sections.results import _factor
-from tradestudy.results.views.decision import winners
+from tradestudy.results.views.decision import best_cameras, winners
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_details
+from tradestudy.wording import span
 
 
 def plain(text: Text) -> str:
@@ -295,3 +307,28 @@ def test_further_cameras_that_meet_a_requirement_on_any_camera_are_named(tree: x
     assert close.others == ()
     assert "1.2 % at 1 m" in requirement_details(mid).partition("; not by ")[2]
     assert f"; also by {next(iter(titles.values()))} (5 % to spare)" in requirement_details(mid)
+
+
+def test_of_many_stretches_the_widest_are_named_and_a_table_has_all(tree: xr.DataTree) -> None:
+    """Ten ranges by turns, narrow and wide: six are named in their order, and four counted."""
+    edges = 0.1 * np.cumprod([1.0, 1.2, 1.6, 1.25, 1.7, 1.3, 1.8, 1.35, 2.2])
+    decision = tree["decision"].to_dataset().copy(deep=True)
+    places = decision["distance"].values
+    numbers = np.searchsorted(edges, places)
+    decision["best_camera"][:] = np.where(numbers % 2 == 0, "r5", "stereo-65deg")[:, None]
+    decision["crossover_distance"][:] = np.nan
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    depth["usable_near"][:], depth["usable_far"][:] = np.nan, np.nan
+    depth["usable_near"][{"interval": 0}], depth["usable_far"][{"interval": 0}] = places[0], places[-1]
+    tree["decision"], tree["depth"] = xr.DataTree(decision), xr.DataTree(depth)
+    reported = best_cameras(tree).reported
+    assert len(reported) == 10
+    document = document_of(tree)
+    assert len(table(document, "stretch-table")) == len(reported)
+    (told,) = (one for one in all_blocks(document.blocks) if isinstance(one, Callout) and one.name == "answer-cameras")
+    assert isinstance(told.blocks[0], Bullets)
+    texts = [plain(spans(item)).replace("\u00a0", " ") for item in told.blocks[0].items]
+    widest = sorted(reported, key=lambda one: one[1] / one[0])[-6:]
+    words = [text.replace(" ", " ") for text in (span(*one[:2]) for one in sorted(widest))]
+    assert [text.partition(":")[0] for text in texts[:6]] == words
+    assert texts[6].startswith("4 narrower ranges (")

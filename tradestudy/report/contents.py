@@ -9,7 +9,7 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Appendices, Contents, PageBreak, Report, literal, pictures_of
-from tradestudy.report.sections.answer import describe_answer, describe_stretches
+from tradestudy.report.sections.answer import describe_answer, describe_stretches, list_stretches
 from tradestudy.report.sections.budget import list_budgets
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.depth_numbers import describe_datasheet, describe_decision, list_depths
@@ -79,6 +79,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_contradictions(tree),
         *describe_method(tree),
         *describe_effects(tree),
+        *list_stretches(tree),
         *list_depths(tree, drawings),
         *list_budgets(tree),
         *describe_decision(tree, drawings),

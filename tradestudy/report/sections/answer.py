@@ -13,10 +13,13 @@ from tradestudy.report.document import (
     Block,
     Bullets,
     Callout,
+    Column,
     Heading,
     Paragraph,
     Span,
     Spans,
+    Table,
+    literal,
     say,
     with_subscripts,
 )
@@ -73,6 +76,7 @@ _MOST_INPUTS: Final = 2  # on which answers rest
 _MOST_OTHERS: Final = 5  # cameras that are nowhere best, or usable nowhere
 _FEW_OTHERS = 2  # cameras that miss a requirement, each with its reason; more would push the figure off the page
 _CLOSE = 0.1  # relative difference of two distances, across which the causes of errors hardly change
+_MOST_STRETCHES: Final = 6
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
 _DECLARED: Final = " (study as declared)"
 
@@ -112,10 +116,28 @@ def describe_stretches(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Camera by distance", anchor="stretches")
     yield Callout(
         title=_which(titles_in(tree, "depth")) + (_DECLARED if is_swept(tree) else ""),
-        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_best(tree), *_changes(tree))),),
+        blocks=(Bullets((*_widest(best_cameras(tree), " ([](#stretch-table))"), *_never_best(tree), *_changes(tree))),),
         tone="answer",
         name="answer-cameras",
     )
+
+
+def list_stretches(tree: xr.DataTree) -> Iterator[Block]:
+    """Tabulate every range of distances with its best camera, where the answer names only the widest."""
+    if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
+        return
+    best = best_cameras(tree)
+    if len(best.reported) > _MOST_STRETCHES + 1:
+        yield Heading(text="Best camera by distance", anchor="every-stretch")
+        yield Table(
+            name="stretch-table",
+            caption="The best camera from each distance to the next.",
+            columns=(Column(title="From"), Column(title="To"), Column(title="Best camera", weight=1)),
+            rows=tuple(
+                (distance(start), distance(end), literal(answer_title(best.titles, names)))
+                for start, end, names in best.reported
+            ),
+        )
 
 
 def describe_design(
@@ -125,7 +147,7 @@ def describe_design(
     if best is not None:
         yield Callout(
             title=f"{_which({key: best.titles[key] for key in best.cameras})}, {words}",
-            blocks=(Bullets(tuple(_stretches(best))),),
+            blocks=(Bullets(tuple(_widest(best))),),
             tone="answer",
             name="answer-cameras",
         )
@@ -311,6 +333,16 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
             first=first,
             second=second,
         )
+
+
+def _widest(best: BestCameras, where: str = "") -> Iterator[Spans]:
+    """The sentences on the widest ranges, as ratios of distances, in their order, and the number of the others."""
+    every, ranges = tuple(_stretches(best)), best.reported
+    left = len(every) - _MOST_STRETCHES
+    widest = sorted(range(len(every)), key=lambda k: ranges[k][0] / ranges[k][1])[: len(every) if left <= 1 else -left]
+    yield from (every[k] for k in sorted(widest))
+    if left > 1:
+        yield say("**{left} narrower ranges**" + where + ".", left=str(left))
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:
