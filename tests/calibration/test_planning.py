@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -128,8 +129,10 @@ def test_the_number_of_views_for_a_certainty_is_that_of_an_inferred_calibration(
     """The number is planned; posteriors of one board shown to three rigs are sampled, and vary by 9 % between rigs."""
     study = loaded(tmp_path, more={"solve": {"views": {**VIEWS, "camera": "rig", "uncertainty": "0.6 mm"}}})
     definition = study.plan().definition
-    (one,) = solve(definition, definition.file.solve["views"]).solutions
+    solved = solve(definition, definition.file.solve["views"])
+    (one,) = solved.solutions
     assert one.value == round(one.value)
+    assert solved.answer.startswith(f"{one.value:.0f} ± {math.ceil(one.error)};")
     assert 0.0 < one.error < 0.1 * one.value
     values = {"rig.calibration.target.views": int(one.value)}
     swept = definition.with_values({"solve": None, "sweep": {"rig.calibration.target.views": list(values.values())}})

@@ -196,7 +196,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
             best = math.exp(places[int(np.argmin(means))])
             answer += _larger_noise(definition.with_values(varying.changes(best)), question)
         return Solved(solutions=(), dimension=dimension, answer=answer, tried=tried)
-    answer = _answer(definition, question, found)
+    answer = _answer(definition, question, found, is_counted=varying.is_counted)
     if ratios.plans > 1:
         answer += f"; mean over {ratios.plans} arrangements of the calibration views"
     if question.errors == "calibration" and question.equal is None:
@@ -345,10 +345,15 @@ def _goal_words(question: SolvePart) -> str:
     return f"{goal or pretty(question.relative or 0.0, FRACTION)} at {pretty(question.place, LENGTH)}"
 
 
-def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[Solution]) -> str:
-    """Every solution with its error, and the declared value."""
+def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[Solution], *, is_counted: bool) -> str:
+    """Every solution with its error, that of a count rounded up to a whole number, and the declared value."""
     dimension = question_ends(question)[0]
-    values = [pretty_with_error(one.value, one.error, dimension) for one in found]
+    values = [
+        f"{one.value:.0f} ± {math.ceil(one.error)}"
+        if is_counted and one.error > 0.0
+        else pretty_with_error(one.value, one.error, dimension)
+        for one in found
+    ]
     answer = listed(values) if len(values) == 1 else f"{len(values)} solutions: {listed(values)}"
     return with_declared_value(definition, question, answer)
 

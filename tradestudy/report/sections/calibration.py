@@ -25,7 +25,7 @@ from tradestudy.report.document import (
 from tradestudy.report.words import or_dash, parameter_dimension, share
 from tradestudy.results.views.depth import decided_by_calibration, nominal, table_depth, table_distances
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
-from tradestudy.units import Dimension, pretty, significant
+from tradestudy.units import FRACTION, Dimension, pretty, significant
 from tradestudy.wording import counted, distance, in_words, lens_in_words, with_article
 
 _CLEARLY = 2.0  # standard errors
@@ -318,6 +318,8 @@ def _rank_table(tree: xr.DataTree) -> Table:
         first, error = float(at["rank_first"]), 2.0 * float(at["rank_first_error"])
         if first + float(at["rank_second"]) == 0.0:
             return "—"
+        if 100.0 * error < 0.05:
+            return pretty(first, FRACTION)
         return f"{100 * first:.1f} ± {100 * error:.1f}\N{NO-BREAK SPACE}%"
 
     rows: list[tuple[Text, ...]] = []
