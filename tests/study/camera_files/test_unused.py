@@ -468,6 +468,36 @@ def test_the_study_and_the_file_must_agree_on_the_lens(tmp_path: Path, line: str
         assert f"lens model {told}" in tradestudy.load(path).imported[0]
 
 
+@pytest.mark.parametrize("kind", ["fisheye", "pinhole"])
+def test_the_study_and_a_file_of_ros_or_kalibr_must_agree_on_the_lens(tmp_path: Path, kind: str) -> None:
+    """Fisheye coefficients read as those of a pinhole, or the reverse, change depth off the axis several times."""
+    lens = np.array([0.01, -0.002, 0.001, 0.0])
+    r1, r2, p1, p2 = written.rectified()
+    ros, chain = study(tmp_path, rig=f"from: [l.yaml, r.yaml], lens_model: {kind}"), tmp_path / "chain.yaml"
+    for name, agrees in (("plumb_bob", kind == "pinhole"), ("equidistant", kind == "fisheye")):
+        written.camera_info(tmp_path / "l.yaml", written.K1, lens, r1, p1, distortion_model=name)
+        written.camera_info(tmp_path / "r.yaml", written.K2, lens, r2, p2, distortion_model=name)
+        if agrees:
+            assert f"lens model {kind}" in tradestudy.load(ros).imported[0]
+        else:
+            assert f"{name} contradicts lens_model: {kind} of the study; remove the wrong one" in refusal(ros)
+    rectified = study(tmp_path, rig=f"from: [l.yaml, r.yaml], pictures: rectified, lens_model: {kind}")
+    assert "lens_model does not apply to rectified pictures" in refusal(rectified)
+    kalibr = study(tmp_path, rig=f"from: chain.yaml, lens_model: {kind}")
+    for name, agrees in (("radtan", kind == "pinhole"), ("equidistant", kind == "fisheye")):
+        written.camchain(chain, lenses=(lens, lens), distortion_model=name)
+        if agrees:
+            assert f"lens model {kind}" in tradestudy.load(kalibr).imported[0]
+        else:
+            assert f"{name} contradicts lens_model: {kind} of the study; remove the wrong one" in refusal(kalibr)
+    text = chain.read_text().replace('"distortion_model": "equidistant", ', "")
+    chain.write_text(text)
+    if kind == "fisheye":
+        assert "lens model fisheye" in tradestudy.load(kalibr).imported[0]
+    else:
+        assert "distortion_model is missing" in refusal(kalibr)
+
+
 def test_names_that_contradict_the_geometry_are_questioned(tmp_path: Path) -> None:
     r1, r2, p1, p2 = written.rectified()
     path = study(tmp_path, rig="from: [a.yaml, b.yaml]")

@@ -211,15 +211,15 @@ def _distortion(value: Located, camera: str, request: Request) -> tuple[LensMode
     """Lens model and coefficient names of ``distortion_model``; None without distortion."""
     named = value.find("distortion_model")
     name = "none" if named is None else named.text()
-    if request.lens_model == "pinhole" and named is not None and name in ("equidistant", "fov"):
-        raise named.fail(f"{name} is a fisheye model, which contradicts lens_model: pinhole; remove one of them")
-    if request.lens_model == "fisheye" and camera == "pinhole":
+    if named is None and request.lens_model == "fisheye":
         name = "equidistant"
     if named is not None and name not in (known := _WITH.get(camera, ("none",))):
         raise named.fail(
             f"the distortion model '{name[:40]}' cannot be combined with the camera model {camera}; one of "
             f"{', '.join(known)} is expected"
         )
+    if named is not None:
+        request.refuse_other_lens(named, "fisheye" if name in ("equidistant", "fov") else "pinhole")
     return (None, ()) if name == "none" else _DISTORTION[name]
 
 

@@ -351,6 +351,19 @@ class Request:
             raise named.fail(what + ("" if self.length_unit else ", or give length_unit beside from:"))
         return metre, Convention(name="length unit", says=f"{unit}, by {by}", key=value.key)
 
+    def refuse_other_lens(self, named: Located, kind: str) -> None:
+        """Refuse a file that names a kind of lens, ``fisheye`` or ``pinhole``, other than that of the study.
+
+        Raises
+        ------
+        CameraFileError
+            They contradict each other.
+        """
+        if self.lens_model not in ("", kind):
+            raise named.fail(
+                f"{named.text()[:40]} contradicts lens_model: {self.lens_model} of the study; remove the wrong one"
+            )
+
 
 def _units_named(top: Located) -> Iterator[Located]:
     """The keys of a file, such as ``T_unit``, whose values are units of length."""

@@ -280,10 +280,8 @@ def _stated_kind(top: Located, request: Request, side: int | None) -> str:
         if flag is None and name == "pinhole":
             return request.lens_model or "pinhole"
         said = said or kind_named
-    if (stated := flag or named) is not None and request.lens_model not in ("", said):
-        raise stated.fail(
-            f"{stated.text()[:40]} contradicts lens_model: {request.lens_model} of the study; remove the wrong one"
-        )
+    if (stated := flag or named) is not None:
+        request.refuse_other_lens(stated, said)
     return request.lens_model or said
 
 

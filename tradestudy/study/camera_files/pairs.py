@@ -285,7 +285,7 @@ def _check_orientation(rotation: FloatArray, second: str, first: str, at: Locate
         )
 
 
-_DECLARE_FISHEYE: Final = "name the model equidistant in the file, or give lens_model: fisheye beside from:"
+_DECLARE_FISHEYE: Final = "name the model equidistant in the file"
 
 
 def checked_camera(

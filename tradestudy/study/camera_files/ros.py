@@ -68,6 +68,8 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         A value is missing or invalid, or the pair has no baseline.
     """
     tops = [file.top for file in files]
+    if request.pictures == "rectified" and request.lens_model:
+        raise tops[0].fail("lens_model does not apply to rectified pictures, which have no distortion; remove it")
     for top in tops:
         _refuse_part_of_the_sensor(top)
     if len(tops) == 1:
@@ -197,7 +199,7 @@ def _camera(top: Located, request: Request) -> ImportedCamera:
 def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensModelName, dict[str, float]]:
     named = top.find("distortion_model")
     stated = "" if named is None else named.text()
-    name = "equidistant" if "fisheye" in (request.lens_model, stated) else stated
+    name = "equidistant" if (stated or request.lens_model) == "fisheye" else stated
     numbers = _numbers(distortion)
     if not name:
         if not any(numbers):
@@ -208,9 +210,8 @@ def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensMode
         assert named is not None
         raise named.fail(f"the distortion model '{name[:40]}' is unknown; one of {', '.join(_MODELS)} is expected")
     model, names = _MODELS[name]
-    if request.lens_model == "pinhole" and model != "rational":
-        assert named is not None
-        raise named.fail(f"{stated} is a fisheye model, which contradicts lens_model: pinhole; remove one of them")
+    if named is not None and stated:
+        request.refuse_other_lens(named, "pinhole" if model == "rational" else "fisheye")
     if not numbers:
         return model, {}
     if len(numbers) not in _COUNTS or any(numbers[len(names) :]):
