@@ -155,6 +155,18 @@ def test_pipes_are_refused_instead_of_waited_for(tmp_path: Path) -> None:
     assert file_hash(tmp_path / "map.npy") == ""
 
 
+def test_depths_that_jpeg_has_changed_are_refused(tmp_path: Path) -> None:
+    grey = Image.fromarray(np.add.outer(np.arange(48), 90 + np.arange(64)).astype(np.uint8))
+    grey.save(tmp_path / "map.jpg")
+    grey.save(tmp_path / "map.tif", compression="jpeg")
+    grey.save(tmp_path / "whole.tif", compression="tiff_deflate")
+    for name in ("map.jpg", "map.tif"):
+        with pytest.raises(OutOfRangeError, match="compression of a depth map: JPEG in .*export the map anew as PNG"):
+            read_depths(tmp_path / name, 1.0)
+        assert read_picture(tmp_path / name).shape == (1, 48, 64)
+    np.testing.assert_array_equal(read_depths(tmp_path / "whole.tif", 1.0), np.asarray(grey))
+
+
 def test_netpbm_files_are_read_as_stored_or_refused(tmp_path: Path) -> None:
     depths = np.array([[1, 50, 100], [25, 33, 7]])
     wide = np.array([[1, 1000, 4095], [2, 2047, 3333]])

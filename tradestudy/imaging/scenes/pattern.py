@@ -71,7 +71,7 @@ def read_depths(file: Path, unit: float) -> FloatArray:
     ------
     OutOfRangeError
         The file is not a depth map, has several pages, transparent pixels, an orientation, fewer than 8 bits or white
-        as zero, or has holes.
+        as zero, is compressed as JPEG, or has holes.
     """
     values = _values(file, least_bits=8)
     if values.ndim != 2 or min(values.shape) < 2:
@@ -148,6 +148,13 @@ def _image(file: Path, least_bits: int) -> FloatArray:
                 "convert to 16-bit grey or 8-bit colour",
             ),
             (bits < least_bits, "bits of each depth", bits, "8 or 16", "save the map with 8 or 16 bits"),
+            (
+                least_bits > 1 and "jpeg" in (str(picture.format).lower(), picture.info.get("compression")),
+                "compression of a depth map",
+                "JPEG",
+                "one that keeps every value",
+                "export the map anew as PNG, TIFF or NPY",
+            ),
             (
                 scale != 1.0,
                 "scale of a PFM file",

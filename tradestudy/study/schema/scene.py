@@ -381,7 +381,8 @@ class DepthMapPart(Part):
     )
     unit: DetailSize = Field(description="Distance that a value of 1 in the depth map stands for.")
     first_row: Literal["top", "bottom"] = Field(
-        description="Side of the scene that the first row of the depth map shows."
+        description="Side of the scene that the first row of the depth map shows. The first row of a PFM file is the "
+        "one that viewers show at the top, although it is stored last."
     )
     width: DetailSize | None = Field(
         default=None,
