@@ -161,7 +161,7 @@ def test_depths_that_jpeg_has_changed_are_refused(tmp_path: Path) -> None:
     grey.save(tmp_path / "map.tif", compression="jpeg")
     grey.save(tmp_path / "whole.tif", compression="tiff_deflate")
     for name in ("map.jpg", "map.tif"):
-        with pytest.raises(OutOfRangeError, match="compression of a depth map: JPEG in .*export the map anew as PNG"):
+        with pytest.raises(OutOfRangeError, match=r"compression of a depth map: JPEG in .*export the map anew as PNG"):
             read_depths(tmp_path / name, 1.0)
         assert read_picture(tmp_path / name).shape == (1, 48, 64)
     np.testing.assert_array_equal(read_depths(tmp_path / "whole.tif", 1.0), np.asarray(grey))
