@@ -295,8 +295,8 @@ Each entry below gives the name of a variable, its dimensions in parentheses and
 `electrons`, `percent`, or `mixed` if the unit differs from value to value. A variable without brackets is a plain
 number or text. The description is the attribute `comment` of the variable; *Symbol*, *Source* and *Error* are its
 attributes `symbol`, `reference` and `error`. `long_name` is a short name, with which xarray labels plots, and
-`ancillary_variables` names the variable with the error, if one holds it. Where a source is {term}`the paper <paper,
-the>`, the attribute gives its title.
+`ancillary_variables` names the variable with the error, if one holds it. Where a source is
+{term}`the paper <paper, the>`, the attribute gives its title.
 
 *Error* says how large the error of a value may be:
 
@@ -317,7 +317,9 @@ The labels of dimensions such as `camera`, `reading`, `claim` and `requirement` 
 `as declared` of `reading` stands for the study as declared. The labels of `error_source` are `noise` (matching noise
 alone), `calibration` (errors of calibration and drift together, without noise) and `both` (noise and these errors
 together). In a sweep, the variables of `/depth`, those whose names begin with `design_`, and `feasible` and
-`on_pareto_front` of `/criteria` also have the swept parameters as dimensions, before those given here. Variables whose
+`on_pareto_front` of `/criteria` also have the swept parameters as dimensions, before those given here. A dimension has
+the last word of its parameter's path, such as `baseline` for `stereo.baseline`, or as many words as distinguish it from
+others; its attribute `path` is the path, and `declared` the value that the study declares. Variables whose
 names begin with `met_` describe ranges of the swept parameter; all others hold for the study as declared, or as a
 reading changes it. Numeric labels of dimensions are in SI units, with exceptions such as `window` (in Airy radii) and
 `path_error` (in wavelengths).

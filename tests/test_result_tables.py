@@ -63,18 +63,19 @@ def test_a_sweep_keeps_the_names_of_tables() -> None:
     uncertainty = np.array([[1e-3, 2e-3, 3e-3]])
     coordinates = {"camera": ["rig"], "distance": [0.5, 1.0, 2.0]}
     one = xr.Dataset({"depth_uncertainty": (("camera", "distance"), uncertainty, {"units": "m"})}, coordinates)
-    swept = one.expand_dims({"rig.baseline": [0.05, 0.1]})
+    baseline = ("baseline", [0.05, 0.1], {"path": "rig.baseline"})
+    swept = one.expand_dims(baseline=2).assign_coords(baseline=baseline)
     requirements = xr.Dataset(
-        {"met": ("requirement", [1]), "design_met": (("rig.baseline", "requirement"), [[1], [0]])},
-        {"requirement": ["near"], "rig.baseline": [0.05, 0.1]},
+        {"met": ("requirement", [1]), "design_met": (("baseline", "requirement"), [[1], [0]])},
+        {"requirement": ["near"], "baseline": baseline},
     )
     plain = Result(data=xr.DataTree.from_dict({"/depth": one}), run_record={})
     result = Result(data=xr.DataTree.from_dict({"/depth": swept, "/requirements": requirements}), run_record={})
     assert plain.table_names == ["depth_by_camera_distance"]
     assert sorted(result.table_names) == [
         "depth_by_camera_distance",
+        "requirements_by_baseline_requirement",
         "requirements_by_requirement",
-        "requirements_by_rig.baseline_requirement",
     ]
     for found in (plain, result):
         frame = found.table("depth_by_camera_distance")
@@ -86,10 +87,10 @@ def test_a_sweep_keeps_the_names_of_tables() -> None:
 def _swept(rig: np.ndarray, other: np.ndarray) -> xr.DataTree:
     """A table over a sweep of two parameters of the rig, with another camera that no design changes."""
     values = np.stack([rig, np.broadcast_to(other, rig.shape)], axis=2)
-    dims = ("rig.baseline", "rig.lenses.focal_length", "camera", "distance")
+    dims = ("baseline", "focal_length", "camera", "distance")
     coordinates = {
-        "rig.baseline": np.arange(rig.shape[0]) / 10,
-        "rig.lenses.focal_length": np.arange(rig.shape[1]) / 100,
+        "baseline": ("baseline", np.arange(rig.shape[0]) / 10, {"path": "rig.baseline"}),
+        "focal_length": ("focal_length", np.arange(rig.shape[1]) / 100, {"path": "rig.lenses.focal_length"}),
         "camera": ["rig", "other"],
         "distance": np.arange(rig.shape[2]) + 0.5,
     }
@@ -103,9 +104,9 @@ def test_a_camera_that_no_design_changes_is_written_once(monkeypatch: pytest.Mon
     (pieces,) = csv_tables.tables(tree).values()
     written = pd.read_csv(io.BytesIO(b"".join(pieces)))
     other = written[written["camera"] == "other"]
-    assert other[["rig.baseline", "rig.lenses.focal_length"]].isna().all(axis=None)
+    assert other[["baseline", "focal_length"]].isna().all(axis=None)
     np.testing.assert_array_equal(other["disparity_px"], [np.nan, -0.0, 1.0, np.inf, 2.0])
-    own = written[written["camera"] == "rig"].set_index(["rig.baseline", "rig.lenses.focal_length", "distance"])
+    own = written[written["camera"] == "rig"].set_index(["baseline", "focal_length", "distance"])
     frame = tradestudy.Result(data=tree, run_record={}).table("depth_by_camera_distance")
     pd.testing.assert_series_equal(own["disparity_px"], frame.xs("rig", level="camera")["disparity_px"])
     np.testing.assert_array_equal(own["disparity_px"], rig.ravel())

@@ -223,7 +223,9 @@ def test_a_record_that_lacks_a_key_is_refused(key: str, tmp_path: Path) -> None:
 def test_variables_that_are_not_as_declared_are_refused(
     dims: tuple[str, ...], values: object, wrong: str, tmp_path: Path
 ) -> None:
-    group = xr.Dataset({"depth_uncertainty": (dims, values)}, coords={"baseline": ("baseline", [0.1], {"declared": 0})})
+    group = xr.Dataset(
+        {"depth_uncertainty": (dims, values)}, coords={"baseline": ("baseline", [0.1], {"path": "rig.baseline"})}
+    )
     if wrong != "no distances":
         group = group.assign_coords(distance=[1.0])
     tree = xr.DataTree.from_dict({"/": _tree("wrong").to_dataset(), "/depth": group})

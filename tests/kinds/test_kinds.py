@@ -122,12 +122,12 @@ def test_a_new_kind_is_one_file_and_one_entry(copy: Path) -> None:
         noise = (
             depth["depth_uncertainty_by_error_source"]
             .sel(error_source="noise")
-            .sel({"scanner.baseline": baseline})
+            .sel(baseline=baseline)
             .sel(distance=3.0)
         )
         assert float(noise) == pytest.approx(3.0**2 * 0.5e-6 / (8e-3 * baseline), rel=2e-3)
     calibrated = depth["depth_uncertainty_by_error_source"].sel(
-        {"error_source": "calibration", "scanner.baseline": 0.1, "distance": 3.0}
+        {"error_source": "calibration", "baseline": 0.1, "distance": 3.0}
     )
     # As errors of the place of the line: f/cos²θ δθ, f/Z δB, and u/f δf, at Z = 3 m.
     slopes = np.array(

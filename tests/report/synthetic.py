@@ -150,7 +150,7 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
     }
     data = dataset("depth", values, coordinates | {"quantile": QUANTILES} | sweep, leading=tuple(sweep))
     for name in sweep:
-        data[name].attrs = {"units": "m", "long_name": name} | {
+        data[name].attrs = {"units": "m", "long_name": name, "path": name} | {
             k: v for k, v in [("declared", declared.get(name))] if v
         }
     return data

@@ -372,7 +372,7 @@ def test_the_curve_of_margins_passes_zero_at_the_limit_that_the_sentence_gives(s
         if before * after < 0.0 or before == 0.0
     ]
     assert crossed == pytest.approx([1e3 * one.met_ranges[0].low], rel=1e-9)
-    assert len(line.get_markevery()) == len(swept.data["depth"]["stereo-75mm.baseline"])  # only designs are marked
+    assert len(line.get_markevery()) == len(swept.data["depth"]["baseline"])  # only designs are marked
 
 
 def test_of_many_requirements_the_three_tightest_have_curves_and_the_others_are_counted(swept: Result) -> None:

@@ -32,14 +32,14 @@ def tree(
 ) -> xr.DataTree:
     """Results of a sweep over the baseline (3) and the focal length (2) of a rig, with two requirements."""
     axes = {
-        "rig.baseline": ("rig.baseline", BASELINES, {"units": "m", "declared": 0.1}),
-        "rig.lenses.focal_length": ("rig.lenses.focal_length", FOCI, {"units": "m", "declared": 0.008}),
+        "baseline": ("baseline", BASELINES, {"units": "m", "declared": 0.1, "path": "rig.baseline"}),
+        "focal_length": ("focal_length", FOCI, {"units": "m", "declared": 0.008, "path": "rig.lenses.focal_length"}),
     }
     groups: dict[str, xr.Dataset] = {
         "/cameras": xr.Dataset({"title": ("camera", list(CAMERAS.values()))}, coords={"camera": list(CAMERAS)})
     }
     if met is not None:
-        dims = ("rig.baseline", "rig.lenses.focal_length", "requirement")
+        dims = ("baseline", "focal_length", "requirement")
         groups["/requirements"] = xr.Dataset(
             {
                 "design_met": (dims, np.broadcast_to(met, (3, 2, 2))),
@@ -120,7 +120,7 @@ def test_a_design_without_a_margin_is_never_nearest() -> None:
 
 
 def test_the_favoured_camera_is_counted_over_designs_and_equal_places_are_merged() -> None:
-    dims = ("rig.baseline", "rig.lenses.focal_length", "design_place")
+    dims = ("baseline", "focal_length", "design_place")
     mixed = np.array([["rig", "r5"], ["rig", "rig"], ["rig", ""]], dtype=object)
     best = np.stack([mixed, mixed], axis=-1)
     (reported,) = favoured_words(tree(design_best_camera=(dims, best)))
@@ -136,7 +136,7 @@ def test_the_favoured_camera_is_counted_over_designs_and_equal_places_are_merged
 
 
 def test_the_range_of_the_crossover_is_given_or_that_there_is_none() -> None:
-    dims = ("rig.baseline", "rig.lenses.focal_length", "design_crossing")
+    dims = ("baseline", "focal_length", "design_crossing")
 
     def reported(values: Any) -> str:
         places = np.broadcast_to(values, (3, 2, 1))
@@ -149,7 +149,7 @@ def test_the_range_of_the_crossover_is_given_or_that_there_is_none() -> None:
 
 
 def test_usable_ranges_are_given_only_for_cameras_that_the_sweep_changes() -> None:
-    dims = ("rig.baseline", "rig.lenses.focal_length", "camera", "interval")
+    dims = ("baseline", "focal_length", "camera", "interval")
     near, far = np.full((3, 2, 2, 1), 0.3), np.full((3, 2, 2, 1), 4.0)
     near[:, 0, 0, 0] = (0.1, 0.2, np.nan)
     far[2, 0, 0, 0] = np.nan

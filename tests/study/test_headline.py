@@ -209,12 +209,12 @@ def test_a_sweep_adds_its_dimensions_and_contains_each_point(headline: Study) ->
     few = headline.with_values({**ALONE, "scene.distances.points": 41})
     study = few.with_values({"sweep": str(axes)})
     depth = study.run().data["depth"].to_dataset()
-    assert depth["depth_uncertainty"].dims == (*axes, "camera", "distance")
-    assert depth["stereo-short.baseline"].values.tolist() == [0.01, 0.02, 0.04]
-    assert depth["stereo-short.baseline"].attrs["declared"] == 0.02
+    assert depth["depth_uncertainty"].dims == ("baseline", "estimator", "camera", "distance")
+    assert depth["baseline"].values.tolist() == [0.01, 0.02, 0.04]
+    assert depth["baseline"].attrs["declared"] == 0.02
     single = few.with_values({"stereo-short.baseline": "40 mm", "raytrix-r5.depth.estimator": "adjacent-pair"})
     alone = single.run().data["depth"].to_dataset()
-    at = depth.sel({"stereo-short.baseline": 0.04, "raytrix-r5.depth.estimator": "adjacent-pair"})
+    at = depth.sel(baseline=0.04, estimator="adjacent-pair")
     np.testing.assert_array_equal(at["depth_uncertainty"], alone["depth_uncertainty"])
     np.testing.assert_array_equal(at["limit_met"], alone["limit_met"])
 

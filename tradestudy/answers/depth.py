@@ -18,7 +18,7 @@ from tradestudy.depth.usable import LIMIT_NAMES, Interval, all_met, evaluate_lim
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.results import dataset
+from tradestudy.results import coordinate_names, dataset
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.varying import SweepAxis, point_labels, sweep_axes
 
@@ -78,12 +78,14 @@ def over_designs(
     attributes: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
     """A group of results whose variables may start with the swept parameters, in the order of the axes."""
-    swept = {axis.path: list(axis.labels) for axis in axes}
+    names = coordinate_names([axis.path for axis in axes])
+    swept = {name: list(axis.labels) for name, axis in zip(names, axes, strict=True)}
     result = dataset(group, values, {**swept, **coordinates}, leading=tuple(swept), attributes=attributes)
-    for axis in axes:
-        result[axis.path].attrs = {
+    for name, axis in zip(names, axes, strict=True):
+        result[name].attrs = {
             "units": axis.units,
-            "long_name": axis.path,
+            "long_name": name.replace("_", " "),
+            "path": axis.path,
             "declared": axis.declared,
             "measures": "" if axis.dimension is None else axis.dimension.name,
         }

@@ -31,7 +31,7 @@ from tradestudy.results.views.depth import (
     sharp_ranges,
     swept,
 )
-from tradestudy.results.views.groups import group, has, records
+from tradestudy.results.views.groups import group, has, records, swept_paths
 from tradestudy.results.views.requirement_conclusions import (
     MetRange,
     RequirementConclusion,
@@ -445,7 +445,7 @@ def _over_designs(runs: Sequence[Run], key: str, title: str) -> Difference | Non
     columns = ["usable_near", "usable_far", "usable_near_error", "usable_far_error", "near_limit", "far_limit"]
     tables = [group(run.tree, "depth") for run in runs]
     names = swept(tables[0])
-    if any(swept(table) != names for table in tables):
+    if any(swept_paths(table) != swept_paths(tables[0]) for table in tables):
         return None
     aligned = xr.align(*(table[columns].sel(camera=[key]) for table in tables), join="inner", exclude=("interval",))
     designs = [one.stack(design=names) for one in aligned]

@@ -15,7 +15,7 @@ from tradestudy.comparison.comparison import Difference, Run, titles_of
 from tradestudy.results import JUDGED
 from tradestudy.results.views.depth import field_words
 from tradestudy.results.views.designs import path_words
-from tradestudy.results.views.groups import FloatArray, group, has, records
+from tradestudy.results.views.groups import FloatArray, group, has, records, swept_paths
 from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty, significant
 from tradestudy.wording import distance, fewest_digits, in_words
 
@@ -188,7 +188,7 @@ def _coordinate(tree: xr.DataTree, dim: str, coordinate: xr.DataArray, position:
         return field_words(float(label))
     if dim == "corner":
         return f"towards the {label} corner"
-    name = path_words(tree, dim) if "." in dim else in_words(dim)  # swept
+    name = path_words(tree, dim) if "path" in coordinate.attrs else in_words(dim)  # swept
     if isinstance(label, str):
         return _LABELS.get((dim, label), f"{name} {titles.get(label, label)}")
     if dim.endswith("distance"):
@@ -228,7 +228,7 @@ class ChangedResult:
     size
         The largest change relative to the first run; for a share, its difference; infinite where there is no ratio.
     design
-        The swept values there, by path; empty without a sweep.
+        The swept values there, by dimension; empty without a sweep.
     difference
         The difference in words.
     """
@@ -348,7 +348,9 @@ def _aligned(runs: Sequence[Run], name: str, variable: str) -> list[xr.Dataset]:
         tables.append(xr.Dataset({"value": values.astype(float), "error": error.broadcast_like(values)}))
     first = tables[0]
     bare = [dim for dim in first["value"].dims if dim not in first.coords]
-    if any(set(one["value"].dims) != set(first["value"].dims) for one in tables):
+    if any(
+        set(one["value"].dims) != set(first["value"].dims) or swept_paths(one) != swept_paths(first) for one in tables
+    ):
         return []
     if any(one.sizes[dim] != first.sizes[dim] for one in tables for dim in bare):
         return []
@@ -386,7 +388,7 @@ def _largest(
         design={
             dim: first[dim].values[at[axis]]
             for axis, dim in enumerate(map(str, first.dims))
-            if "declared" in first[dim].attrs and varies(first, axis, at)  # swept
+            if "path" in first[dim].attrs and varies(first, axis, at)  # swept
         },
         difference=Difference(
             what=what,

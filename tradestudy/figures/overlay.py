@@ -52,7 +52,7 @@ def overlay_drawing(
     cameras
         Keys of the cameras to draw, which every run must have; only the first six are drawn.
     design
-        Values of the swept parameters to draw, by path; other parameters are as declared.
+        Values of the swept parameters to draw, by dimension; other parameters are as declared.
     said
         What differs, in words.
     """

@@ -21,6 +21,7 @@ FORMAT_VERSION: Final = 8
 PAPER: Final = "Diffraction model of a plenoptic camera for in-situ space exploration"
 JUDGED: Final = ("depth_uncertainty", "depth_error_radius")
 """The larger of these variables judges a camera; see `judged_uncertainty`."""
+_SWEPT: Final = ("depth", "decision", "criteria", "requirements")  # groups with swept parameters as dimensions
 _ALSO_IN: Final = "as in /"
 _NOT_IN_WORDS: Final = re.compile("_(px|percent|by_error_source)$")  # units and dimensions, which plots show anyway
 _SEE: Final = re.compile(r"see (\w+)(?! of /)\b")
@@ -130,6 +131,22 @@ def dataset(
     if "distance" in result.coords:
         result["distance"].attrs |= {"long_name": "object distance", "symbol": "a"}
     return result
+
+
+def coordinate_names(paths: Sequence[str]) -> list[str]:
+    """The names of swept parameters: the shortest end of each path that no other has, and no variable or dimension.
+
+    They are identifiers, so that ``sel(baseline=0.1)`` works: dots and hyphens become underscores.
+    """
+    known = {text for group in _SWEPT for name, one in GROUPS[group].items() for text in (name, *one.dims)}
+    whole = ["_" + re.sub(r"\W", "_", path) for path in paths]
+    names = []
+    for path in paths:
+        words = path.split(".")
+        ends = (re.sub(r"\W", "_", ".".join(words[k:])) for k in range(len(words) - 1, -1, -1))
+        free = (end for end in ends if end not in known and sum(one.endswith("_" + end) for one in whole) == 1)
+        names.append(next(free, path))
+    return names
 
 
 def judged_uncertainty(depth: xr.Dataset, of: str = "") -> xr.DataArray:

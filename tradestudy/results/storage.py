@@ -398,7 +398,7 @@ def _difference(stored: xr.DataArray, declared: Variable) -> str:
     """How a variable differs from its declaration, in words; empty if it does not."""
     dims = [str(name) for name in stored.dims]
     swept = max(len(dims) - len(declared.dims), 0)
-    if tuple(dims[swept:]) != declared.dims or not all("declared" in stored[name].attrs for name in dims[:swept]):
+    if tuple(dims[swept:]) != declared.dims or not all("path" in stored[name].attrs for name in dims[:swept]):
         return f"the dimensions ({', '.join(dims)}), not ({', '.join(declared.dims)})"
     if "distance" in dims and "distance" not in stored.coords:
         return "no distances"

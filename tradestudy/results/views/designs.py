@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy.results.views.decision import answer_title
 from tradestudy.results.views.depth import swept
-from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
+from tradestudy.results.views.groups import FloatArray, camera_titles, dotted_path, group, has
 from tradestudy.units import (
     ANGLE,
     DATA,
@@ -112,8 +112,8 @@ def parameter_words(tree: xr.DataTree, paths: Iterable[str]) -> str:
 
 
 def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
-    """A path in words, and the title of its camera; an empty title where it belongs to none."""
-    parts = path.removeprefix("cameras.").removeprefix("scene.picture.").split(".")
+    """A path or dimension in words, and the title of its camera; an empty title where it belongs to none."""
+    parts = dotted_path(tree, path).removeprefix("cameras.").removeprefix("scene.picture.").split(".")
     title = camera_titles(tree).get(parts[0], "")
     words = [part for part in parts[1:] if part not in _STRUCTURE] if title else parts
     if words[:2] == ["calibration", "errors"] and len(words) > _SHORTEST_SPREAD:
@@ -166,7 +166,10 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         count=int(every.sum()),
         designs=int(every.size),
         best=Design(
-            values={axis: value if isinstance(value, str) else float(value) for axis, value in values.items()},
+            values={
+                dotted_path(tree, axis): value if isinstance(value, str) else float(value)
+                for axis, value in values.items()
+            },
             words=design_words(tree, {axis: value_words(data[axis], value) for axis, value in values.items()}),
             margin=float(least[best]) / 100.0,
         ),

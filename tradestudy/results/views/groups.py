@@ -22,6 +22,16 @@ def group(tree: xr.DataTree, name: str) -> xr.Dataset:
     return tree[name].to_dataset()
 
 
+def swept_paths(data: xr.Dataset | xr.DataTree) -> dict[str, str]:
+    """The paths in the study of the swept parameters of a group, by dimension."""
+    return {str(name): str(one.attrs["path"]) for name, one in data.coords.items() if "path" in one.attrs}
+
+
+def dotted_path(tree: xr.DataTree, name: str) -> str:
+    """The path in the study of a swept parameter that is a dimension of the results; any other name as it is."""
+    return next((paths[name] for node in tree.children.values() if name in (paths := swept_paths(node))), name)
+
+
 def records(tree: xr.DataTree, name: str, dim: str) -> list[dict[str, Any]]:
     """Read the one-dimensional variables of a group row by row; key `dim` contains the label of the row."""
     if name not in tree.children or dim not in tree[name].sizes:

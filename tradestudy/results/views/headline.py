@@ -25,7 +25,7 @@ from tradestudy.results.views.depth import (
     where_known,
 )
 from tradestudy.results.views.designs import all_requirements, feasible_designs, margin_words, path_words, value_words
-from tradestudy.results.views.groups import camera_titles, group, has, titles_in
+from tradestudy.results.views.groups import camera_titles, dotted_path, group, has, titles_in
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers
@@ -92,7 +92,7 @@ def _deciding(tree: xr.DataTree) -> str:
     if len(axes) < _NAMED or not has(tree, "decision", "design_best_camera"):
         return ""
     places = group(tree, "decision")["design_place"].values
-    owner = axes[0].removeprefix("cameras.").partition(".")[0]
+    owner = dotted_path(tree, axes[0]).removeprefix("cameras.").partition(".")[0]
     if owner not in depth["camera"].values:
         return ""
     at = depth.sel(camera=owner).sel(distance=places[-1], method="nearest")

@@ -17,7 +17,7 @@ from tradestudy.results.views.designs import (
     margin_words,
     path_words,
 )
-from tradestudy.results.views.groups import camera_titles, group, has, records
+from tradestudy.results.views.groups import camera_titles, dotted_path, group, has, records
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import few
 
@@ -378,8 +378,8 @@ def _concerns_the_sweep(tree: xr.DataTree, number: int) -> bool:
     """Whether the sweep varies a camera that the requirement is about, or something that all cameras share."""
     data, cameras = group(tree, "requirements"), camera_titles(tree)
     of = str(data["of"].isel(requirement=number).item())
-    paths = [str(name).removeprefix("cameras.") for name in data["design_met"].dims if name != "requirement"]
-    varied = {path.partition(".")[0] for path in paths}
+    paths = [dotted_path(tree, str(name)) for name in data["design_met"].dims if name != "requirement"]
+    varied = {path.removeprefix("cameras.").partition(".")[0] for path in paths}
     return of not in cameras or of in varied or not varied <= set(cameras)
 
 

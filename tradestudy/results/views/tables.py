@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError, nearest
+from tradestudy.results.views.groups import swept_paths
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
 
-_PATH: Final = "."  # in the names of swept parameters, and in no other dimension
 _SAME_PLACE: Final = 5e-3  # of a distance: what three digits leave open
 
 
@@ -40,7 +40,7 @@ class Table:
     @property
     def swept(self) -> tuple[str, ...]:
         """The dimensions that are swept parameters."""
-        return tuple(dim for dim in self.dims if _PATH in dim)
+        return tuple(dim for dim in self.dims if dim in swept_paths(self.data))
 
     def frame(self) -> pd.DataFrame:
         """One row for each combination of coordinates; ``attrs["units"]`` contains the unit of each column."""
@@ -60,12 +60,12 @@ def tables_of(tree: xr.DataTree) -> Mapping[str, Table]:
     """
     found = {}
     for group in tree.children.values():
-        data = group.to_dataset()
+        data, swept = group.to_dataset(), swept_paths(group)
         by_dims: dict[tuple[str, ...], list[str]] = {}
         for name, array in data.data_vars.items():
             by_dims.setdefault(tuple(map(str, array.dims)), []).append(str(name))
         for dims, names in by_dims.items():
-            unswept = tuple(dim for dim in dims if _PATH not in dim)
+            unswept = tuple(dim for dim in dims if dim not in swept)
             named = dims if unswept in by_dims else unswept
             over = "_by_" + "_".join(named) if named else ""
             found[f"{group.name}{over}".replace("/", "_")] = Table(data=data, dims=dims, variables=tuple(names))
