@@ -40,6 +40,8 @@ def test_one_is_singular(number: int, text: str) -> None:
         ("Stereo 100 mm, wide", "Stereo 100 mm, wide"),
         ("Camera 2", "Camera 2"),
         ("Webcams", "the webcams"),
+        ("Rig", "the rig"),
+        ("Near", "Near"),
         ("a stereo rig", "a stereo rig"),
         ("the old rig", "the old rig"),
         ("Robot", "the Robot"),

@@ -14,6 +14,7 @@ NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
 _DESIGNATION: Final = re.compile(r"[A-Z]|\d+")
+_DEVICE: Final = re.compile("(camera|head|rig|webcam)s?", re.IGNORECASE)
 _ORDINARY: Final = re.compile(
     "calibrated|cameras?|conventional|far|fine|fixed|focused|front|heads?|left|light|long|moving|multi|narrow|near|normal"
     "|plenoptic|rear|right|rigs?|short|single|stereo|thermal|unfocused|uniform|webcams?|wide",
@@ -50,6 +51,8 @@ def with_article(title: str) -> str:
     if first in ("a", "an", "the") or any(map(_DESIGNATION.fullmatch, {*others[:1], *others[-1:]})):
         return title
     is_ordinary = _ORDINARY.fullmatch(first.partition("-")[0])
+    if is_ordinary and not others and not _DEVICE.fullmatch(first):  # an adjective alone, such as "Near"
+        return title
     return f"the {title[:1].lower() + title[1:] if is_ordinary else title}"
 
 
