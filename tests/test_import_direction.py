@@ -61,6 +61,7 @@ HEAVY = {
 # module, library → why it may break the rule above.
 EXCEPTIONS = {
     ("optics.lens_point_spread", "matplotlib"): "as result: names the type of the plot; imported for typing only",
+    ("optics.chain.accuracy", "matplotlib"): "as result: names the type of the plot; imported for typing only",
     ("result", "matplotlib"): "names the type of a figure for the reader of its signature; imported for typing only",
 }
 

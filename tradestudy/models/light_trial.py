@@ -31,10 +31,10 @@ from tradestudy.models.spot_images import (
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, relative_change
 from tradestudy.optics.chain.arriving_light import blur_radius, point_wave, refuse_focus_on_array
+from tradestudy.optics.chain.behind_microlens import nearest_microlens
 from tradestudy.optics.chain.exact_rays import exact_ray_image, forward_tracer
 from tradestudy.optics.chain.image import (
     microlenses_alone,
-    nearest_microlens,
     phase_follows_source,
     refuse_change_by_phase,
     refuse_impossible,

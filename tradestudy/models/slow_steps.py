@@ -210,6 +210,6 @@ def picture_seconds(part: LightSpotPart, tolerance: float) -> float:
 def _microlenses(part: LightSpotPart) -> int:
     """How many microlenses lie in front of a pixel."""
     from tradestudy.models.spot_images import light_path
-    from tradestudy.optics.chain.image import nearest_microlens
+    from tradestudy.optics.chain.behind_microlens import nearest_microlens
 
     return np.unique(nearest_microlens(light_path(part))).size

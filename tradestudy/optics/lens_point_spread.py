@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,7 @@ from tradestudy.optics.spread_metrics import (
 from tradestudy.optics.spread_shares import modulation_transfer, window_share
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _LEAST_SHARE = 0.5  # of the light in the window, for a spot that has a width
@@ -247,49 +248,37 @@ class LensPointSpread(PointSpread):
             )
         return modulation_transfer(self, frequency_x=f * math.cos(angle), frequency_y=f * math.sin(angle))
 
-    def plot(self, file: str | Path | None = None) -> Figure:
+    def plot(self, file: str | Path | None = None, *, ax: Axes | npt.NDArray[Any] | None = None) -> Figure:
         """Plot the spot, cuts through it, the encircled energy and the MTF, with bands for the stated errors.
 
         Parameters
         ----------
         file
             File in which the figure is saved; its extension sets the format. Default: the figure is not saved.
+        ax
+            Matplotlib axes in which the spot alone is drawn; or four axes for all panels, such as those of
+            ``plt.subplots(2, 2)``. Default: the four axes of a new figure.
 
         Returns
         -------
         Figure
-            Matplotlib figure with four panels, not yet shown on the screen.
+            Matplotlib figure that contains the axes; a new one is not yet shown on the screen.
 
         Raises
         ------
         OutOfRangeError
-            If the extension is unknown, or the file cannot be written.
+            If there are neither one nor four axes, the extension is unknown, or the file cannot be written.
         """
         from tradestudy.optics.spread_plot import spread_figure
 
-        figure = spread_figure(
-            self, centre=self.centre, airy_radius=self.airy_radius, reference_peak=self.reference_peak
+        return spread_figure(
+            self,
+            centre=self.centre,
+            airy_radius=self.airy_radius,
+            reference_peak=self.reference_peak,
+            file=file,
+            ax=ax,
         )
-        if file is None:
-            return figure
-        formats = figure.canvas.get_supported_filetypes()
-        if not isinstance(file, (str, Path)) or Path(file).suffix[1:].lower() not in formats:
-            raise OutOfRangeError(
-                "file of the plot",
-                value=repr(file),
-                limit=f"a path that ends in {', '.join(sorted(formats))}",
-                remedy="give a path such as 'spot.svg'",
-            )
-        try:
-            figure.savefig(file)
-        except OSError as error:
-            raise OutOfRangeError(
-                "file of the plot",
-                value=str(file),
-                limit="a place that can be written",
-                remedy=f"choose another place: {error.strerror}",
-            ) from error
-        return figure
 
 
 @checked

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arguments import check_wavelength, checked
@@ -19,6 +18,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, ComputeParts, in_turn, relative_change
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import point_wave
+from tradestudy.optics.chain.behind_microlens import nearest_microlens
 from tradestudy.optics.chain.exact_rays import exact_ray_image
 from tradestudy.optics.chain.landing import geometric_image, landing_point_image, landing_spot_image
 from tradestudy.optics.chain.point_image import wave_point_image
@@ -150,9 +150,6 @@ def phase_follows_source(path: LightPath, source: PointSource | DiscSource, legs
         return False
     middle = source.centre if isinstance(source, DiscSource) else source
     return math.isclose(focus, path.image_at_array(middle)[2], rel_tol=_SAME_FOCUS)
-
-
-_EQUALLY_NEAR = 4  # largest number of microlenses equally near to a pixel, on a square array
 
 
 @checked
@@ -289,7 +286,7 @@ def unguarded_image(
     For loops over tolerances, which call `refuse_following_microlenses` once, with the tolerance that was asked for.
     """
     image = _by_laws(path, source, wavelength, legs, accuracy, rng, done, compute)
-    return replace(image, tolerance=accuracy.tolerance)
+    return replace(image, tolerance=accuracy.tolerance, path=path)
 
 
 def _by_laws(
@@ -429,6 +426,7 @@ def mean_image(parts: Sequence[ChainImage], wavelengths: FloatArray, share: Floa
         effort={name: sum(part.effort[name] for part in parts) for name in parts[0].effort},
         handed_over=max(part.handed_over for part in parts),
         tolerance=max(part.tolerance for part in parts),
+        path=max((part.path for part in parts if part.path), key=lambda path: path.microlenses.count, default=None),
     )
 
 
@@ -559,6 +557,7 @@ def unguarded_separate_image(
         effort={name: sum(one.effort[name] for one in found) for name in found[0].effort},
         handed_over=max(one.handed_over for one in found),
         tolerance=accuracy.tolerance,
+        path=path,
     )
 
 
@@ -573,18 +572,6 @@ def _alone(
     """Image through a single microlens."""
     rng = np.random.default_rng(seed)
     return unguarded_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
-
-
-def nearest_microlens(path: LightPath) -> IndexArray:
-    """Index of each pixel's microlens, shape (rows, columns): centres project 1 + b_L/z times farther out."""
-    edges = path.pixels.edges_x, path.pixels.edges_y
-    x, y = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
-    seen = path.microlenses.centres * (1.0 + path.detector_distance / path.array_distance)
-    pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
-    distance, index = cKDTree(seen).query(pixels, k=np.arange(1, 1 + min(_EQUALLY_NEAR, len(seen))))
-    # A slight preference for the first, so that rounding does not decide for pixels midway between two.
-    first = np.argmin(distance + 1e-9 * path.microlenses.pitch * index, axis=-1)
-    return np.asarray(np.take_along_axis(index, first[..., None], axis=-1)[..., 0])
 
 
 def _window(mine: BoolArray) -> tuple[slice, slice]:
