@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tradestudy.uncertainty.outputs import order_quantile, quantiles_of
+from tradestudy.uncertainty.outputs import order_quantile, quantiles_of, valley_quantile
 
 WATCHED = (0.025, 0.1586552539314570, 0.5, 0.8413447460685429, 0.975)
 
@@ -32,6 +32,14 @@ def test_quantiles_of_rows_in_any_order_are_those_of_the_sorted_rows(kind, n, pr
     found = quantiles_of(values, probability)
     np.testing.assert_array_equal(found, order_quantile(np.sort(values, axis=1), probability))
     np.testing.assert_array_equal(values, before)
+
+
+@pytest.mark.parametrize("kind", ["normal", "infinite", "tied", "falling"])
+@pytest.mark.parametrize("n", [1, 2, 3, 64, 5001])
+@pytest.mark.parametrize("probability", [0.0, 0.1, 0.625, 0.6826894921370859, 0.95, 1.0])
+def test_quantiles_of_rows_that_fall_and_then_rise_are_those_of_the_sorted_rows(kind, n, probability):
+    valleys = np.abs(np.sort(rows(kind, n), axis=1) - 0.3)
+    np.testing.assert_array_equal(valley_quantile(valleys, probability), quantiles_of(valleys, probability))
 
 
 def test_quantiles_agree_with_hazen_positions_of_numpy():

@@ -20,7 +20,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
 from tradestudy.uncertainty.joint import JointDraws
-from tradestudy.uncertainty.outputs import quantiles_of
+from tradestudy.uncertainty.outputs import order_quantile, quantiles_of, valley_quantile
 from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Group, Source, Sources
 from tradestudy.uncertainty.streams import each_scramble, scramble_scores
 
@@ -71,12 +71,12 @@ class Within:
     distance: FloatArray
     share: float
 
-    def radius(self, inverse: FloatArray) -> FloatArray:
-        """Radius [m] of draws of inverse depth (distances, draws); those without a depth are infinitely wrong."""
+    def radius(self, ascending: FloatArray) -> FloatArray:
+        """Radius [m] of sorted draws of inverse depth (distances, draws); those without one are infinitely wrong."""
         if self.share >= 1.0:
             return np.full(self.distance.shape, np.inf)
-        wrong = np.abs(depth_from_inverse(inverse) - self.distance[:, np.newaxis])
-        return without_rounding(quantiles_of(np.where(np.isnan(wrong), np.inf, wrong), self.share), self.distance)
+        wrong = np.abs(depth_from_inverse(ascending) - self.distance[:, np.newaxis])
+        return without_rounding(valley_quantile(np.where(np.isnan(wrong), np.inf, wrong), self.share), self.distance)
 
 
 def sampling_error(
@@ -107,9 +107,10 @@ def sampling_error(
     infinity = -ranked.mean(axis=1, keepdims=True)
     beyond = _share_below(rows, deviation, infinity)
     middle = -infinity - np.mean(lines, axis=(0, 2))[:, np.newaxis]
+    lines = [np.sort(line, axis=1) for line in lines]
     radii = np.stack([within.radius(middle + line) for line in lines])
     return SamplingError(
-        quantiles=np.stack([quantiles_of(line, probabilities) - exact for line in lines]),
+        quantiles=np.stack([order_quantile(line, probabilities) - exact for line in lines]),
         failed=np.stack([np.mean(line <= infinity, axis=1) - beyond for line in lines]),
         radius=_error_of_radii(radii, within, rows, deviation, middle),
     )
@@ -420,10 +421,11 @@ def _known(
     false_matches = false_match_share(camera, error_source)
     within = Within(distance=distance, share=share_of_true_matches(false_matches))
     off = sampling_error(inverse, drivers, SCRAMBLES, upper, within)
-    quantiles = np.stack([_ranked_quantiles(one, upper) for one in np.split(inverse, SCRAMBLES, axis=1)])
+    ascending = [np.sort(one, axis=1) for one in np.split(inverse, SCRAMBLES, axis=1)]
+    quantiles = np.stack([_ranked_quantiles(one, upper) for one in ascending])
     counted = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
     failed = np.clip(counted - off.failed, 0.0, 1.0)
-    radii = np.stack([within.radius(one) for one in np.split(inverse, SCRAMBLES, axis=1)]) - off.radius
+    radii = np.stack([within.radius(one) for one in ascending]) - off.radius
     seen = np.isfinite(nominal_inverse(camera, distance, field))
     return DepthDistribution(
         probabilities=probabilities,
@@ -435,14 +437,14 @@ def _known(
     )
 
 
-def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatArray:
-    """Quantiles (probabilities, distances) of the draws that give a depth."""
-    missing = np.isnan(inverse).sum(axis=1)
-    found = np.full((probabilities.size, len(inverse)), np.nan)
+def _ranked_quantiles(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
+    """Quantiles (probabilities, distances) of the sorted draws that give a depth; the others, NaN, are the last."""
+    missing = np.isnan(ascending).sum(axis=1)
+    found = np.full((probabilities.size, len(ascending)), np.nan)
     whole = missing == 0
-    found[:, whole] = quantiles_of(inverse[whole], probabilities)
-    for row in np.flatnonzero(~whole & (missing < inverse.shape[1])):
-        found[:, row] = quantiles_of(inverse[[row]][:, ~np.isnan(inverse[row])], probabilities)[:, 0]
+    found[:, whole] = order_quantile(ascending[whole], probabilities)
+    for row in np.flatnonzero(~whole & (missing < ascending.shape[1])):
+        found[:, row] = order_quantile(ascending[row, : -missing[row]], probabilities)
     return found
 
 
