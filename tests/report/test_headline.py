@@ -65,6 +65,22 @@ def test_a_rounded_stretch_lies_within_the_true_one(make_tree: Callable[..., xr.
     assert found == "From 0.16 to 0.82 m take the Raytrix R5, Keplerian; elsewhere no camera is usable."
 
 
+def test_neighbouring_stretches_end_at_different_distances(make_tree: Callable[..., xr.DataTree]) -> None:
+    """1.46 m would be written as 1.5 m, where the next stretch ends."""
+    tree = make_tree()
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    depth["usable_near"][:], depth["usable_far"][:] = np.nan, np.nan
+    for name, near, far in (("stereo-65deg", 0.5, 1.46), ("r5", 0.5, 1.5)):
+        depth["usable_near"].loc[{"camera": name, "interval": 0}] = near
+        depth["usable_far"].loc[{"camera": name, "interval": 0}] = far
+    tree["depth"] = xr.DataTree(depth)
+    places = tree["decision"]["distance"].values
+    ends = [float(places[places < end].max()) for end in (0.5, 1.46, 1.5)]
+    best = [*zip(ends, ("", "stereo-65deg", "r5"), strict=True), (10.0, "")]
+    found = headline(changed(tree, best, "requirements", "criteria", "depth_of_field"))
+    assert re.match(r"From 0.5 to 1.46 m take Stereo 100 mm.*, to 1.5 m the Raytrix R5", found), found
+
+
 @pytest.mark.parametrize("baselines", ["60 mm, 100 mm, 140 mm", "100 mm, 140 mm, 180 mm"])
 def test_a_sweep_names_the_number_that_decides(baselines: str) -> None:
     """At 1 m, a yaw of 0.2° moves depth by a² φ/b = 34.9 mm with a baseline of 100 mm, whatever the focal length.

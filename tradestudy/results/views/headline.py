@@ -304,7 +304,7 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
     parts, last = [], math.nan
     for number, one in enumerate(shown):
         handed = number + 1 < len(shown) and shown[number + 1].near == one.far
-        near, far = _ends(one.near, one.far, nearest=handed)
+        near, far = _ends(one.near, one.far, handed_until=shown[number + 1].far if handed else math.inf)
         begins = "" if one.near == last else f"from {near} "
         parts.append(f"{begins}to {far} {'' if number else 'take '}{_camera_words(one.cameras)}")
         last = one.far
@@ -345,19 +345,22 @@ def _worst(uncertainty: float, largest: float) -> str:
     return f"{significant(rounded(uncertainty / unit.size, 2, math.ceil), 2)}{unit.label}"
 
 
-def _ends(near: float, far: float, *, nearest: bool = False) -> tuple[str, str]:
+def _ends(near: float, far: float, *, handed_until: float = math.inf) -> tuple[str, str]:
     """Both ends of a range of distances [m] in one unit, rounded inwards to as few digits as tell them apart.
 
-    The far end is rounded to the nearest value instead where another camera takes over, which is as certain there.
+    The far end is rounded to the nearest value instead where another camera takes over, which is as certain there, and
+    then differs from the far end of that camera's range.
     """
     unit, size = ("m", 1.0) if far >= _METRE else ("mm", 1e-3)
 
     def written(digits: int) -> tuple[str, str]:
-        last = far / size if nearest else rounded(far / size, digits, math.floor)
+        last = far / size if handed_until < math.inf else rounded(far / size, digits, math.floor)
         return significant(rounded(near / size, digits, math.ceil), digits), significant(last, digits)
 
     def apart(digits: int) -> bool:
         first, last = written(digits)
+        if last == significant(rounded(handed_until / size, digits, math.floor), digits):
+            return False
         return float(first) < float(last)
 
     first, last = written(_FEW_DIGITS if apart(_FEW_DIGITS) else fewest_digits(apart))
