@@ -90,6 +90,18 @@ def test_a_focal_length_in_the_wrong_unit_is_warned_about() -> None:
     assert "cameras.stereo-75mm.lenses.focal_length: 2.65 m is unusual" in reported.replace("\N{NO-BREAK SPACE}", " ")
 
 
+def test_a_contradiction_that_another_camera_inherits_is_reported_for_the_camera_that_states_it(tmp_path: Path) -> None:
+    (tmp_path / "two.yaml").write_text(
+        "format: 2\nstudy: two\ntitle: Two\nquestion: Which one?\ncameras:\n"
+        "  near: {kind: stereo, lenses: {focal_length: 2 mm}, sensor: {pixels: [1280, 720], pixel_pitch: 3 um},\n"
+        "    baseline: 50 mm, depth: {disparity_error: 0.1 px}, stated: {field_of_view: 70 deg}}\n"
+        "  far: {like: near, baseline: 95 mm}\n"
+        "scene: {distances: {from: 0.3 m, to: 4 m, points: 9}, wavelength: 550 nm}\n"
+    )
+    (reported,) = tradestudy.load(tmp_path / "two.yaml").warnings
+    assert "cameras.near.stated.field_of_view: " in reported
+
+
 def test_a_basis_silences_a_warning_and_each_place_is_reported_once() -> None:
     stated = "stereo-75mm.baseline={value: 50 m, basis: datasheet}"
     assert tradestudy.load(ROBOT, [stated]).warnings == ()

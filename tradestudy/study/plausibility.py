@@ -150,7 +150,10 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
         *_beyond_the_scene(definition),
         *_contradictory(definition),
     ]
-    return tuple({(one.file, one.line, one.column, one.what): one for one in found}.values())
+    distinct: dict[tuple[str, int, int, str], Problem] = {}
+    for one in found:
+        distinct.setdefault((one.file, one.line, one.column, one.what), one)
+    return tuple(distinct.values())
 
 
 def contradictions(definition: StudyDefinition) -> list[tuple[str, Contradiction]]:
