@@ -153,7 +153,8 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
                 f"{path.name} contains too few draws, or draws of the wrong shape",
                 value=" × ".join(map(str, found.draws.shape)),
                 limit=f">= {MINIMUM_DRAWS} draws of {len(found.names)} parameters",
-                remedy="write one joint draw per row; for fewer draws, give their covariance instead",
+                remedy="write one joint draw per row; for fewer draws, give their covariance instead, in a CSV file "
+                "with the first line parameter,mean,NAME,…",
             )
         return found
     _check_finite(path, found.covariance, found.mean)
@@ -169,6 +170,14 @@ def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
             f"{path.name} is empty", value=f"{len(lines)} lines", limit=">= 2", remedy="write a header and numbers"
         )
     header, rows = lines[0], lines[1:]
+    for separator, plural in ((";", "semicolons"), ("\t", "tabs")):
+        if separator in header[0]:
+            raise CalibrationFileError(
+                f"{path.name}: {plural} separate the columns",
+                value=header[0][:40],
+                limit="commas, and decimal points in the numbers",
+                remedy="save it as CSV with commas",
+            )
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise CalibrationFileError(

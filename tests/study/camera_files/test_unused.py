@@ -468,6 +468,20 @@ def test_the_study_and_the_file_must_agree_on_the_lens(tmp_path: Path, line: str
         assert f"lens model {told}" in tradestudy.load(path).imported[0]
 
 
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "model_type: PINHOLE\nprojection_parameters:\n   fx: 460.\n   fy: 459.\n   cx: 367.\n   cy: 248.\n",
+        "Camera.type: PinHole\nCamera1.fx: 458.6\nCamera1.fy: 457.3\nCamera1.cx: 367.2\nCamera1.cy: 248.4\n",
+    ],
+)
+def test_opencv_files_without_a_camera_matrix_are_refused_with_this_cause(tmp_path: Path, lines: str) -> None:
+    (tmp_path / "rig.yml").write_text(f"%YAML:1.0\n---\n{lines}")
+    said = refusal(study(tmp_path, rig=IN_MM))
+    assert "no camera matrix is given under any of the known keys" in said
+    assert f"but the file has {lines.partition(':')[0]}, " in said
+
+
 @pytest.mark.parametrize("kind", ["fisheye", "pinhole"])
 def test_the_study_and_a_file_of_ros_or_kalibr_must_agree_on_the_lens(tmp_path: Path, kind: str) -> None:
     """Fisheye coefficients read as those of a pinhole, or the reverse, change depth off the axis several times."""

@@ -76,6 +76,12 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         )
     extrinsic = next(iter(moving), None)
     if extrinsic is None:
+        if not pairs and not alone and request.pictures == "raw":
+            raise tops[0].fail(
+                "no camera matrix is given under any of the known keys, such as camera_matrix, or M1 and M2 of a pair"
+                f"{_given(tops[0])}; write fx, fy, cx and cy as a matrix, and the distortion as "
+                "distortion_coefficients, or D1 and D2"
+            )
         raise tops[-1].fail(
             "two cameras need R and T; give a stereo calibration, or two camera files and one with R and T"
         )
