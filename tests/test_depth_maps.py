@@ -81,9 +81,11 @@ def mapped(
     """Score and maps of one camera."""
     path = folder / "maps.yaml"
     path.write_text(study_text(camera, surface, **said), encoding="utf-8")
-    score = api.render(api.load(path, overrides), folder, depth=True).depths[camera]
-    written = folder / "pictures" / camera
+    scene = api.render(api.load(path, overrides), folder, depth=True)
+    score, written = scene.depths[camera], folder / "pictures" / camera
     maps = {name: np.load(written / f"depth_map{name}.npy") for name in ("", "_deviation", "_true")}
+    for name, values in maps.items():
+        np.testing.assert_array_equal(scene.arrays[camera][f"depth_map{name}"], values)
     for name in ("_reason", "_measurable"):
         with Image.open(written / f"depth_map{name}.png") as file:
             maps[name] = np.asarray(file)

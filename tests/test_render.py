@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+import tradestudy
 from tests.scene_studies import BY_RAYS, PAIR, PLENOPTIC, scene_study
 from tests.study.camera_files.written import camchain
 from tradestudy import api, cli
@@ -103,6 +104,19 @@ def test_writes_pictures_depths_and_cameras(tmp_path: Path) -> None:
     n = left["pictures"]["left"]["lens_to_sensor"] / left["pictures"]["left"]["pupil_diameter"]
     mean = found["pair/left"].mean() * left["values"]["electrons_per_number"]
     assert mean == pytest.approx(8000 * (8 / n) ** 2, rel=0.05)
+
+
+def test_returns_the_arrays_that_it_writes(tmp_path: Path) -> None:
+    scene = tradestudy.render(study(tmp_path), str(tmp_path / "out"))
+    arrays = {f"{camera}/{name}": one for camera, own in scene.arrays.items() for name, one in own.items()}
+    files = {path.stem: path for path in (tmp_path / "out" / "pictures").glob("*/*.*") if path.suffix != ".json"}
+    assert sorted(arrays) == [
+        "pair/left", "pair/left_depth", "pair/right", "pair/right_depth", "plenoptic/raw", "plenoptic/raw_depth",
+    ]  # fmt: skip
+    for name, one in arrays.items():
+        path = files[name.rpartition("/")[2]]
+        np.testing.assert_array_equal(one, np.load(path) if path.suffix == ".npy" else np.asarray(Image.open(path)))
+    assert repr(scene) == "RenderedScene(pair: left, left_depth, right, right_depth; plenoptic: raw, raw_depth)"
 
 
 def test_the_near_side_of_a_step_hides_the_far_one(tmp_path: Path) -> None:

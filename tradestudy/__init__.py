@@ -1,8 +1,8 @@
 """Trade studies that compare plenoptic cameras with stereo rigs: depth, depth of field, diffraction, calibration.
 
 ``load(path)`` reads a study, and the study's ``run()`` computes it. ``camera(kind, …)`` makes a single camera.
-``open_result(folder)`` opens a finished run, ``compare(folders)`` compares finished runs, and ``starter(name)`` returns
-a commented study to start from.
+``render(study, folder)`` renders the pictures of its scene. ``open_result(folder)`` opens a finished run,
+``compare(folders)`` compares finished runs, and ``starter(name)`` returns a commented study to start from.
 `tradestudy.optics` offers the wave optics on its own, and `tradestudy.uncertainty` propagates uncertainty through any
 function. Errors are in ``tradestudy.errors`` and derive from ``TradestudyError``; their messages state the value, the
 limit and a remedy.
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tradestudy import optics, uncertainty
-    from tradestudy.api import compare, schema
+    from tradestudy.api import compare, render, schema
     from tradestudy.camera_object import Camera
     from tradestudy.loaded_study import Study, camera, load
     from tradestudy.result import Result, open_result
@@ -33,6 +33,7 @@ __all__ = [
     "load",
     "open_result",
     "optics",
+    "render",
     "schema",
     "starter",
     "uncertainty",

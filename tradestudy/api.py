@@ -24,6 +24,8 @@ from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result, open_result, shown, write_parts
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tradestudy.comparison import Comparison
     from tradestudy.execution import Executor
     from tradestudy.execution.steps import Progress
@@ -116,43 +118,59 @@ def run(
 
 @dataclass(frozen=True, kw_only=True)
 class RenderedScene:
-    """What `render` has written.
+    """What `render` has rendered and written.
 
     Parameters
     ----------
+    arrays
+        Pictures and depths by camera and by the name of their file without its ending, such as
+        ``arrays["rig"]["left"]``; shape (rows, columns), upright. Pictures are in digital numbers or, without
+        quantisation, in electrons. ``left_depth`` is the true depth along the axis in the pixels of ``left`` [m]. If
+        depth was requested, there are also ``depth_map``, its standard deviation ``depth_map_deviation`` and the true
+        depth in its pixels, ``depth_map_true`` [m].
     pictures
         Files of the pictures; beside each is its true depth, and for each camera ``camera.json`` and its depth map.
     depths
         Comparison of each camera's depth map with the true depth; empty unless depth was requested.
     """
 
+    arrays: Mapping[str, Mapping[str, NDArray[Any]]]
     pictures: Sequence[Path]
     depths: Mapping[str, DepthScore]
+
+    def __repr__(self) -> str:
+        names = "; ".join(f"{camera}: {', '.join(arrays)}" for camera, arrays in self.arrays.items())
+        return f"RenderedScene({names})"
 
 
 def render(
     study: Study,
-    directory: Path,
+    directory: str | Path,
     *,
     depth: bool = False,
     fresh: bool = False,
     progress: Progress = lambda _s, _p: None,
     executor: Executor | None = None,
 ) -> RenderedScene:
-    """Write only the pictures of the study's scene, with the true depth and a description of each camera.
+    """Render only the pictures of the study's scene; also write them, their true depth and facts about each camera.
 
     Unless ``fresh``, an interrupted rendering resumes.
 
     Parameters
     ----------
     study, directory
-        The study, and the output folder.
+        The study, and the folder in which the files are written, in ``pictures/CAMERA``.
     depth
         Whether to measure depth in the pictures, too, and write the depth maps beside them.
     fresh
         Whether to discard what an interrupted rendering has left.
     progress, executor
         As for `Study.run`.
+
+    Returns
+    -------
+    RenderedScene
+        The pictures and depths as arrays, the paths of the pictures, and the scores of measured depth.
 
     Raises
     ------
@@ -172,14 +190,15 @@ def render(
     from tradestudy.results.storage import refuse_foreign
 
     declared_image(study.definition)  # before calibrations are inferred
-    folder = directory / "pictures"
+    folder = Path(directory) / "pictures"
     refuse_foreign(folder, files_of_pictures(study.definition))
     with closing(Checkpoints(folder, fresh=fresh)) as checkpoints:
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
         definition, _ = infer_calibrations(study.definition, steps)
         taken = take_scene(definition, folder, steps, depth=depth)
         checkpoints.remove()
-    return RenderedScene(pictures=taken.written, depths={one.camera: one.score for one in taken.depths})
+    scores = {one.camera: one.score for one in taken.depths}
+    return RenderedScene(arrays=taken.arrays, pictures=taken.written, depths=scores)
 
 
 def usable_span(study: Study) -> tuple[float, float] | None:

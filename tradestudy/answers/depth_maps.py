@@ -128,6 +128,16 @@ class MeasuredDepth:
     made: Mapping[str, Samples]
     frame: Description
 
+    @property
+    def arrays(self) -> dict[str, Samples]:
+        """Measured depth, its standard deviation and the true depth [m], and the computed pictures, by name."""
+        depths = {
+            "depth_map": self.found.depth,
+            "depth_map_deviation": self.found.deviation,
+            "depth_map_true": self.truth.depth,
+        }
+        return {name: np.asarray(values, np.float32) for name, values in {**depths, **self.made}.items()}
+
 
 def set_up_readers(definition: StudyDefinition, *, rig: Rig | None = None) -> list[CameraReader]:
     """The depth readers of all cameras that take pictures of the scene.

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tradestudy.answers import pictures
 from tradestudy.answers.depth_loop import NOISE, loop_points
@@ -58,6 +59,16 @@ class TakenScene:
     rendering: Rendering
     depths: Sequence[MeasuredDepth]
     written: Sequence[Path]
+
+    @property
+    def arrays(self) -> dict[str, dict[str, NDArray[Any]]]:
+        """The content of the files of pictures and depths by camera and by name of the file without its ending."""
+        found: dict[str, dict[str, NDArray[Any]]] = {}
+        for one in self.rendering.pictures:
+            found.setdefault(one.camera, {}).update({one.name: one.values, f"{one.name}_depth": one.depth})
+        for measured in self.depths:
+            found[measured.camera].update(measured.arrays)
+        return found
 
 
 def files_of_pictures(definition: StudyDefinition) -> list[str]:
