@@ -12,6 +12,7 @@ import pytest
 
 import tradestudy
 from tradestudy import api
+from tradestudy.cameras.camera import DerivedValue
 from tradestudy.errors import TradestudyError
 
 pytestmark = pytest.mark.usefixtures("only_rays")
@@ -93,7 +94,8 @@ def test_the_field_of_view_is_that_of_the_lens_model(tmp_path: Path) -> None:
     slopes = cv2.fisheye.undistortPoints(ends, MATRIX, FISHEYE)[:, 0, 0]
     expected = math.degrees(math.atan(slopes[1]) - math.atan(slopes[0]))
     said = dict(camera.properties())["horizontal field of view, as calibrated"]
-    assert float(said.removesuffix("°")) == pytest.approx(expected, rel=1e-3)
+    assert isinstance(said, DerivedValue)
+    assert math.degrees(said.value) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize(

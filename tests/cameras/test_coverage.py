@@ -53,7 +53,7 @@ def test_the_microlenses_focal_length_does_not_decide_what_they_see(name: str) -
 
 def test_both_sides_of_the_array_are_covered_up_to_and_from_the_stated_distances() -> None:
     camera = r5()
-    (covered,) = (value for key, value in camera.properties() if "see every point" in key)
+    (covered,) = (str(value) for key, value in camera.properties() if "see every point" in key)
     near, far = (parse(one, LENGTH) for one in re.findall(r"[\d.]+ mm", covered))
     assert covered.startswith("up to ")
     assert " and from " in covered

@@ -10,11 +10,13 @@ import pytest
 
 from tests.cameras.builders import depth_read, stereo
 from tradestudy import load
+from tradestudy.cameras.camera import DerivedValue
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.optics.lens_families import DoubleSphere, FieldOfView, KannalaBrandt
 from tradestudy.optics.lens_model import LensModel, Rational
+from tradestudy.units import ANGLE
 
 LENSES = (
     KannalaBrandt(k1=-0.02, k2=0.005),
@@ -93,7 +95,7 @@ def test_the_field_is_that_of_the_lens_and_ends_with_it() -> None:
     assert barrel.read(np.array([1.0]), 1.0, {}).no_overlap.all()
     rows = dict(barrel.properties())
     assert rows["lens model"] == "rational (k1 -0.333333)"
-    assert rows["valid field of the lens model, from the axis"] == f"{math.degrees(end):.4g}°"
+    assert rows["valid field of the lens model, from the axis"] == DerivedValue(end, ANGLE)
     # Pixels beyond it receive no light.
     (left, _) = barrel.exposures(1.0, {}, None, 0.0)
     assert (left.cones(np.array([0.0, 2.8e-3]), np.zeros(2)).light > 0.0).tolist() == [True, False]

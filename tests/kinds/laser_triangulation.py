@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from tradestudy.cameras.calibration_declaration import calibration_part
-from tradestudy.cameras.camera import Contradiction, Properties, lens_contradictions
+from tradestudy.cameras.camera import Contradiction, DerivedValue, Properties, lens_contradictions
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityErrorLaw, Formula, Method
 from tradestudy.cameras.depth_measurement import (
@@ -40,7 +40,7 @@ from tradestudy.declarations.quantities import Angle, Baseline, ObjectDistanceOr
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.thin_lens import blur_diameter
 from tradestudy.optics.triangulation import depth_of_inverse
-from tradestudy.units import ANGLE, LENGTH, pretty
+from tradestudy.units import ANGLE, LENGTH
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
@@ -154,9 +154,9 @@ class LaserScanner(DepthCamera):
 
     def properties(self) -> Properties:
         return (
-            ("focal length", pretty(self.lens.focal_length, LENGTH, 4)),
-            ("baseline", pretty(self.baseline, LENGTH, 4)),
-            ("angle of the projector", pretty(self.projector_angle, ANGLE, 4)),
+            ("focal length", DerivedValue(self.lens.focal_length, LENGTH)),
+            ("baseline", DerivedValue(self.baseline, LENGTH)),
+            ("angle of the projector", DerivedValue(self.projector_angle, ANGLE)),
         )
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:

@@ -87,7 +87,9 @@ def _cameras(names: dict[str, str]) -> xr.Dataset:
             "field_of_view": [0.848, 0.332, 1.138],
             "property_camera": [keys[0], keys[1], keys[2]],
             "property_name": ["microlens gap", "field of view across", "field of view across"],
-            "property_value": ["0.568 mm", "19.06°", "65.24°"],
+            "property_value": [0.568e-3, 0.3327, 1.1387],
+            "property_units": ["m", "rad", "rad"],
+            "property_words": [""] * 3,
         },
         {"camera": keys},
     )

@@ -17,6 +17,7 @@ from tradestudy.answers.registers import contradictions
 from tradestudy.api import Result, load
 from tradestudy.errors import StudyError
 from tradestudy.results import GROUPS, storage
+from tradestudy.results.views.groups import records
 
 DEPTH_CAMERAS = {
     "r5-one-type",
@@ -229,21 +230,16 @@ def test_mismatched_f_numbers_and_fill_factor_are_reported(result: Result) -> No
     assert [str(what) for what in mine["what"].values] == ["f-number matching of microlenses and main lens"]
     assert "f/4.15" in str(mine["stated"].item())  # 13.636 mm over 3.289 mm
     assert "f/3.42" in str(mine["implied"].item())  # 0.432 mm over 126.5 µm
-    properties = result.data["cameras"].to_dataset()
-    fill = [
-        str(text)
-        for camera, name, text in zip(
-            properties["property_camera"].values,
-            properties["property_name"].values,
-            properties["property_value"].values,
-            strict=True,
-        )
-        if camera == "r5-unfocused" and "fill factor" in str(name)
-    ]
-    assert len(fill) == 1
-    # π/(2√3) · (113.7/126.5)².
-    assert fill[0].startswith("73.2")
-    assert re.search(r"113\.7 µm\b.*\b126\.5 µm", fill[0])
+    properties = {
+        one["property_name"]: (one["property_value"], one["property_units"])
+        for one in records(result.data, "cameras", "property")
+        if one["property_camera"] == "r5-unfocused"
+    }
+    fill, wide, apart = (
+        properties[name] for name in ("fill factor of the array", "width of a microlens", "microlens pitch")
+    )
+    assert fill == (pytest.approx(np.pi / (2.0 * np.sqrt(3.0)) * (113.7 / 126.5) ** 2, rel=1e-3), "1")
+    assert (wide, apart) == ((pytest.approx(113.7e-6, rel=1e-3), "m"), (pytest.approx(126.5e-6), "m"))
 
 
 def test_a_contradicted_depth_of_field_is_reported() -> None:

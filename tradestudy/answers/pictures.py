@@ -294,6 +294,6 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
         "within_tolerance": "whether both errors, added in quadrature, meet accuracy.pixel_intensity of the study",
         "rig": image.rig,
         "errors": {name: value.tolist() for name, value in taken.errors.items()},
-        "properties": dict(taken.camera.properties()),
+        "properties": {name: str(value) for name, value in taken.camera.properties()},
         "pictures": dict(pictures),
     }

@@ -60,7 +60,9 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
             "field_of_view": [sum(camera.edge_angles(math.inf)[:2]) for camera in cameras.values()],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
-            "property_value": [item[2] for item in properties],
+            "property_value": [math.nan if isinstance(one, str) else float(one.value) for *_, one in properties],
+            "property_units": ["" if isinstance(one, str) else one.dimension.unit or "1" for *_, one in properties],
+            "property_words": [one if isinstance(one, str) else "" for *_, one in properties],
         },
         {"camera": list(cameras)},
     )

@@ -132,7 +132,18 @@ def show(value: float, dimension: Dimension) -> str:
     return pretty(value, dimension, digits=4)
 
 
-Properties = tuple[tuple[str, str], ...]
+@dataclass(frozen=True)
+class DerivedValue:
+    """A number that follows from the declared values, in the SI unit of its dimension; as text, four digits of it."""
+
+    value: float
+    dimension: Dimension
+
+    def __str__(self) -> str:
+        return show(self.value, self.dimension)
+
+
+Properties = tuple[tuple[str, DerivedValue | str], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +179,7 @@ class Camera(ABC):
 
     @abstractmethod
     def properties(self) -> Properties:
-        """Names and values of derived properties, in reading order."""
+        """Names and values of derived properties, in reading order; words where no number can say it."""
 
     @abstractmethod
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.camera import PRINTED_TOLERANCE, Contradiction, lens_contradictions, show
+from tradestudy.cameras.camera import (
+    PRINTED_TOLERANCE,
+    Contradiction,
+    DerivedValue,
+    Properties,
+    lens_contradictions,
+    show,
+)
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import (
     INTERIOR,
@@ -328,11 +335,15 @@ class PlenopticCamera(DepthCamera):
         return [*lens_contradictions(self.main_lens, self.sensor, stated), *array]
 
 
-def fill_factor(array: MicrolensArray) -> str:
-    """Fraction of the array that transmits light, with the diameters from which it follows."""
+def fill_properties(array: MicrolensArray) -> Properties:
+    """Fraction of the array that transmits light, and the lengths from which it follows."""
     aperture, pitch = array.aperture_diameter, array.pitch
     area = math.pi / 4.0 * aperture**2 / (_CELL_OVER_PITCH_SQUARED[array.layout] * pitch**2)
-    return f"{pretty(area, FRACTION)} ({pretty(aperture, LENGTH, 4)} wide, {pretty(pitch, LENGTH, 4)} apart)"
+    return (
+        ("fill factor of the array", DerivedValue(area, FRACTION)),
+        ("width of a microlens", DerivedValue(aperture, LENGTH)),
+        ("microlens pitch", DerivedValue(pitch, LENGTH)),
+    )
 
 
 def array_contradictions(

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.camera import DerivedValue, Properties
 from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, Pose, Stop
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry, WholePictures
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_model import IDEAL, LensModel, slopes
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
-from tradestudy.units import ANGLE, pretty
+from tradestudy.units import ANGLE
 
 
 def edge_angle(lens: LensModel, across: float, down: float) -> float:
@@ -31,7 +31,7 @@ def properties_of_lens(lens: LensModel, what: str) -> Properties:
     given = ", ".join(f"{name} {value:g}" for name, value in lens.coefficients().items() if value)
     return (
         (what, f"{lens.name} ({given})"),
-        (f"valid field of the {what}, from the axis", pretty(float(lens.valid_field), ANGLE, 4)),
+        (f"valid field of the {what}, from the axis", DerivedValue(float(lens.valid_field), ANGLE)),
     )
 
 

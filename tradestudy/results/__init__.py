@@ -17,7 +17,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     import xarray as xr  # only for types here, because plans use only the words of the results
 
-FORMAT_VERSION: Final = 8
+FORMAT_VERSION: Final = 9
 PAPER: Final = "Diffraction model of a plenoptic camera for in-situ space exploration"
 JUDGED: Final = ("depth_uncertainty", "depth_error_radius")
 """The larger of these variables judges a camera; see `judged_uncertainty`."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.calibrated_pair import CalibratedCamera
-from tradestudy.cameras.camera import Camera, Contradiction, Properties, lens_contradictions, show
+from tradestudy.cameras.camera import Camera, Contradiction, DerivedValue, Properties, lens_contradictions, show
 from tradestudy.cameras.depth_measurement import Environment, Errors
 from tradestudy.cameras.focus import BlurCriterion, SharpRange, SingleLensFocus, require_focus, sharp_range
 from tradestudy.cameras.parts import Lens, require_positive
@@ -22,7 +22,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure, diffraction_diameter, images_needed, plan_focus_stack
 from tradestudy.optics.lateral_resolution import LateralResolution, airy_radius
 from tradestudy.optics.thin_lens import image_distance
-from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
+from tradestudy.units import ANGLE, LENGTH, NUMBER
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
@@ -334,25 +334,28 @@ class ConventionalCamera(Camera):
         lens, single = self.lens, self.single_image
         across, diagonal = self.fields_of_view
         views = "focused at infinity" if self.calibrated is None else "as calibrated"
-        rows = [
-            ("focal length", pretty(lens.focal_length, LENGTH, 4)),
-            ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("focus distance, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
-            ("working f-number", pretty(single.working_f_number, NUMBER, 4)),
-            (f"horizontal field of view, {views}", pretty(across, ANGLE, 4)),
-            (f"diagonal field of view, {views}", pretty(diagonal, ANGLE, 4)),
+        rows: list[tuple[str, DerivedValue | str]] = [
+            ("focal length", DerivedValue(lens.focal_length, LENGTH)),
+            ("pupil diameter", DerivedValue(lens.pupil_diameter, LENGTH)),
+            ("focus distance, from the principal plane", DerivedValue(self.focus_distance, LENGTH)),
+            ("working f-number", DerivedValue(single.working_f_number, NUMBER)),
+            (f"horizontal field of view, {views}", DerivedValue(across, ANGLE)),
+            (f"diagonal field of view, {views}", DerivedValue(diagonal, ANGLE)),
             *(() if self.calibrated is None else properties_of_lens(self.calibrated.lens, "lens model")),
         ]
         if math.isfinite(self.focus_distance):
             in_focus = image_distance(self.focus_distance, self.lens.focal_length)
             scale = self.sensor.pixel_pitch * self.focus_distance / float(in_focus)
-            rows.insert(3, ("image scale in focus, per pixel", pretty(scale, LENGTH, 4)))
+            rows.insert(3, ("image scale in focus, per pixel", DerivedValue(scale, LENGTH)))
         if self.front_to_principal_plane is not None:
             working = self.focus_distance - self.front_to_principal_plane
-            rows.insert(3, ("working distance, from the front of the lens", pretty(working, LENGTH, 4)))
+            rows.insert(3, ("working distance, from the front of the lens", DerivedValue(working, LENGTH)))
         if self.stack is not None:
-            ends = " to ".join(pretty(end, LENGTH) for end in (self.stack.near, self.stack.far))
-            rows.append(("focus stack", f"up to {self.stack.most_images} images, {ends}"))
+            rows += [
+                ("most images of the focus stack", DerivedValue(self.stack.most_images, NUMBER)),
+                ("near end of the focus stack", DerivedValue(self.stack.near, LENGTH)),
+                ("far end of the focus stack", DerivedValue(self.stack.far, LENGTH)),
+            ]
         return tuple(rows)
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - it measures no depth

@@ -11,7 +11,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.camera import DerivedValue, Properties
 from tradestudy.cameras.depth_camera import (
     Formula,
     Limit,
@@ -33,7 +33,7 @@ from tradestudy.cameras.focused_plenoptic.focus import NO_SCALING, DepthScaling,
 from tradestudy.cameras.microlens_exposure import ArrayGeometry, MicrolensExposure, Observation, disparity_error
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
+from tradestudy.cameras.plenoptic import PlenopticCamera, fill_properties
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.microlens_coverage import (
@@ -488,26 +488,31 @@ class FocusedPlenoptic(PlenopticCamera):
         at_infinity, plane = float(self.virtual_depth(math.inf)), self.total_covering_plane
         if math.isnan(plane) and math.isclose(abs(at_infinity), COVERING_VIRTUAL_DEPTH):
             plane = math.inf
+        count = len(array.focal_lengths)
+        types = [""] if count == 1 else [f", type {k + 1}" for k in range(count)]
         return (
             *(() if scaling.is_identity else (("metric depth of the depth Z by eq. 8", scaling.words),)),
-            ("distance from main lens to array, z", pretty(self.mla_distance, LENGTH, 5)),
-            ("microlens gap, b_L", pretty(array.gap, LENGTH, 4)),
-            ("microlens focal lengths, f_L", ", ".join(pretty(f, LENGTH, 4) for f in array.focal_lengths)),
-            ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("microlens f-number, gap/pitch", pretty(array.gap / array.pitch, NUMBER, 4)),
-            ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
-            ("fill factor of the array", fill_factor(array)),
-            ("virtual depth at infinity", pretty(at_infinity, NUMBER, 4)),
+            ("distance from main lens to array, z", DerivedValue(self.mla_distance, LENGTH)),
+            ("microlens gap, b_L", DerivedValue(array.gap, LENGTH)),
+            *(
+                (f"microlens focal length, f_L{type_}", DerivedValue(focal_length, LENGTH))
+                for type_, focal_length in zip(types, array.focal_lengths, strict=True)
+            ),
+            ("pupil diameter", DerivedValue(lens.pupil_diameter, LENGTH)),
+            ("microlens f-number, gap/pitch", DerivedValue(array.gap / array.pitch, NUMBER)),
+            ("pixels per microlens", DerivedValue(array.pitch / sensor.pixel_pitch, NUMBER)),
+            *fill_properties(array),
+            ("virtual depth at infinity", DerivedValue(at_infinity, NUMBER)),
             (
                 "total covering plane, where |virtual depth| is 2",
-                "none" if math.isnan(plane) else pretty(plane, LENGTH, 4),
+                "none" if math.isnan(plane) else DerivedValue(plane, LENGTH),
             ),
             (
                 "distances, exact for this lattice, at which two or more microlenses of any type see every point",
                 _covered(lens, array, self.mla_distance, scaling),
             ),
-            ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
-            ("diagonal field of view, focused at infinity", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
+            ("horizontal field of view, focused at infinity", DerivedValue(lens.field_of_view(sensor.width), ANGLE)),
+            ("diagonal field of view, focused at infinity", DerivedValue(lens.field_of_view(sensor.diagonal), ANGLE)),
         )
 
 

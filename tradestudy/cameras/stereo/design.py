@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.calibrated_pair import CalibratedPair
-from tradestudy.cameras.camera import Contradiction, Properties, lens_contradictions, show
+from tradestudy.cameras.camera import Contradiction, DerivedValue, Properties, lens_contradictions, show
 from tradestudy.cameras.depth_camera import DepthCamera, Formula, Limit, Method, UsableCriteria
 from tradestudy.cameras.depth_measurement import (
     PIXEL_NOISE,
@@ -528,19 +528,19 @@ class StereoRig(DepthCamera):
         if pair is not None:
             lenses = [(own, f"{side} lens model") for own, side in zip(pair.lenses, SIDES, strict=True)]
         return (
-            ("focal length", pretty(lens.focal_length, LENGTH, 4)),
-            ("principal distance", pretty(self.principal_distance, LENGTH, 4)),
+            ("focal length", DerivedValue(lens.focal_length, LENGTH)),
+            ("principal distance", DerivedValue(self.principal_distance, LENGTH)),
             (
                 "thin-lens image distance at the declared focus",
-                "varies with focus" if focus is None else pretty(self.sensor_distance(focus), LENGTH, 4),
+                "varies with focus" if focus is None else DerivedValue(self.sensor_distance(focus), LENGTH),
             ),
-            ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("horizontal field of view, from the principal distance", pretty(self.field_of_view, ANGLE, 4)),
+            ("pupil diameter", DerivedValue(lens.pupil_diameter, LENGTH)),
+            ("horizontal field of view, from the principal distance", DerivedValue(self.field_of_view, ANGLE)),
             (
                 "diagonal field of view, from the principal distance",
-                pretty(self._diagonal_view, ANGLE, 4),
+                DerivedValue(self._diagonal_view, ANGLE),
             ),
-            ("baseline", pretty(self.baseline, LENGTH, 4)),
+            ("baseline", DerivedValue(self.baseline, LENGTH)),
             *(row for lens, what in lenses for row in properties_of_lens(lens, what)),
         )
 

@@ -25,14 +25,14 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.camera import DerivedValue, Properties
 from tradestudy.cameras.depth_camera import Formula, Method, declared_disparity_error
 from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.focus import SingleLensFocus
 from tradestudy.cameras.microlens_exposure import ArrayGeometry, Observation, PlaceOnArray, disparity_error
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
+from tradestudy.cameras.plenoptic import PlenopticCamera, fill_properties
 from tradestudy.cameras.unfocused_plenoptic.views import (
     ComparedViews,
     ViewEstimator,
@@ -43,7 +43,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.plenoptic_depth_of_field import refocus_distance, view_pupil_diameter
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse
-from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
+from tradestudy.units import ANGLE, LENGTH, NUMBER
 
 METHOD: Final = Method(
     name="unfocused",
@@ -347,28 +347,29 @@ class UnfocusedPlenoptic(PlenopticCamera):
         array, lens, sensor = self.microlenses, self.main_lens, self.sensor
         nearer, farther = (float(self.refocus_distance(shift)) for shift in (1.0, -1.0))
         return (
-            ("distance from main lens to array, z", pretty(self.mla_distance, LENGTH, 5)),
-            ("microlens focal lengths, f_L", pretty(array.gap, LENGTH, 4)),
-            ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
-            ("microlens f-number, gap/pitch", pretty(array.gap / array.pitch, NUMBER, 4)),
-            ("image-side f-number of the main lens", pretty(self.mla_distance / lens.pupil_diameter, NUMBER, 4)),
-            ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
-            ("fill factor of the array", fill_factor(array)),
-            ("diameter of the micro-image of the pupil", pretty(self.micro_image_diameter, LENGTH, 4)),
-            ("views", f"{self.views}, {self.views_across} across"),
-            ("diameter of the pupil of one view", pretty(self.view_pupil_diameter, LENGTH, 4)),
+            ("distance from main lens to array, z", DerivedValue(self.mla_distance, LENGTH)),
+            ("microlens focal length, f_L", DerivedValue(array.gap, LENGTH)),
+            ("pupil diameter", DerivedValue(lens.pupil_diameter, LENGTH)),
+            ("microlens f-number, gap/pitch", DerivedValue(array.gap / array.pitch, NUMBER)),
+            ("image-side f-number of the main lens", DerivedValue(self.mla_distance / lens.pupil_diameter, NUMBER)),
+            ("pixels per microlens", DerivedValue(array.pitch / sensor.pixel_pitch, NUMBER)),
+            *fill_properties(array),
+            ("diameter of the micro-image of the pupil", DerivedValue(self.micro_image_diameter, LENGTH)),
+            ("views", DerivedValue(self.views, NUMBER)),
+            ("views across", DerivedValue(self.views_across, NUMBER)),
+            ("diameter of the pupil of one view", DerivedValue(self.view_pupil_diameter, LENGTH)),
             (
                 "nearer distance at which the disparity of neighbouring views is one microlens",
-                pretty(nearer, LENGTH, 4),
+                DerivedValue(nearer, LENGTH),
             ),
             (
                 "farther distance at which the disparity of neighbouring views is one microlens",
-                pretty(farther, LENGTH, 4),
+                DerivedValue(farther, LENGTH),
             ),
-            ("horizontal field of view, focused at infinity", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+            ("horizontal field of view, focused at infinity", DerivedValue(lens.field_of_view(sensor.width), ANGLE)),
             (
                 "diagonal field of view, focused at infinity",
-                pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4),
+                DerivedValue(lens.field_of_view(sensor.diagonal), ANGLE),
             ),
         )
 

@@ -27,9 +27,10 @@ from tradestudy.report.words import length, or_dash
 from tradestudy.results import PAPER
 from tradestudy.results.storage import CHECKSUM, PICTURES
 from tradestudy.results.views.decision import readings_in_words
+from tradestudy.results.views.designs import BY_UNIT
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.results.views.requirement_conclusions import ALL, ANY, VERDICTS, requirement_conclusions
-from tradestudy.units import ANGLE, pretty, significant
+from tradestudy.units import ANGLE, NUMBER, pretty, significant
 from tradestudy.wording import distance, in_words, listed, span
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
@@ -96,12 +97,11 @@ def describe_properties(tree: xr.DataTree) -> Iterator[Block]:
 
 def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Table]:
     """Write the derived properties of the cameras of one family side by side."""
-    data, titles = group(tree, "cameras"), camera_titles(tree)
+    titles = camera_titles(tree)
     values = {
-        (str(camera), str(name)): str(value)
-        for camera, name, value in zip(
-            data["property_camera"].values, data["property_name"].values, data["property_value"].values, strict=True
-        )
+        (str(one["property_camera"]), str(one["property_name"])): str(one["property_words"])
+        or pretty(one["property_value"], BY_UNIT.get(one["property_units"], NUMBER), 4)
+        for one in records(tree, "cameras", "property")
     }
     names = list(dict.fromkeys(name for camera, name in values if camera in keys))
     if names:
