@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
+from tradestudy import load
 from tradestudy.results.views.conclusions import never_usable
 from tradestudy.results.views.depth import off_axis_words
+from tradestudy.results.views.headline import headline
 from tradestudy.results.views.terminal import terminal_lines
 
 MakeTree = Callable[..., xr.DataTree]
@@ -63,3 +66,16 @@ def test_a_camera_that_is_usable_nowhere_is_named_with_the_limit_that_it_misses(
     depth["limit_met"].loc[{"camera": "r5", "limit": "focus"}] = 0
     changed = xr.DataTree.from_dict({**{node.path: node.to_dataset() for node in tree.subtree}, "/depth": depth})
     assert list(never_usable(changed)) == [("Raytrix R5, Keplerian", "out of focus")]
+
+
+def test_the_only_camera_is_named_with_the_limit_that_it_misses_everywhere(tmp_path: Path) -> None:
+    """Parallel axes, f = 900 px, B = 1 m: the overlap, 1 − fB/(640 px Z), reaches 60 % at 3.52 m."""
+    (tmp_path / "wide.yaml").write_text(
+        "format: 2\nstudy: wide\ntitle: Wide\nquestion: Where?\ncameras:\n"
+        "  rig: {kind: stereo, lenses: {focal_length: 900 px}, sensor: {pixels: [640, 480], pixel_pitch: 3 um},\n"
+        "    baseline: 1 m, depth: {disparity_error: 0.1 px}}\n"
+        "scene: {distances: {from: 1.6 m, to: 3.4 m, points: 5}, wavelength: 550 nm}\nusable_range: {overlap: 60 %}\n"
+    )
+    tree = load(tmp_path / "wide.yaml").run().data
+    assert list(never_usable(tree)) == []
+    assert headline(tree) == "No camera is usable from 1.6 to 3.4 m (too little overlap)."

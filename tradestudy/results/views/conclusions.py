@@ -176,14 +176,14 @@ def question_words(says: str) -> str:
     return says if says.endswith("?") else f"{says}:"
 
 
-def never_usable(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
-    """Titles of the candidates that are usable nowhere, each with what prevents it, unless none is usable anywhere."""
+def never_usable(tree: xr.DataTree, *, even_all: bool = False) -> Iterator[tuple[str, str]]:
+    """Titles of the candidates that are usable nowhere, with what prevents it; if all are, only if `even_all`."""
     if not has(tree, "depth", "usable_near") or not nominal_is_declared(tree):
         return
     depth, titles = nominal(tree), camera_titles(tree)
     among = candidates(tree) or tuple(map(str, depth["camera"].values))
     nowhere = [name for name in among if not where_usable(depth, name)]
-    if len(nowhere) == len(among):
+    if len(nowhere) == len(among) and not even_all:
         return
     for name in nowhere:
         broken = depth["limit_met"].sel(camera=name).transpose("distance", "limit").values == 0

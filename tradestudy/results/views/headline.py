@@ -11,7 +11,15 @@ import xarray as xr
 
 from tradestudy.light_methods import title_within_a_sentence
 from tradestudy.results import judged_uncertainty
-from tradestudy.results.views.conclusions import BestRange, at_least, best_ranges, never_best, question_words, rests_on
+from tradestudy.results.views.conclusions import (
+    BestRange,
+    at_least,
+    best_ranges,
+    never_best,
+    never_usable,
+    question_words,
+    rests_on,
+)
 from tradestudy.results.views.decision import candidates, solved_questions
 from tradestudy.results.views.depth import (
     SharpCamera,
@@ -294,7 +302,9 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
     if not ranges:
         return ""
     if not taken:
-        return f"no camera is usable from {' to '.join(_ends(ranges[0].near, ranges[-1].far))}"
+        causes = {why for _, why in never_usable(tree, even_all=True)}
+        why = f" ({causes.pop()})" if len(causes) == 1 else ""  # if they differ, the report gives each camera's cause
+        return f"no camera is usable from {' to '.join(_ends(ranges[0].near, ranges[-1].far))}{why}"
     if len(group(tree, "depth")["camera"]) == 1:
         return _of_one_camera(tree, taken)
     shown = taken
