@@ -452,6 +452,8 @@ def test_mrcal_poses_that_contradict_each_other_are_refused(tmp_path: Path) -> N
         ("distortion_model: plumb_bob", "fisheye", "plumb_bob contradicts lens_model: fisheye of the study"),
         ("distortion_model: equidistant", "pinhole", "equidistant contradicts lens_model: pinhole of the study"),
         ("distortion_model: omni", "fisheye", "the lens model 'omni' is unknown"),
+        ("camera_model: AB-12C", "pinhole", "'AB-12C' is unknown; write fisheye if the coefficients are k1 to k4, or "),
+        ("camera_model: AB-12C", "pinhole", "; remove this key if it names the camera"),
         ("fisheye_model: 0", "pinhole", ""),
         ("fisheye_model: 1", "fisheye", ""),
         ("camera_model: pinhole", "fisheye", ""),  # the camera without its distortion

@@ -276,8 +276,8 @@ def _stated_kind(top: Located, request: Request, side: int | None) -> str:
         name = named.text().lower()
         if name not in (*_FISHEYE_NAMES, *_PINHOLE_NAMES):
             raise named.fail(
-                f"the lens model '{name[:40]}' is unknown; write fisheye if the coefficients are k1 to k4, or pinhole "
-                "if they are k1 k2 p1 p2 k3 …"
+                f"the lens model '{named.text()[:40]}' is unknown; write fisheye if the coefficients are k1 to k4, or "
+                "pinhole if they are k1 k2 p1 p2 k3 …; remove this key if it names the camera"
             )
         kind_named = "fisheye" if name in _FISHEYE_NAMES else "pinhole"
         # "pinhole" also names the camera without its distortion.
