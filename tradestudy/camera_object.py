@@ -28,6 +28,8 @@ from tradestudy.study.python_values import in_metres, plain_value
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tradestudy.optics.microlens_camera import MicrolensCamera
+
 ErrorSource = Literal["noise", "calibration", "both"]
 _QUANTITY: Final = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)? ?[A-Za-zµ°%][\w°/*^ -]*", re.ASCII)
 # SI units of values that replaced numbers had, by declaration and path; found by the schema at the first replacement.
@@ -223,6 +225,16 @@ class Camera:
         if not isinstance(camera, DepthCamera):
             raise OutOfRangeError(f"the {self.kind} camera '{self.name}' measures no depth")
         return apply_models(camera, self._origin.models)
+
+    def light_chain(self) -> MicrolensCamera:
+        """A plenoptic camera in the form that `tradestudy.optics.microlens_image` expects.
+
+        Raises
+        ------
+        OutOfRangeError
+            If the camera has no microlens array.
+        """
+        return self._calibrated.light_chain()
 
     def depth_uncertainty(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
         """Half the central 68.27 % interval of the measured depth [m], whatever its bias.

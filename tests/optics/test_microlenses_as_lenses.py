@@ -52,7 +52,7 @@ def illum() -> optics.MicrolensCamera:
 
 def shipped() -> optics.MicrolensCamera:
     """The unfocused R5, in focus at 150 mm."""
-    return tradestudy.load("studies/hand_lens.yaml").definition.case.cameras["r5-unfocused"].light_chain()  # type: ignore[attr-defined]  # a plenoptic camera
+    return tradestudy.load("studies/hand_lens.yaml").cameras["r5-unfocused"].light_chain()
 
 
 def of_path(path: optics.LightPath, distance: float, legs: optics.Legs, tolerance: float) -> optics.ChainImage:

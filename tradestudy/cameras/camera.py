@@ -21,6 +21,7 @@ from tradestudy.units import ANGLE, ELECTRONS, LENGTH, PHOTONS, Dimension, prett
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
+    from tradestudy.optics.microlens_camera import MicrolensCamera
 
 
 # Values printed with three or four digits agree within this.
@@ -231,6 +232,21 @@ class Camera(ABC):
     def elements(self) -> int:
         """Number of parts with individual errors, such as microlenses."""
         return 0
+
+    def light_chain(self) -> MicrolensCamera:
+        """The camera in the form that `tradestudy.optics.microlens_image` expects.
+
+        Raises
+        ------
+        OutOfRangeError
+            If it has no microlens array.
+        """
+        raise OutOfRangeError(
+            "light behind a microlens array",
+            value="a camera without one",
+            limit="plenoptic cameras",
+            remedy="for the spot of a lens, use tradestudy.optics.point_spread",
+        )
 
     def exposures(
         self,

@@ -341,7 +341,7 @@ def microlens_image(
     ----------
     camera
         Main lens, microlens array and sensor. For a plenoptic camera of a loaded study, give
-        ``study.definition.case.cameras[NAME].light_chain()``, where NAME is its key in the study file.
+        ``study.cameras[NAME].light_chain()``, where NAME is its key in the study file.
     source
         A `PointSource` or a `DiscSource`. The intensities of the points of an incoherent disc add up; a coherent disc
         emits one wave, with the same phase at every point.
