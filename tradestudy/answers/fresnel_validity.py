@@ -80,7 +80,7 @@ def fresnel_validity_group(asked: FresnelValidityPart, steps: Steps, seconds: Se
         ("wavelength", "m", "wavelength"),
         ("f_number", "1", "focal length divided by pupil diameter"),
         ("window", "1", "radius of the window, in Airy radii"),
-        ("quarter_wave", "1", "growth of a + b in λ/4 since the last jump"),
+        ("quarter_wave", "1", "growth of a + b in λ/4 since a jump"),
         ("path_error", "wave", "allowed length of the neglected path"),
     ):
         result[name].attrs = {"units": units, "long_name": long_name}
