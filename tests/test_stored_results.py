@@ -244,7 +244,7 @@ def test_variables_that_are_not_as_declared_are_refused(
 def test_results_of_an_earlier_format_are_refused_by_their_number(tmp_path: Path) -> None:
     tree = xr.DataTree(xr.Dataset(attrs={"format_version": FORMAT_VERSION - 1, "study": "old"}))
     storage.write_finished(storage.encoded(tree), COMPLETE, tmp_path)
-    with pytest.raises(ResultsError, match="another format version.*run the study again") as refused:
+    with pytest.raises(ResultsError, match=r"another format version.*run the study again") as refused:
         storage.read_finished(tmp_path)
     assert f"{FORMAT_VERSION - 1} in " in str(refused.value.value)
     assert refused.value.limit == str(FORMAT_VERSION)
