@@ -15,7 +15,7 @@ from tradestudy.execution import Threads
 from tradestudy.imaging.estimation import DepthScore, score
 from tradestudy.optics.window_matching import Reason
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import Bullets, Paragraph, Table, all_blocks, plain_text
+from tradestudy.report.document import Appendices, Bullets, Paragraph, Table, all_blocks, plain_text
 from tradestudy.units import LENGTH, pretty
 
 pytestmark = pytest.mark.usefixtures("only_rays")
@@ -75,6 +75,10 @@ def test_the_report_shows_maps_and_compares_them(ran: tuple[api.Result, Path]) -
     assert drawings["depth_achieved"].draw().svg()
     report = compose_report(tree, ran[0].run_record, drawings)
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
+    appendices = report.blocks.index(Appendices())
+    early = {"depth-maps-depth-table"}
+    late = {"depth-maps-disparity-table", "scene-pictures-table"}
+    assert early == {name for name in early | late if report.blocks.index(tables[name]) < appendices}
     assert [row[0] for row in tables["depth-maps-depth-table"].rows] == ["Plenoptic"]
     assert plain_text(tables["depth-maps-disparity-table"].rows[0][1]) != "—"
     reported = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]

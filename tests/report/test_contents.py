@@ -3,14 +3,17 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from tradestudy import figures
+from tradestudy.api import load
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import (
+    Appendices,
     Bullets,
     Callout,
     Heading,
@@ -73,6 +76,25 @@ def part(tree: xr.DataTree, *groups: str) -> xr.DataTree:
 )
 def test_sections_follow_from_the_groups(tree: xr.DataTree, groups: tuple[str, ...], expected: list[str]) -> None:
     assert headings(document_of(part(tree, *groups))) == expected
+
+
+def test_hard_cases_have_their_verdict_in_the_main_part_and_their_tables_in_an_appendix() -> None:
+    path = Path(__file__).resolve().parents[2] / "studies" / "hard_cases.yaml"
+    blocks = document_of(load(path, ("hard_cases.families=[equation-27]",)).run().data).blocks
+    appendices = blocks.index(Appendices())
+    assert "Where formulas break down" in [one.title for one in blocks[:appendices] if isinstance(one, Callout)]
+    assert [isinstance(one, Table) for one in blocks[:appendices]].count(True) == 0
+    assert blocks[appendices + 1] == Heading(text="Every hard case", anchor="every-hard-case")
+    assert any(isinstance(one, Table) and one.name.startswith("hard-cases-") for one in blocks[appendices:])
+
+
+def test_maps_over_the_picture_have_a_heading_only_where_one_is_left_for_the_section(tree: xr.DataTree) -> None:
+    drawings = figures.build(tree)
+    tree = tree.copy()
+    tree["depth_map"] = xr.DataTree(xr.Dataset(coords={"camera": ["r5"]}))
+    more = drawings | {"depth-map-r5": list(drawings.values())[-1]}
+    assert "Over the picture" not in headings(compose_report(tree, {}, drawings))
+    assert "Over the picture" in headings(compose_report(tree, {}, more))
 
 
 def test_every_figure_of_the_study_is_shown_once(make_tree: Callable[..., xr.DataTree]) -> None:

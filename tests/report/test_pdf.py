@@ -13,11 +13,14 @@ from tradestudy import figures
 from tradestudy.errors import TradestudyError
 from tradestudy.figures.style import traces
 from tradestudy.report.document import (
+    Appendices,
     Bullets,
     Callout,
     Column,
+    Contents,
     Equation,
     Heading,
+    PageBreak,
     Paragraph,
     Picture,
     Report,
@@ -164,6 +167,26 @@ def test_a_row_heading_is_on_the_page_of_its_first_row_and_repeated_where_rows_c
     for page in printed:
         for heading in ("First", "Second"):
             assert len(re.findall(rf"{heading}(?! row)", page)) == (1 if f"{heading} row" in page else 0)
+
+
+@pytest.mark.parametrize(("lines", "page"), [(1, 0), (15, 0), (30, 1), (38, 1), (50, 1)])
+def test_the_contents_begin_on_the_first_page_only_if_it_is_short(lines: int, page: int) -> None:
+    answer = tuple(Paragraph(f"Line {number}") for number in range(lines))
+    rest = (Contents(), Heading(text="Cameras", anchor="cameras"), Paragraph("Each."), Appendices(), Paragraph("Last."))
+    printed = texts(render_pdf(Report(title="D", subtitle="", blocks=(*answer, PageBreak(), *rest)), {}))
+    for shown in ("Contents", "Each.", "Last."):  # appendices follow on the same page
+        assert shown in printed[page]
+
+
+def test_a_tall_figure_is_smaller_on_later_pages() -> None:
+    tall = SVG.replace(b'height="10"', b'height="10" viewBox="0 0 10 10"')
+    wide = tall.replace(b'height="10"', b'height="4"', 1).replace(b"0 0 10 10", b"0 0 10 4")
+    blocks = (Picture(name="tall", caption="c", alt="a"), Picture(name="wide", caption="c", alt="a"))
+    page = pixels(render_pdf(Report(title="D", subtitle="", blocks=blocks), {"tall": tall, "wide": wide}), 0)
+    red = (page[..., 0] > 200) & (page[..., 1] < 60)
+    widths = np.unique(red.sum(axis=1)[red.any(axis=1)])
+    assert widths.max() / red.shape[1] == pytest.approx(172 / 210, abs=0.01)
+    assert widths[widths > 0.2 * red.shape[1]].min() / widths.max() == pytest.approx(0.66, abs=0.01)
 
 
 def test_an_equation_that_does_not_parse_is_a_clear_error() -> None:

@@ -14,11 +14,26 @@ from tradestudy.report.sections.budget import list_budgets
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.depth_numbers import describe_datasheet, describe_decision, list_depths
 from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
-from tradestudy.report.sections.fresnel_validity import describe_fresnel_answer, describe_fresnel_validity
+from tradestudy.report.sections.fresnel_validity import (
+    describe_fresnel_answer,
+    describe_fresnel_criteria,
+    describe_fresnel_validity,
+)
 from tradestudy.report.sections.light_spot import describe_light_spot, describe_light_spot_answer
 from tradestudy.report.sections.method import describe_method
-from tradestudy.report.sections.pictures import describe_depth_loop, describe_depth_maps, describe_pictures
-from tradestudy.report.sections.program import describe_cost, describe_effects, describe_hard_cases, list_decisions
+from tradestudy.report.sections.pictures import (
+    describe_depth_loop,
+    describe_depth_maps,
+    describe_pictures,
+    list_disparity_scores,
+)
+from tradestudy.report.sections.program import (
+    describe_cost,
+    describe_effects,
+    describe_hard_cases,
+    list_decisions,
+    list_hard_cases,
+)
 from tradestudy.report.sections.registers import (
     describe_assumptions,
     describe_cameras,
@@ -61,21 +76,23 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_cameras(tree),
         *describe_verdicts(tree),
         *describe_claims(tree),
-        *describe_pictures(tree, drawings),
         *describe_depth_maps(tree, drawings),
         *describe_depth_loop(tree, run, drawings),
         *describe_value_of_information(tree, drawings),
         *describe_trade_off(tree, drawings),
         *describe_results(tree, drawings),
-        *describe_depth_of_field(tree, drawings),
-        *describe_criteria(tree),
-        *describe_fresnel_validity(tree, drawings),
+        *describe_fresnel_validity(tree),
         *describe_light_spot(tree, run, drawings),
         *describe_hard_cases(tree, drawings),
     )
     appendices = (
+        *list_hard_cases(tree),
+        *describe_pictures(tree, drawings),
+        *list_disparity_scores(tree),
+        *describe_fresnel_criteria(tree, drawings),
         *describe_assumptions(tree),
         *describe_properties(tree),
+        *describe_criteria(tree),
         *describe_contradictions(tree),
         *describe_method(tree),
         *describe_effects(tree),
@@ -85,6 +102,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_decision(tree, drawings),
         *list_claim_values(tree),
         *describe_requirements(tree),
+        *describe_depth_of_field(tree, drawings),
         *describe_disparity_causes(tree),
         *describe_calibration(tree, run, drawings),
         *describe_datasheet(tree),

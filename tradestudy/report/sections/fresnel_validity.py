@@ -49,8 +49,8 @@ def describe_fresnel_answer(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-def describe_fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Explain how the error is measured, and write its size by every measure and the criteria."""
+def describe_fresnel_validity(tree: xr.DataTree) -> Iterator[Block]:
+    """Explain how the error is measured, and write its size by every measure."""
     if not has(tree, "fresnel_validity", "psf_error"):
         return
     data = group(tree, "fresnel_validity")
@@ -59,7 +59,14 @@ def describe_fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]
     for element in data["element"].values:
         yield _error_table(data, str(element))
     yield _limit_table(data)
-    yield Heading(text="Criteria in closed form", anchor="fresnel-criteria", level=2)
+
+
+def describe_fresnel_criteria(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Compare the computed f-numbers with criteria in closed form, among them the paper's."""
+    if not has(tree, "fresnel_validity", "psf_error"):
+        return
+    data = group(tree, "fresnel_validity")
+    yield Heading(text="Criteria in closed form", anchor="fresnel-criteria")
     yield from pictures_of(drawings, "fresnel_criteria")
     yield _criteria_table(data)
     yield from _printed_criterion(data, drawings)

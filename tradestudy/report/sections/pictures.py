@@ -67,28 +67,27 @@ def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
 ScoreRow = tuple[tuple[Text, ...], xr.Dataset | None]
 """The first cells of a row, and the variables behind the others; None for a heading."""
 
+Scores = tuple[tuple[Column, ...], Sequence[ScoreRow]]
+"""The first columns of a table of scores, and its rows."""
+
 
 def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Show the depth maps and compare them with the prediction; nothing for a study without depth maps."""
     if not has(tree, "pictures", "map_depth"):
         return
     data, titles = group(tree, "pictures"), camera_titles(tree)
-    yield Heading(text="Depth measured in the pictures", anchor="depth-maps", level=2)
+    yield Heading(text="Depth measured in the pictures", anchor="depth-maps")
     yield Paragraph(
         "Each camera measures depth in its pictures with its own estimator, as if its calibration were perfect. "
         "Calibration errors of the camera that takes the pictures, if any, therefore appear mainly as a bias. Points "
         "that the estimator cannot see in two pictures do not count as "
         "failures; points without depth, or with a false depth, do."
     )
-    yield from pictures_of(drawings, "depth_maps", "depth_achieved")
-    rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
-    yield from score_tables(
-        name="depth-maps",
-        first=(Column(title="Camera", weight=1),),
-        rows=[((titles[str(one["mapped_camera"].item())],), one) for one in rows],
-    )
+    yield _depth_table("depth-maps", *_scores_of_maps(data, titles))
+    yield from pictures_of(drawings, "depth_achieved", "depth_maps")
     measured_by: dict[str, list[str]] = {}
-    for one in rows:
+    for k in range(data.sizes["mapped_camera"]):
+        one = data.isel(mapped_camera=k)
         measured_by.setdefault(str(one["matcher"].item()), []).append(titles[str(one["mapped_camera"].item())])
     for matcher, cameras in measured_by.items():
         yield Paragraph(_matcher("; ".join(cameras), matcher))
@@ -102,9 +101,31 @@ def _matcher(title: str, text: str) -> Text:
     return say("**{title}**: `{matcher}` ({errors}).", title=title, matcher=declared, errors=errors)
 
 
-def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRow]) -> Iterator[Table]:
-    """Tables that compare measured depth with its prediction: a row for each of `rows`, after its own first cells."""
-    yield Table(
+def list_disparity_scores(tree: xr.DataTree) -> Iterator[Block]:
+    """Tabulate the errors of the disparity behind measured depth; nothing for a study that measures none."""
+    titles, tables = camera_titles(tree), list[Table]()
+    if has(tree, "pictures", "map_depth"):
+        tables.append(_disparity_table("depth-maps", *_scores_of_maps(group(tree, "pictures"), titles)))
+    if has(tree, "depth_loop", "depth_spread"):
+        tables.append(_disparity_table("depth-loop", *_scores_of_planes(group(tree, "depth_loop"), titles)))
+    if tables:
+        yield Heading(text="Disparity measured in the pictures", anchor="disparity-scores")
+        yield from tables
+
+
+def _scores_of_maps(data: xr.Dataset, titles: Mapping[str, str]) -> Scores:
+    each = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
+    return (Column(title="Camera", weight=1),), [((titles[str(one["mapped_camera"].item())],), one) for one in each]
+
+
+def _scores_of_planes(data: xr.Dataset, titles: Mapping[str, str]) -> Scores:
+    varied = [title for title, name in (("Contrast", "contrast"), ("Light", "electrons")) if data.sizes[name] > 1]
+    return tuple(Column(title=title) for title in ("Distance", *varied)), list(_rows(data, titles))
+
+
+def _depth_table(name: str, first: tuple[Column, ...], rows: Sequence[ScoreRow]) -> Table:
+    """Compare measured depth with its prediction: a row for each of `rows`, after its own first cells."""
+    return Table(
         name=f"{name}-depth-table",
         caption="Errors of measured depth, ± one standard error where it exceeds 1 %.",
         columns=(*first, *_columns("Bias", "Spread", "Predicted", "Within 3σ", "Filled", "Paired (predicted)")),
@@ -118,7 +139,11 @@ def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRo
             "raw pictures, a point counts once in every micro-image that shows it; in the prediction, only once.",
         ),
     )
-    yield Table(
+
+
+def _disparity_table(name: str, first: tuple[Column, ...], rows: Sequence[ScoreRow]) -> Table:
+    """Compare measured disparity with its prediction: a row for each of `rows`, after its own first cells."""
+    return Table(
         name=f"{name}-disparity-table",
         caption="Errors of measured disparity, ± one standard error where it exceeds 1 %.",
         columns=(
@@ -185,9 +210,7 @@ def describe_depth_loop(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
             "report contains them, ready for the cameras of a study."
         )
     )
-    varied = [title for title, name in (("Contrast", "contrast"), ("Light", "electrons")) if data.sizes[name] > 1]
-    first = tuple(Column(title=title) for title in ("Distance", *varied))
-    yield from score_tables(name="depth-loop", first=first, rows=list(_rows(data, titles)))
+    yield _depth_table("depth-loop", *_scores_of_planes(data, titles))
 
 
 def _scaling(run: Mapping[str, Any]) -> str:

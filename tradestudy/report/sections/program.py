@@ -95,7 +95,7 @@ _FLOAT = re.compile(r"-?\b(?:\d+\.?\d*(?:e[-+]\d+)?|inf|nan)\b")
 
 
 def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Write the verdict, the figure and, for each family, tables of the cases answered by numbers and by words."""
+    """Write the verdict, how a case is judged, and the figure."""
     rows = records(tree, "hard_cases", "case")
     if not rows:
         return
@@ -118,6 +118,13 @@ def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         )
     )
     yield from pictures_of(drawings, "hard_cases")
+
+
+def list_hard_cases(tree: xr.DataTree) -> Iterator[Block]:
+    """Tabulate, for each family, the cases answered by numbers and those answered by words."""
+    rows = records(tree, "hard_cases", "case")
+    if rows:
+        yield Heading(text="Every hard case", anchor="every-hard-case")
     for family in dict.fromkeys(str(row["family"]) for row in rows):
         yield from _family([row for row in rows if row["family"] == family], family)
 

@@ -80,10 +80,13 @@ def _over_the_picture(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
     """Show maps of depth uncertainty for each rig that has any."""
     if not has(tree, "depth_map"):
         return
-    yield Heading(text="Over the picture", anchor="depth-map", level=2)
-    for key in map(str, group(tree, "depth_map")["camera"].values):
-        yield from (Paragraph(one.alt) for one in pictures_of(drawings, f"depth-map-{key}"))
-        yield from pictures_of(drawings, f"depth-map-{key}")
+    names = [f"depth-map-{key}" for key in group(tree, "depth_map")["camera"].values]
+    pictures = tuple(pictures_of(drawings, *names))
+    if pictures:  # the first page has one of them
+        yield Heading(text="Over the picture", anchor="depth-map", level=2)
+    for picture in pictures:
+        yield Paragraph(picture.alt)
+        yield picture
 
 
 def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
