@@ -342,6 +342,7 @@ def test_of_many_stretches_the_widest_are_named_and_a_table_has_all(tree: xr.Dat
     depth = tree["depth"].to_dataset().copy(deep=True)
     depth["usable_near"][:], depth["usable_far"][:] = np.nan, np.nan
     depth["usable_near"][{"interval": 0}], depth["usable_far"][{"interval": 0}] = places[0], places[-1]
+    tree = tree.copy()
     tree["decision"], tree["depth"] = xr.DataTree(decision), xr.DataTree(depth)
     reported = best_cameras(tree).reported
     assert len(reported) == 10
