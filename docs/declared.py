@@ -289,7 +289,7 @@ says about that command, and `python -m tradestudy --version` prints the version
 _RESULTS: Final = """
 A run writes `results.nc`, a netCDF4 file. It contains `/cameras` and those of the groups below that the study needs.
 With `result = tradestudy.open_result(folder)`, `result.data` is the whole file as an xarray `DataTree`, and
-`result.table(name)` is one table as a pandas data frame; see [Work in Python and notebooks](/how-to/python.md).
+`result.table(name)` is one table as a pandas data frame; see [From Python](/how-to/python.md).
 
 Each entry below gives the name of a variable, its dimensions in parentheses and its unit in brackets: an SI unit, `px`,
 `electrons`, `percent`, or `mixed` if the unit differs from value to value. A variable without brackets is a plain

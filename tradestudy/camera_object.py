@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -13,17 +13,19 @@ import numpy as np
 from tradestudy.cameras import camera as in_si
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.depth.evaluation import ERROR_SOURCES, distribution, imaged, variance_shares
-from tradestudy.depth.usable import usable_intervals
+from tradestudy.depth.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.effects import Models
 from tradestudy.errors import OutOfRangeError, TradestudyError, UnknownNameError, nearest
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import GROUPS, dataset
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import ScalarEntry, Value, plain
+from tradestudy.study.document import ScalarEntry, Value, plain, scalar_text
 from tradestudy.study.python_values import in_metres, plain_value
+from tradestudy.study.varying import SweepAxis, sweep_axes, sweep_points
+from tradestudy.units import parse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -338,9 +340,13 @@ OF_DISTRIBUTION: Final = {
 
 @cache
 def attributes(variable: str) -> Mapping[str, Any]:
-    """Attributes of a variable of ``/depth``, as in results."""
+    """Attributes of a variable of ``/depth``, as in results, but for the name of its error estimate."""
     dims = GROUPS["depth"][variable].dims
-    return dataset("depth", {variable: np.zeros((0,) * len(dims))}, {})[variable].attrs
+    attrs = dataset("depth", {variable: np.zeros((0,) * len(dims))}, {})[variable].attrs
+    return {name: value for name, value in attrs.items() if name not in ("ancillary_variables", "error")}
+
+
+_DISTANCE: Final = {"units": "m", "long_name": "object distance", "symbol": "a"}
 
 
 def _labelled(variable: str, values: FloatArray, distance: Any, metres: FloatArray, **last: Any) -> xr.DataArray:
@@ -353,7 +359,7 @@ def _labelled(variable: str, values: FloatArray, distance: Any, metres: FloatArr
         coordinates |= {str(key): value for key, value in distance.coords.items()}
     else:
         dims = ("distance",) if metres.ndim == 1 else tuple(f"distance_{k}" for k in range(metres.ndim))
-    coordinates["distance"] = (dims, metres, {"units": "m", "long_name": "object distance"})
+    coordinates["distance"] = (dims, metres, _DISTANCE)
     return xr.DataArray(
         values.reshape((*metres.shape, *values.shape[1:])),
         dims=(*dims, *last),
@@ -400,3 +406,114 @@ class Cameras(Mapping[str, Camera]):
 
     def __repr__(self) -> str:
         return f"<Cameras {', '.join(self)}>"
+
+
+def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Sequence[str]) -> xr.Dataset:
+    """Compute some variables of ``/depth`` for every combination of values; see `Study.sweep`."""
+    import xarray as xr
+
+    from tradestudy.answers.calibration import infer_calibrations
+    from tradestudy.execution import Steps
+    from tradestudy.models.choice import choose_depth_models
+
+    names = _variables(what)
+    if not definition.case.cameras:
+        raise OutOfRangeError("a sweep of depth", value="no camera", limit="studies with cameras that measure depth")
+    others = [key for key in _OTHER_QUESTIONS if definition.document.entry((key,)) is not None]
+    definition = definition.with_values(dict.fromkeys(others))
+    texts = {path: _texts(definition, path, plain_value(given)) for path, given in values.items()}
+    asked = definition.with_values({"sweep": dict(texts)})
+    axes = tuple(_as_asked(axis, texts[axis.path]) for axis in sweep_axes(asked))
+    chosen = asked.with_models(choose_depth_models(asked, asked.case.cameras))
+    designs = sweep_points(infer_calibrations(chosen, Steps())[0], axes)
+    labels = dict(zip(_short_names(values), axes, strict=True))
+    cameras, distance = designs[0].case.cameras, designs[0].case.distance
+    known: dict[tuple[DepthCamera, UsableCriteria], list[FloatArray]] = {}
+    for design in designs:
+        for camera in design.case.cameras.values():
+            if (camera, design.case.criteria) not in known:
+                known[camera, design.case.criteria] = [
+                    _SWEPT[name](camera, distance, design.case.criteria) for name in names
+                ]
+    found = [[known[camera, one.case.criteria] for camera in one.case.cameras.values()] for one in designs]
+    shape = (*(len(axis.labels) for axis in axes), len(cameras))
+    coordinates: dict[str, Any] = {
+        name: (name, np.array(axis.labels, dtype=None if axis.dimension else object), _attributes_of_axis(axis))
+        for name, axis in labels.items()
+    }
+    coordinates |= {"camera": np.array(list(cameras), dtype=object), "distance": ("distance", distance, _DISTANCE)}
+    if "depth_quantile" in names:
+        coordinates["quantile"] = list(next(iter(cameras.values())).propagation.probabilities)
+    variables = {}
+    for number, name in enumerate(names):
+        array = np.array([[one[number] for one in row] for row in found])
+        dims = (*labels, "camera", "distance", *(["quantile"] if name == "depth_quantile" else []))
+        variables[name] = (dims, array.reshape(shape + array.shape[2:]), dict(attributes(name)))
+    return xr.Dataset(variables, coords=coordinates)
+
+
+_OTHER_QUESTIONS: Final = ("sweep", "readings", "solve", "claims", "value_of_information")
+"""Keys of a study that would have models examined at other values than those of a sweep."""
+
+_DEPTH: Final = ("depth_uncertainty", "depth_quantile")
+"""What "depth" stands for in a sweep: what the distribution of depth gives at once."""
+
+
+def _usable(camera: DepthCamera, distance: FloatArray, criteria: UsableCriteria) -> FloatArray:
+    limits = evaluate_limits(camera, criteria, distance, depth=distribution)
+    return np.asarray(all_met(limits, distance.shape))
+
+
+_SWEPT: Final[Mapping[str, Callable[[DepthCamera, FloatArray, UsableCriteria], Any]]] = {
+    **{
+        name: lambda camera, distance, _criteria, read=read: read(camera, distance, "both")
+        for name, read in OF_DISTRIBUTION.items()
+    },
+    "usable": _usable,
+}
+
+
+def _variables(what: str | Sequence[str]) -> tuple[str, ...]:
+    """The variables that a sweep computes."""
+    asked = (what,) if isinstance(what, str) else tuple(what)
+    for name in asked:
+        if name != "depth" and name not in _SWEPT:
+            raise UnknownNameError(
+                "what a sweep computes", value=repr(name), limit=", ".join(["'depth'", *map(repr, _SWEPT)])
+            )
+    return tuple(dict.fromkeys(one for name in asked for one in (_DEPTH if name == "depth" else (name,))))
+
+
+def _texts(definition: StudyDefinition, path: str, given: Value) -> list[Value]:
+    """The values of one swept parameter, in the form of a study file: numbers get the SI unit of the parameter."""
+    if not isinstance(given, list) or not given:
+        raise OutOfRangeError(
+            f"{path}: the swept values", value=f"{given!r:.60}", limit="a list or an array with at least one value"
+        )
+    numbers = [one for one in given if type(one) in (int, float)]
+    if not numbers:
+        return given
+    entry = definition.with_values({path: numbers[0]}, numbers_in_si=True).document.entry(path)
+    unit = entry.text.partition(" ")[2] if isinstance(entry, ScalarEntry) else ""
+    return [f"{one!r} {unit}" if unit and type(one) in (int, float) else one for one in given]
+
+
+def _as_asked(axis: SweepAxis, given: Sequence[Value]) -> SweepAxis:
+    """An axis with the given values alone, in their order, without the declared one."""
+    if axis.dimension is None:
+        labels = [scalar_text(one) for one in given]
+    else:
+        labels = [parse(one, axis.dimension) for one in given]
+    entries = dict(zip(axis.labels, axis.values, strict=True))
+    return replace(axis, labels=tuple(labels), values=tuple(entries[label] for label in labels))
+
+
+def _short_names(paths: Iterable[str]) -> list[str]:
+    """Names of dimensions: the last step of each path, or all of it where several paths end alike."""
+    ends = [path.rpartition(".")[2] for path in paths]
+    return [end if ends.count(end) == 1 else re.sub(r"\W", "_", path) for end, path in zip(ends, paths, strict=True)]
+
+
+def _attributes_of_axis(axis: SweepAxis) -> dict[str, str]:
+    name = axis.path.rpartition(".")[2].replace("_", " ")
+    return {"units": axis.units, "long_name": name, "path": axis.path}

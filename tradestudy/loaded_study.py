@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TextIO, cast
 
 from tradestudy import provenance
-from tradestudy.camera_object import Camera, Cameras
+from tradestudy.camera_object import Camera, Cameras, sweep
 from tradestudy.errors import OutOfRangeError
 from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
@@ -309,6 +309,36 @@ class Study:
         """
         plain = {path: plain_value(value) for path, value in values.items()}
         return Study(self.definition.with_values(plain, numbers_in_si=True))
+
+    def sweep(self, values: Mapping[str, Any], what: str | Sequence[str] = "depth") -> xr.Dataset:
+        """Compute depth for every combination of values, and nothing else.
+
+        Parameters
+        ----------
+        values : Mapping
+            A list or an array of values for each dotted path, such as ``{"stereo-short.baseline": [0.02, 0.05]}``, in
+            the forms that `with_values` takes. Values of the scene, which all designs share, cannot be swept.
+        what
+            Variables to compute, of those in the group ``/depth`` of results: ``"depth_uncertainty"``,
+            ``"depth_quantile"``, ``"depth_error_radius"``, ``"failed_fraction"`` and ``"usable"``. ``"depth"`` stands
+            for the first two, which are the fastest.
+
+        Returns
+        -------
+        xarray.Dataset
+            The variables over the swept parameters, ``camera`` and ``distance``, for all errors together, as a run
+            computes them if the study has this sweep and no readings, claims or inverse questions. The dimension of a
+            swept parameter has the name of the last key of its path; its coordinate has the values in SI, in the given
+            order, and the path in the attribute ``path``.
+
+        Raises
+        ------
+        StudyError
+            If a value is wrong.
+        UnaffordableError
+            If there are more than 20 000 combinations, or even the most complete models exceed a tolerance.
+        """
+        return sweep(self.definition, values, what)
 
     def plan(self) -> Plan:
         """Decide which effects a run simulates and which it leaves out, and name its slow steps.

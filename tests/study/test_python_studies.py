@@ -14,7 +14,7 @@ import pint
 import pytest
 
 import tradestudy
-from tradestudy.errors import OutOfRangeError, StudyError
+from tradestudy.errors import OutOfRangeError, StudyError, TradestudyError, UnknownNameError
 
 ROOT = Path(__file__).parents[2]
 STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
@@ -199,3 +199,65 @@ def test_processes_map_over_studies() -> None:
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         found = list(pool.map(_uncertainty, studies))
     assert found == [_uncertainty(study) for study in studies]
+
+
+@pytest.fixture(scope="module")
+def two_rigs() -> dict[str, Any]:
+    return {**STUDY, "cameras": {"rig": RIG, "other": {**RIG, "baseline": 0.2}}}
+
+
+VARIABLES = ("depth_uncertainty", "depth_quantile", "depth_error_radius", "failed_fraction", "usable")
+
+
+def test_a_sweep_has_the_depth_of_a_run(two_rigs: dict[str, Any]) -> None:
+    baselines, wide = [0.08, 0.05, 0.15], [4.0, 8.0]
+    swept = {"rig.baseline": baselines, "rig.lenses.f_number": wide}
+    found = tradestudy.load(two_rigs).sweep(swept, VARIABLES)
+    assert found["depth_uncertainty"].dims == ("baseline", "f_number", "camera", "distance")
+    assert list(found["baseline"].to_numpy()) == baselines
+    assert found["baseline"].attrs == {"units": "m", "long_name": "baseline", "path": "rig.baseline"}
+    run = tradestudy.load(
+        {**two_rigs, "sweep": {"rig.baseline": ["8 cm", "50 mm", "0.15 m"], "rig.lenses.f_number": wide}}
+    )
+    depth = run.run().data["depth"].to_dataset()
+    for name in VARIABLES:
+        expected = depth[name].sel({"rig.baseline": baselines, "rig.lenses.f_number": wide})
+        if "error_source" in expected.dims:
+            expected = expected.sel(error_source="both")
+        np.testing.assert_allclose(found[name].astype(float), expected.astype(float), rtol=1e-12, err_msg=name)
+    assert set(tradestudy.load(two_rigs).sweep(swept).data_vars) == {"depth_uncertainty", "depth_quantile"}
+
+
+def test_a_sweep_takes_quantities_words_and_parameters_of_the_same_name(two_rigs: dict[str, Any]) -> None:
+    study = tradestudy.load({**two_rigs, "sweep": {"rig.baseline": ["7 cm"]}})
+    quantities = pint.UnitRegistry().Quantity(np.array([5.0, 10.0]), "cm")
+    found = study.sweep({"rig.baseline": quantities, "other.baseline": ["0.2 m", 0.3]})
+    assert found["depth_uncertainty"].dims[:2] == ("rig_baseline", "other_baseline")
+    assert list(found["other_baseline"].to_numpy()) == [0.2, 0.3]
+    alone = study.cameras["rig"].replace(baseline=0.05).depth_uncertainty(2.0)
+    at = found["depth_uncertainty"].isel(rig_baseline=0, other_baseline=1).sel(camera="rig", distance=2.0)
+    assert float(at) == pytest.approx(float(alone), rel=1e-12)
+    words = study.sweep({"rig.depth.estimator": ["midpoint", "disparity"]})
+    assert list(words["estimator"].to_numpy()) == ["midpoint", "disparity"]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"rig.baseline": "5 cm"}, r"^rig.baseline: the swept values: '5 cm' \(allowed: a list or an array"),
+        ({"rig.baseline": []}, r"^rig.baseline: the swept values: \[\] \(allowed"),
+        ({"rig.baseline": [0.1, -0.1]}, r"^cameras.rig.baseline: '-0.1 m' is out of range"),
+        ({"rig.basline": [0.1]}, r"^cameras.rig.basline: unknown key; nearest: 'baseline'"),
+        ({"scene.wavelength": [5e-7]}, r"scene.wavelength cannot be swept"),
+        ({"rig.baseline": [0.1, None]}, r"rig.baseline: null removes a value, but a sweep sets values"),
+        ({"rig": [0.1]}, r"^cameras.rig: '0.1' is given; a mapping"),
+    ],
+)
+def test_refuses_impossible_sweeps(two_rigs: dict[str, Any], values: dict[str, Any], message: str) -> None:
+    with pytest.raises(TradestudyError, match=message):
+        tradestudy.load(two_rigs).sweep(values)
+
+
+def test_refuses_what_a_sweep_does_not_compute(two_rigs: dict[str, Any]) -> None:
+    with pytest.raises(UnknownNameError, match=r"'depths' \(allowed: 'depth', 'depth_uncertainty'"):
+        tradestudy.load(two_rigs).sweep({"rig.baseline": [0.1]}, "depths")
