@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -19,7 +19,7 @@ from tradestudy.depth.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.effects import Models
 from tradestudy.errors import OutOfRangeError, TradestudyError, UnknownNameError, nearest
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.results import GROUPS, dataset
+from tradestudy.results import GROUPS, coordinate_names, dataset
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import ScalarEntry, Value, plain, scalar_text
@@ -426,7 +426,7 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
     axes = tuple(_as_asked(axis, texts[axis.path]) for axis in sweep_axes(asked))
     chosen = asked.with_models(choose_depth_models(asked, asked.case.cameras))
     designs = sweep_points(infer_calibrations(chosen, Steps())[0], axes)
-    labels = dict(zip(_short_names(values), axes, strict=True))
+    labels = dict(zip(coordinate_names([axis.path for axis in axes]), axes, strict=True))
     cameras, distance = designs[0].case.cameras, designs[0].case.distance
     known: dict[tuple[DepthCamera, UsableCriteria], list[FloatArray]] = {}
     for design in designs:
@@ -437,10 +437,10 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
                 ]
     found = [[known[camera, one.case.criteria] for camera in one.case.cameras.values()] for one in designs]
     shape = (*(len(axis.labels) for axis in axes), len(cameras))
-    coordinates: dict[str, Any] = {
-        name: (name, np.array(axis.labels, dtype=None if axis.dimension else object), _attributes_of_axis(axis))
-        for name, axis in labels.items()
-    }
+    coordinates: dict[str, Any] = {}
+    for name, axis in labels.items():
+        attrs = {"units": axis.units, "long_name": name.replace("_", " "), "path": axis.path}
+        coordinates[name] = (name, np.array(axis.labels, dtype=None if axis.dimension else object), attrs)
     coordinates |= {"camera": np.array(list(cameras), dtype=object), "distance": ("distance", distance, _DISTANCE)}
     if "depth_quantile" in names:
         coordinates["quantile"] = list(next(iter(cameras.values())).propagation.probabilities)
@@ -506,14 +506,3 @@ def _as_asked(axis: SweepAxis, given: Sequence[Value]) -> SweepAxis:
         labels = [parse(one, axis.dimension) for one in given]
     entries = dict(zip(axis.labels, axis.values, strict=True))
     return replace(axis, labels=tuple(labels), values=tuple(entries[label] for label in labels))
-
-
-def _short_names(paths: Iterable[str]) -> list[str]:
-    """Names of dimensions: the last step of each path, or all of it where several paths end alike."""
-    ends = [path.rpartition(".")[2] for path in paths]
-    return [end if ends.count(end) == 1 else re.sub(r"\W", "_", path) for end, path in zip(ends, paths, strict=True)]
-
-
-def _attributes_of_axis(axis: SweepAxis) -> dict[str, str]:
-    name = axis.path.rpartition(".")[2].replace("_", " ")
-    return {"units": axis.units, "long_name": name, "path": axis.path}

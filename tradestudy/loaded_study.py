@@ -328,8 +328,8 @@ class Study:
         xarray.Dataset
             The variables over the swept parameters, ``camera`` and ``distance``, for all errors together, as a run
             computes them if the study has this sweep and no readings, claims or inverse questions. The dimension of a
-            swept parameter has the name of the last key of its path; its coordinate has the values in SI, in the given
-            order, and the path in the attribute ``path``.
+            swept parameter is named after the last key of its path, as in results; its coordinate has the values in SI,
+            in the given order, and the path in the attribute ``path``.
 
         Raises
         ------

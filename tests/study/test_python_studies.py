@@ -221,7 +221,7 @@ def test_a_sweep_has_the_depth_of_a_run(two_rigs: dict[str, Any]) -> None:
     )
     depth = run.run().data["depth"].to_dataset()
     for name in VARIABLES:
-        expected = depth[name].sel({"rig.baseline": baselines, "rig.lenses.f_number": wide})
+        expected = depth[name].sel(baseline=baselines, f_number=wide)
         if "error_source" in expected.dims:
             expected = expected.sel(error_source="both")
         np.testing.assert_allclose(found[name].astype(float), expected.astype(float), rtol=1e-12, err_msg=name)
