@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import numpy as np
 
@@ -18,11 +18,11 @@ from tradestudy.depth.evaluation import ERROR_SOURCES, distribution, imaged, var
 from tradestudy.depth.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.effects import Models
 from tradestudy.errors import OutOfRangeError, TradestudyError, UnknownNameError, nearest
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.results import GROUPS, coordinate_names, dataset
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import ScalarEntry, Value, plain, scalar_text
+from tradestudy.study.document import Scalar, ScalarEntry, Value, plain, scalar_text
 from tradestudy.study.python_values import in_metres, plain_value
 from tradestudy.study.varying import SweepAxis, sweep_axes, sweep_points
 from tradestudy.units import parse
@@ -428,12 +428,12 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
     designs = sweep_points(infer_calibrations(chosen, Steps())[0], axes)
     labels = dict(zip(coordinate_names([axis.path for axis in axes]), axes, strict=True))
     cameras, distance = designs[0].case.cameras, designs[0].case.distance
-    known: dict[tuple[DepthCamera, UsableCriteria], list[FloatArray]] = {}
+    known: dict[tuple[DepthCamera, UsableCriteria], list[FloatArray | BoolArray]] = {}
     for design in designs:
         for camera in design.case.cameras.values():
             if (camera, design.case.criteria) not in known:
                 known[camera, design.case.criteria] = [
-                    _SWEPT[name](camera, distance, design.case.criteria) for name in names
+                    _at_distances(name, camera, distance, design.case.criteria) for name in names
                 ]
     found = [[known[camera, one.case.criteria] for camera in one.case.cameras.values()] for one in designs]
     shape = (*(len(axis.labels) for axis in axes), len(cameras))
@@ -457,20 +457,16 @@ _OTHER_QUESTIONS: Final = ("sweep", "readings", "solve", "claims", "value_of_inf
 
 _DEPTH: Final = ("depth_uncertainty", "depth_quantile")
 """What "depth" stands for in a sweep: what the distribution of depth gives at once."""
+_SWEPT: Final = (*OF_DISTRIBUTION, "usable")
 
 
-def _usable(camera: DepthCamera, distance: FloatArray, criteria: UsableCriteria) -> FloatArray:
-    limits = evaluate_limits(camera, criteria, distance, depth=distribution)
-    return np.asarray(all_met(limits, distance.shape))
-
-
-_SWEPT: Final[Mapping[str, Callable[[DepthCamera, FloatArray, UsableCriteria], Any]]] = {
-    **{
-        name: lambda camera, distance, _criteria, read=read: read(camera, distance, "both")
-        for name, read in OF_DISTRIBUTION.items()
-    },
-    "usable": _usable,
-}
+def _at_distances(
+    variable: str, camera: DepthCamera, distance: FloatArray, criteria: UsableCriteria
+) -> FloatArray | BoolArray:
+    """A variable of one camera of a sweep, for all errors together."""
+    if variable != "usable":
+        return OF_DISTRIBUTION[variable](camera, distance, "both")
+    return all_met(evaluate_limits(camera, criteria, distance, depth=distribution), distance.shape)
 
 
 def _variables(what: str | Sequence[str]) -> tuple[str, ...]:
@@ -500,9 +496,9 @@ def _texts(definition: StudyDefinition, path: str, given: Value) -> list[Value]:
 
 def _as_asked(axis: SweepAxis, given: Sequence[Value]) -> SweepAxis:
     """An axis with the given values alone, in their order, without the declared one."""
-    if axis.dimension is None:
-        labels = [scalar_text(one) for one in given]
-    else:
-        labels = [parse(one, axis.dimension) for one in given]
+    dimension = axis.dimension
+    labels = [scalar_text(cast(Scalar, one)) if dimension is None else parse(one, dimension) for one in given]
     entries = dict(zip(axis.labels, axis.values, strict=True))
-    return replace(axis, labels=tuple(labels), values=tuple(entries[label] for label in labels))
+    return replace(
+        axis, labels=cast(tuple[float, ...], tuple(labels)), values=tuple(entries[label] for label in labels)
+    )

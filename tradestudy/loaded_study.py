@@ -18,7 +18,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Document, Value
+from tradestudy.study.document import DICTIONARY, Document, Value
 from tradestudy.study.loading import checked
 from tradestudy.study.python_values import plain_value
 from tradestudy.study.reader import options, overridden, read, read_text, read_values
@@ -495,13 +495,14 @@ class Study:
         tree = compute(plan, steps, seconds, pictures)
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
+        file = self.definition.document.locate(()).file
         record = {
             "study": self.name,
             "study_hash": self.hash,
             "code_hash": provenance.code_hash(),
             "seed": self.file.propagation.seed,
             "inputs": provenance.values_by_path(self.definition.under_tolerance.tree),
-            "file": self.definition.document.locate(()).file,
+            "file": "a dictionary" if file == DICTIONARY.file else file,
             "options": list(options(self.definition.document, self.definition.tolerance)),
             "started": started.isoformat(timespec="seconds"),
             "versions": provenance.versions(),

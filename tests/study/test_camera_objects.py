@@ -176,6 +176,24 @@ def test_a_single_camera_needs_no_study() -> None:
     xr.testing.assert_identical(limited.usable_range(), expected)
 
 
+def test_cameras_of_all_kinds_can_be_made_alone() -> None:
+    """With the scene of a study that asks no more of them, they choose the same models."""
+    study = tradestudy.load(ROOT / "studies" / "rock_scene.yaml")
+    scene = {key: value for key, value in study.definition.document.tree["scene"].items() if key != "image"}
+    for declared in study.cameras.values():
+        values = {key: value for key, value in declared.values.items() if key != "kind"}
+        camera = tradestudy.camera(declared.kind, scene=scene, **values)
+        assert camera.focal_length == declared.focal_length
+        if camera.kind != "conventional":
+            assert float(camera.depth_uncertainty(0.1)) == float(declared.depth_uncertainty(0.1))
+    assert {one.kind for one in study.cameras.values()} == {
+        "stereo",
+        "focused-plenoptic",
+        "unfocused-plenoptic",
+        "conventional",
+    }
+
+
 def test_a_camera_without_depth_says_so() -> None:
     lens = {"lens": {"focal_length": 0.05, "f_number": 4.0}, "focus": {"distance": 1.0}}
     sensor = {"pixels": [1000, 1000], "pixel_pitch": 5e-6}

@@ -94,6 +94,12 @@ def test_with_values_takes_numbers_in_si_and_the_record_has_their_unit() -> None
     assert study.cameras["rig"].baseline == 0.1
 
 
+def test_the_record_of_a_run_says_where_the_study_came_from() -> None:
+    record = tradestudy.load(STUDY).with_values({"rig.baseline": 0.05}).run().run_record
+    assert record["file"] == "a dictionary"
+    assert record["options"] == ["--set", "cameras.rig.baseline=0.05 m"]
+
+
 def test_the_command_line_still_needs_units() -> None:
     with pytest.raises(StudyError, match=r"rig.baseline: '0.05' has no unit; a length is expected"):
         tradestudy.load(STUDY, ["rig.baseline=0.05"])
