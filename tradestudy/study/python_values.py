@@ -16,16 +16,56 @@ from tradestudy.units import LENGTH, parse
 def plain_value(value: Any) -> Value:
     """A value of Python as plain text, number, list or mapping.
 
-    Quantities of pint, and arrays of xarray whose attribute ``units`` names a unit, become text with that unit.
+    Quantities of pint, and arrays of xarray whose attribute ``units`` names a unit, become text with that unit. A
+    DataFrame with the covariance of errors becomes a calibration that declares these errors and their correlations.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a DataFrame is no covariance.
     """
     if isinstance(value, str | bool | int | float) and not isinstance(value, np.generic):
         return value
     if isinstance(value, Mapping):
         return {key: plain_value(item) for key, item in value.items()}
+    if hasattr(value, "columns") and hasattr(value, "to_numpy"):
+        return _calibration(value)
     if isinstance(value, list | tuple | range):
         return [plain_value(item) for item in value]
     unit, numbers = _unit_and_numbers(value)
     return _with_unit(numbers, unit)
+
+
+def _calibration(covariance: Any) -> Value:
+    """Jointly normal errors with mean 0 [SI] from their covariance, with the same names for rows and columns."""
+    from tradestudy.uncertainty.joint import JointNormal  # reading a study does not need it
+    from tradestudy.uncertainty.sources import ErrorClass
+
+    names = tuple(map(str, covariance.columns))
+    if names != tuple(map(str, covariance.index)):
+        raise OutOfRangeError(
+            "this DataFrame is no covariance of errors",
+            value=f"{covariance.shape[0]} rows, columns {', '.join(names)}",
+            limit="the same names for rows and columns, in one order",
+            remedy="write joint draws by to_csv(path, index=False), and give this path as calibration.posterior.file",
+        )
+    joint = JointNormal(
+        name="errors",
+        parameters=names,
+        mean=np.zeros(len(names)),
+        covariance=covariance.to_numpy(),
+        error_class=ErrorClass.RIG,
+    )
+    tied = np.clip(joint.correlation, -1.0, 1.0)
+    deviations = np.sqrt(np.diag(joint.covariance)).tolist()
+    return {
+        "errors": {name: {"standard_deviation": one} for name, one in zip(names, deviations, strict=True)},
+        "correlations": {
+            name: {names[j]: float(tied[i, j]) for j in range(i + 1, len(names)) if tied[i, j] != 0.0}
+            for i, name in enumerate(names)
+            if np.any(tied[i, i + 1 :])
+        },
+    }
 
 
 def in_metres(distance: Any) -> FloatArray:
