@@ -126,6 +126,12 @@ def test_entries_that_refer_to_another_group_find_the_same_variable_described_th
     assert referring > 20
 
 
+def test_lists_everything_that_the_package_offers() -> None:
+    page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r":: tradestudy\.(\w+)", page))
+    assert set(tradestudy.__all__) - {"__version__"} <= listed
+
+
 def test_properties_begin_with_no_colon() -> None:
     """Napoleon takes the text of a property before a colon in its first line for its type."""
     for owner in (tradestudy, tradestudy.optics, tradestudy.uncertainty):
