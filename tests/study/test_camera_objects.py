@@ -109,9 +109,11 @@ def test_results_have_the_shape_of_the_distances(study: tradestudy.Study) -> Non
     assert float(rig.depth_uncertainty(in_mm).sel(place="b")) == pytest.approx(float(alone), rel=1e-12)
     units = pint.UnitRegistry()
     assert float(rig.depth_uncertainty(units.Quantity(100.0, "cm"))) == float(alone) == rig.depth_uncertainty("1 m")
+    for each_with_its_unit in (["50 cm", "1 m"], [units.Quantity(50, "cm"), units.Quantity(1.0, "m")]):
+        np.testing.assert_array_equal(rig.depth_uncertainty(each_with_its_unit)["distance"], [0.5, 1.0])
 
 
-@pytest.mark.parametrize("distance", [0.0, -1.0, np.nan, np.inf, "1", "1 px", [0.5, -0.5], None])
+@pytest.mark.parametrize("distance", [0.0, -1.0, np.nan, np.inf, "1", "1 px", [0.5, -0.5], ["1 m", 2.0], None])
 def test_refuses_what_is_no_distance(study: tradestudy.Study, distance: Any) -> None:
     with pytest.raises(OutOfRangeError, match="distance"):
         study.cameras["rig"].depth_uncertainty(distance)

@@ -78,12 +78,13 @@ def in_metres(distance: Any) -> FloatArray:
     """
     unit, numbers = _unit_and_numbers(distance)
     try:
-        if isinstance(numbers, str):
-            metres = np.asarray(parse(numbers, LENGTH))
+        plain = plain_value(distance) if isinstance(distance, list | tuple) else numbers
+        texts = np.asarray(plain)
+        if texts.dtype.kind == "U":
+            metres = np.reshape([parse(str(text), LENGTH) for text in texts.flat], texts.shape)
         else:
-            metres = np.asarray(numbers, dtype=np.float64) * (
-                parse(f"1 {unit}", LENGTH) if unit not in ("", "m") else 1.0
-            )
+            scale = parse(f"1 {unit}", LENGTH) if unit not in ("", "m") else 1.0
+            metres = np.asarray(plain, dtype=np.float64) * scale
     except (TypeError, ValueError) as error:
         raise OutOfRangeError("this is not a distance", value=f"{distance!r:.60}", remedy=str(error)) from None
     wrong = metres[~((metres > 0.0) & np.isfinite(metres))]
