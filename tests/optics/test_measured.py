@@ -54,6 +54,7 @@ def test_where_a_function_ends_the_error_is_one_sided() -> None:
 def test_a_value_is_a_number_and_values_are_an_array() -> None:
     assert float(ONE) == 4.0
     assert math.sqrt(ONE) == 2.0
+    assert (round(ONE / 3.0), round(ONE / 3.0, 2)) == (1, 1.33)
     assert (ONE < 5, ONE == 4.0, ONE > 5, bool(ONE)) == (True, True, False, True)
     assert (f"{ONE:.2f}", f"{ONE}", f"{ONE.value:.1f}") == ("4.00", "4 ± 0.001", "4.0")
     np.testing.assert_array_equal(THREE, [1.0, 2.0, 3.0])

@@ -104,6 +104,9 @@ class Measured(np.lib.mixins.NDArrayOperatorsMixin):
     def __float__(self) -> float:
         return float(self.value)
 
+    def __round__(self, digits: int | None = None) -> float:
+        return round(float(self), digits)
+
     def __bool__(self) -> bool:
         return bool(self.value)
 
