@@ -149,5 +149,11 @@ def test_impossible_requests_are_refused(settings: dict[str, object], message: s
         propagate_through(function, inputs, **settings)  # type: ignore[arg-type]  # wrong on purpose
 
 
+def test_a_function_that_cannot_take_the_inputs_raises_its_own_error_and_learns_what_it_receives() -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'y'") as raised:
+        propagate_through(lambda x, z: x + z, {"x": UNIT, "y": UNIT})
+    assert raised.value.__notes__ == ["The function receives the inputs x and y by name, each as an array of draws."]
+
+
 def test_the_example_of_the_documentation_runs() -> None:
     assert doctest.testmod(any_function).failed == 0

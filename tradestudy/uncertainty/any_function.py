@@ -17,6 +17,7 @@ from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.evaluation import Model, Outcome, Replicate, alignment_with
 from tradestudy.uncertainty.inputs import Correlation, sources_of
 from tradestudy.uncertainty.outputs import order_quantile
+from tradestudy.wording import few
 
 if TYPE_CHECKING:
     from tradestudy.uncertainty.inputs import Covariance, Inputs
@@ -176,7 +177,13 @@ def propagate_through(
     sources, by_position = sources_of(inputs, covariance=covariance, correlation=correlation)
     if by_position:
         function = _by_name(function)
-    shape = _real_numbers(function(**{name: value.ravel() for name, value in sources.nominal().items()})).shape[1:]
+    nominal = {name: value.ravel() for name, value in sources.nominal().items()}
+    try:
+        shape = _real_numbers(function(**nominal)).shape[1:]
+    except TypeError as error:
+        kind = "position" if by_position else "name"
+        error.add_note(f"The function receives the inputs {few(list(nominal))} by {kind}, each as an array of draws.")
+        raise
     if 0 in shape:
         raise OutOfRangeError(
             "the function returned no values",

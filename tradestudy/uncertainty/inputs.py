@@ -16,6 +16,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Distribution, FloatArray, FrozenDistribution
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
 from tradestudy.uncertainty.sources import ErrorClass, Group, Source, Sources
+from tradestudy.wording import few
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,7 +101,7 @@ def _frame_names(what: str, names: Iterable[Any]) -> Names:
 
 def _joint(names: Names, given: Any) -> Group:
     """The group of inputs that are drawn together: by rows of draws, or from a multivariate normal distribution."""
-    shared = f"the inputs {', '.join(names)}"
+    shared = f"the inputs {few(names)}"
     if _is_normal(given):
         means = np.atleast_1d(given.mean)
         if means.size != len(names):
