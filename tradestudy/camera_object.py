@@ -58,10 +58,10 @@ class Camera:
     """A camera of a study; `Study.cameras` and `camera` return it.
 
     All numbers are in SI. Distances may be numbers [m], text with a unit, quantities of pint, lists of these, or arrays
-    of any shape, also of xarray; results are `xarray.DataArray` of the same shape, with units, and a single number works with ``float()``. Depth
-    errors are those that a run of the study computes, by the models that it would choose. At the first question the
-    camera chooses these models and, if its calibration comes from corners or a calibration board, infers it, which can
-    take seconds.
+    of any shape, also of xarray; results are `xarray.DataArray` of the same shape, with units, and a single number
+    works with ``float()``. Depth errors are those that a run of the study computes, by the models that it would choose.
+    At the first question the camera chooses these models and, if its calibration comes from corners or a calibration
+    board, infers it, which can take seconds.
     """
 
     def __init__(self, origin: _Origin, definition: StudyDefinition) -> None:
