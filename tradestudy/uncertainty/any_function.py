@@ -180,9 +180,9 @@ def propagate_through(
     nominal = {name: value.ravel() for name, value in sources.nominal().items()}
     try:
         shape = _real_numbers(function(**nominal)).shape[1:]
-    except TypeError as error:
+    except TypeError as refused:
         kind = "position" if by_position else "name"
-        error.add_note(f"The function receives the inputs {few(list(nominal))} by {kind}, each as an array of draws.")
+        refused.add_note(f"The function receives the inputs {few(list(nominal))} by {kind}, each as an array of draws.")
         raise
     if 0 in shape:
         raise OutOfRangeError(
