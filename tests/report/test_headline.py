@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 from tradestudy import load
+from tradestudy.results.views import headline as views_headline
 from tradestudy.results.views.headline import headline
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -99,4 +100,20 @@ def test_a_camera_that_is_usable_nowhere_is_not_compared() -> None:
     study = load(STUDIES / "robot.yaml", ["stereo-75mm.baseline=80 km", "scene.distances.points=7", "trade_off=null"])
     assert re.search(
         r"; every other usable camera is at least [\d.]+ times as uncertain\.$", headline(study.run().data)
+    )
+
+
+def test_fresnel_limits_are_grouped_by_lens_and_phase(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = [("Main lens", 5.84, 0.0), ("Microlens", np.inf, 0.0), ("Other", np.inf, 2.0)]
+    limits = [
+        {"element": lens, "lens_phase": phase, "window": 10.0, "limit": 0.1, "f_number": f_number}
+        for lens, *f_numbers in asked
+        for phase, f_number in zip(("parabolic", "perfect"), f_numbers, strict=True)
+    ]
+    monkeypatch.setattr(views_headline, "fresnel_numbers", lambda _tree: limits)
+    tree = xr.DataTree(xr.Dataset(attrs={"question": ""}))
+    assert headline(tree).endswith(
+        "with a parabolic lens phase, from f/5.9 on behind the main lens and at no f-number behind the microlens and "
+        "the other; with a perfect lens phase, at every f-number behind the main lens and the microlens and from f/2 "
+        "on behind the other."
     )

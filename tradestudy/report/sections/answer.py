@@ -257,7 +257,7 @@ def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
             "**The calibration of {camera}** is good to {good} at {where}, although it claims {claimed}: depths "
             "from random halves of its views differ by {ratio} times as much as claimed. This report uses the claimed "
             "uncertainty.",
-            camera=titles[name],
+            camera=with_article(titles[name]),
             good=length(ratio[worst] * claimed),
             where=distance(float(rig["rig_distance"].values[worst])),
             claimed=length(claimed),

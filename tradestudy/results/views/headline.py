@@ -139,20 +139,20 @@ def _of_fresnel(tree: xr.DataTree) -> str:
     limits = fresnel_numbers(tree)
     if not limits:
         return ""
-    by_phase: dict[str, list[str]] = {}
+    by_phase: dict[str, dict[str, list[str]]] = {}
     for one in limits:
         if one["f_number"] == 0.0:
-            where = f"at every f-number behind the {one['element'].lower()}"
+            where = "at every f-number"
         elif math.isfinite(one["f_number"]):
-            where = (
-                f"from f/{significant(math.ceil(one['f_number'] * 10.0) / 10.0)} on behind the {one['element'].lower()}"
-            )
+            where = f"from f/{significant(math.ceil(one['f_number'] * 10.0) / 10.0)} on"
         else:
-            where = f"at no f-number behind the {one['element'].lower()}"
-        by_phase.setdefault(one["lens_phase"], []).append(where)
+            where = "at no f-number"
+        of_phase = by_phase.setdefault(one["lens_phase"], {})
+        of_phase.setdefault(where, []).append(f"the {one['element'].lower()}")
     phases: dict[str, list[str]] = {}
     for phase, places in by_phase.items():
-        phases.setdefault(listed(places), []).append(phase)
+        each_place = [f"{where} behind {listed(elements)}" for where, elements in places.items()]
+        phases.setdefault(listed(each_place), []).append(phase)
     each = "; ".join(f"with a {listed(names)} lens phase, {where}" for where, names in phases.items())
     within = f"{pretty(limits[0]['limit'], FRACTION)} over {significant(limits[0]['window'])} Airy radii"
     return f"Fresnel's approximation agrees with Kirchhoff's integral to {within}: {each}"
