@@ -19,7 +19,7 @@ from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import DICTIONARY, Document, Value
-from tradestudy.study.loading import checked
+from tradestudy.study.loading import checked, with_questions_checked
 from tradestudy.study.python_values import plain_value
 from tradestudy.study.reader import options, overridden, read, read_text, read_values
 from tradestudy.study.writing import standalone, yaml_of
@@ -308,7 +308,7 @@ class Study:
             If the changed study contains mistakes.
         """
         plain = {path: plain_value(value) for path, value in values.items()}
-        return Study(self.definition.with_values(plain, numbers_in_si=True))
+        return Study(with_questions_checked(self.definition.with_values(plain, numbers_in_si=True)))
 
     def sweep(self, values: Mapping[str, Any], what: str | Sequence[str] = "depth") -> xr.Dataset:
         """Compute depth for every combination of values, and nothing else.

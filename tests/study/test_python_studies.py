@@ -106,6 +106,24 @@ def test_the_command_line_still_needs_units() -> None:
 
 
 @pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"sweep": {"rig.baseline": [0.1, 0.2]}}, "sweep.rig.baseline: cameras.rig.baseline: '0.1' has no unit"),
+        ({"sweep": {"rigg.baseline": ["0.1 m"]}}, "sweep.rigg.baseline: "),
+        (
+            {"readings": {"far": {"says": "far", "set": {"rig.baseline": "-1 m"}}}},
+            "cameras.rig.baseline: in reading 'far': '-1 m'",
+        ),
+    ],
+)
+def test_with_values_refuses_what_load_refuses(values: dict[str, Any], message: str) -> None:
+    for refused in (lambda: tradestudy.load({**STUDY, **values}), lambda: tradestudy.load(STUDY).with_values(values)):
+        with pytest.raises(StudyError) as refusal:
+            refused()
+        assert str(refusal.value).startswith(message)
+
+
+@pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"baseline": -0.1}, "cameras.rig.baseline: '-0.1 m' is out of range; a length above 0 m is expected"),

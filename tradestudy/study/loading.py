@@ -48,6 +48,17 @@ def checked(document: Document) -> StudyDefinition:
     except StudyError as error:
         found = _stated_once(document, [*error.problems, *_single_cameras(document, error)])
         raise StudyError([_with_cause(document, one) for one in found]) from None
+    return with_questions_checked(definition)
+
+
+def with_questions_checked(definition: StudyDefinition) -> StudyDefinition:
+    """Check what a study varies, asks and claims; its declarations are checked.
+
+    Raises
+    ------
+    StudyError
+        With every mistake found, at its place.
+    """
     problems: list[Problem] = []
     try:
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
@@ -59,7 +70,7 @@ def checked(document: Document) -> StudyDefinition:
         except StudyError as error:
             problems += error.problems
     if problems:
-        raise StudyError([_with_cause(document, one) for one in dict.fromkeys(problems)])
+        raise StudyError([_with_cause(definition.document, one) for one in dict.fromkeys(problems)])
     return definition
 
 
