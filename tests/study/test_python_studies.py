@@ -94,6 +94,17 @@ def test_with_values_takes_numbers_in_si_and_the_record_has_their_unit() -> None
     assert study.cameras["rig"].baseline == 0.1
 
 
+def test_changed_cameras_keep_their_titles() -> None:
+    titled = {**RIG, "title": "Rig"}
+    study = tradestudy.load({**STUDY, "cameras": {"a": RIG, "b": titled, "c": titled}})
+    moved = study.with_values({"a.baseline": 0.3, "b.baseline": 0.3})
+    assert [camera.title for camera in moved.cameras.values()] == ["a", "Rig (b)", "Rig (c)"]
+    assert moved != study == moved.with_values({f"{name}.baseline": RIG["baseline"] for name in "ab"})
+    renamed = study.with_values({"b.title": "a"})
+    assert [camera.title for camera in renamed.cameras.values()] == ["a (a)", "a (b)", "Rig"]
+    assert study.cameras["a"].replace({"sensor.pixels": [640, 480]}).title == "a"
+
+
 def test_the_record_of_a_run_says_where_the_study_came_from() -> None:
     record = tradestudy.load(STUDY).with_values({"rig.baseline": 0.05}).run().run_record
     assert record["file"] == "a dictionary"

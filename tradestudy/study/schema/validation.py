@@ -564,9 +564,11 @@ def _changed_parts(document: Document, before: Document, valid: StudyFile) -> di
         part, entry, entry_before = getattr(valid, key, None), child(document.root, key), child(before.root, key)
         if isinstance(part, dict) and isinstance(entry, MappingEntry) and isinstance(entry_before, MappingEntry):
             names = _changed_keys(entry, entry_before)
-            changed[key] = part | {name: _validated(part.get(name), child(entry, name)) for name in names}
+            changed[key] = part | {
+                name: _validated(part.get(name), child(entry, name), child(entry_before, name)) for name in names
+            }
         else:
-            changed[key] = _validated(part, entry)
+            changed[key] = _validated(part, entry, entry_before)
     return changed
 
 
@@ -576,7 +578,12 @@ def _changed_keys(mapping: MappingEntry, before: MappingEntry) -> list[str]:
     return [key for key, member in mapping.members.items() if member.entry is not child(before, key)]
 
 
-def _validated(before: object, entry: Entry | None) -> Part:
+def _validated(before: object, entry: Entry | None, entry_before: Entry | None) -> Part:
     if not isinstance(before, Part) or entry is None:
         raise _WhollyNewError
-    return type(before).model_validate(plain(entry))
+    values = plain(entry)
+    if hasattr(before, "title") and isinstance(values, dict):  # a camera's depends on its key and on other cameras
+        if child(entry, "title") is not child(entry_before, "title"):
+            raise _WhollyNewError
+        values = {**values, "title": before.title}
+    return type(before).model_validate(values)
