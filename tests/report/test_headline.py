@@ -91,7 +91,7 @@ def test_a_sweep_names_the_number_that_decides(baselines: str) -> None:
     swept = [f"sweep.stereo.baseline=[{baselines}]", "sweep.stereo.lenses.focal_length=[8 mm, 16 mm]"]
     study = load(STUDIES / "stereo_design.yaml", ["scene.distances={from: 0.5 m, to: 2 m, points: 7}", *swept])
     assert headline(study.run().data).endswith(
-        "; baseline decides and focal length hardly matters: at 100 mm, ±35 mm at 1 m."
+        "; for depth at 1 m, baseline decides and focal length hardly matters: ±35 mm with 100 mm."
     )
 
 
@@ -113,7 +113,7 @@ def test_fresnel_limits_are_grouped_by_lens_and_phase(monkeypatch: pytest.Monkey
     monkeypatch.setattr(views_headline, "fresnel_numbers", lambda _tree: limits)
     tree = xr.DataTree(xr.Dataset(attrs={"question": ""}))
     assert headline(tree).endswith(
-        "with a parabolic lens phase, from f/5.9 on behind the main lens and at no f-number behind the microlens and "
-        "the other; with a perfect lens phase, at every f-number behind the main lens and the microlens and from f/2 "
-        "on behind the other."
+        "with a parabolic lens phase, from f/5.9 on behind the main lens and at no f-number of the study behind the "
+        "microlens and the other; with a perfect lens phase, at every f-number of the study behind the main lens and "
+        "the microlens and from f/2 on behind the other."
     )

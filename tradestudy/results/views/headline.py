@@ -40,10 +40,12 @@ from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_word
 from tradestudy.units import FRACTION, LENGTH, PIXELS, display_unit, pretty, rounded, significant
 from tradestudy.wording import DECLARED_VALUE, counted, distance, fewest_digits, listed, plain_span, with_article
 
+_ALONE: Final = "for depth alone, "
 _METRE: Final = 0.1  # a range of distances that reaches this far is written in metres, [m]
 _MOST_STRETCHES: Final = 5
 _FEW_DIGITS: Final = 2
 _HARDLY, _CLEARLY = 1.1, 1.5  # factors of the depth uncertainty over the values of a swept number
+_MEASURED: Final = 3  # cameras beside the best that a sentence on pictures names
 _NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it gives the number
 
 
@@ -53,7 +55,8 @@ def headline(tree: xr.DataTree) -> str:
     ways = (_of_sweep, _of_light, _of_fresnel, hard_case_words, _of_pictures)
     words = next(filter(None, (way(tree) for way in ways)), "")
     if sharp := _of_sharpness(tree):
-        depth = _of_cameras(tree, requirements).replace("take ", "to measure depth, ", 1) if requirements else ""
+        depth = _of_cameras(tree, requirements).removeprefix(_ALONE) if requirements else ""
+        depth = depth.replace("take ", "to measure depth, ", 1)
         words = "; ".join(filter(None, (sharp, depth)))
     words = words or _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
     words = words or _of_requirements(requirements) or next(_questions(tree), "")
@@ -90,7 +93,7 @@ def _of_sweep(tree: xr.DataTree) -> str:
     counts = f"{feasible.count} of {feasible.designs} designs {'meets' if feasible.count == 1 else 'meet'} {what}"
     if feasible.fills_region:
         return f"take {feasible.region}: {counts}{_deciding(tree)}"
-    return f"{counts}: {feasible.region} (not every combination){_deciding(tree)}"
+    return f"{counts}; {feasible.best.words} has the largest margin{_deciding(tree)}"
 
 
 def _deciding(tree: xr.DataTree) -> str:
@@ -119,7 +122,7 @@ def _deciding(tree: xr.DataTree) -> str:
     spread = low if low == high else f"{low} to {high}"
     verbs = ["decides" if len(busy) == 1 else "decide", "hardly matters" if len(idle) == 1 else "hardly matter"]
     where = distance(float(places[-1]))
-    return f"; {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: at {held}, ±{spread} at {where}"
+    return f"; for depth at {where}, {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: ±{spread} with {held}"
 
 
 def _of_light(tree: xr.DataTree) -> str:
@@ -131,7 +134,7 @@ def _of_light(tree: xr.DataTree) -> str:
         f"{pretty(one['difference'], FRACTION, digits=2)} ({title_within_a_sentence(one['method'])})" for one in others
     ]
     reference = title_within_a_sentence(others[0]["reference"])
-    return f"pictures of the light spot differ from that by {reference} by {listed(each)}"
+    return f"pictures of the light spot differ from the one by {reference} by {listed(each)}"
 
 
 def _of_fresnel(tree: xr.DataTree) -> str:
@@ -142,11 +145,11 @@ def _of_fresnel(tree: xr.DataTree) -> str:
     by_phase: dict[str, dict[str, list[str]]] = {}
     for one in limits:
         if one["f_number"] == 0.0:
-            where = "at every f-number"
+            where = "at every f-number of the study"
         elif math.isfinite(one["f_number"]):
             where = f"from f/{significant(math.ceil(one['f_number'] * 10.0) / 10.0)} on"
         else:
-            where = "at no f-number"
+            where = "at no f-number of the study"
         of_phase = by_phase.setdefault(one["lens_phase"], {})
         of_phase.setdefault(where, []).append(f"the {one['element'].lower()}")
     phases: dict[str, list[str]] = {}
@@ -155,7 +158,7 @@ def _of_fresnel(tree: xr.DataTree) -> str:
         phases.setdefault(listed(each_place), []).append(phase)
     each = "; ".join(f"with a {listed(names)} lens phase, {where}" for where, names in phases.items())
     within = f"{pretty(limits[0]['limit'], FRACTION)} over {significant(limits[0]['window'])} Airy radii"
-    return f"Fresnel's approximation agrees with Kirchhoff's integral to {within}: {each}"
+    return f"Fresnel's approximation agrees with Kirchhoff's integral on the axis to {within}: {each}"
 
 
 def _of_pictures(tree: xr.DataTree) -> str:
@@ -164,11 +167,10 @@ def _of_pictures(tree: xr.DataTree) -> str:
     scene = sorted(rows, key=lambda row: math.hypot(row["spread"], row["bias"]))
     if scene:
         first, *others = scene
-        words = (
-            f"{with_article(first['camera'])} measures the scene {'best, ' if others else ''}to {_spread_words(first)}"
-        )
+        best = " best, by spread and bias together" if others else ""
+        words = f"{with_article(first['camera'])} measures the scene{best}: to {_spread_words(first)}"
         return "; ".join(
-            [words, *(f"{with_article(row['camera'])}, to {_spread_words(row)}" for row in others[:_NAMED])]
+            [words, *(f"{with_article(row['camera'])}, to {_spread_words(row)}" for row in others[:_MEASURED])]
         )
     if not has(tree, "depth_loop", "depth_spread"):
         return ""
@@ -233,11 +235,12 @@ def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]
     deciding = {one.camera for one in must if one.met}
     ranges = best_ranges(tree)
     if must and all(one.met for one in must) and len(deciding) == 1 and len(camera_titles(tree)) > 1:
-        words = f"take {with_article(must[0].camera)}: {_requirement_words(must)}"
+        other = _trade_off_words(tree, must[0].camera)
+        words = f"{_ALONE if other else ''}take {with_article(must[0].camera)}: {_requirement_words(must)}"
         best = {title for one in ranges for title in one.cameras}
         if best == deciding:
             words += _lead_words(tree)
-        return words + _trade_off_words(tree, must[0].camera)
+        return words + other
     words = _stretch_words(tree, ranges)
     if not words:
         return ""
@@ -293,7 +296,7 @@ def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
     if not ranked or not taken or ranked[0].title == taken:
         return ""
     share = pretty(ranked[0].ranks[0], FRACTION, digits=2)
-    return f"; weighing all criteria, {with_article(ranked[0].title)} ranks first for {share} of the possible weights"
+    return f"; if all criteria count, {with_article(ranked[0].title)} ranks first for {share} of the possible weights"
 
 
 def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
@@ -341,11 +344,11 @@ def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     ends = {0: None, distances.size - 1: None}  # one if they are the same
     values = [f"±{_worst(judged[k], worst)} at {distance(distances[k])}" for k in ends]
     causes = rests_on(tree)
-    limits = f"; {causes[0].partition(' of ')[0]} decides most of it" if causes else ""
-    beyond = off_axis(tree, name).ratio
-    off = (
-        f" on the axis, and up to {significant(beyond, 2)} times that elsewhere" if _HARDLY < beyond < math.inf else ""
-    )
+    limits = f"; on average, {causes[0].partition(' of ')[0]} decides most of it" if causes else ""
+    worst_place = off_axis(tree, name)
+    off = ""
+    if _HARDLY < worst_place.ratio < math.inf:
+        off = f" on the axis, and off it up to {significant(worst_place.ratio, 2)} times as much ({worst_place.where})"
     return f"depth by {title} is usable {where}, with {listed(values)}{off}{limits}"
 
 
