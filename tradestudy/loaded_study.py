@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TextIO, cast
 
 from tradestudy import provenance
-from tradestudy.camera_object import Camera, Cameras, sweep
 from tradestudy.errors import OutOfRangeError
 from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
@@ -28,6 +27,7 @@ from tradestudy.wording import counted
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tradestudy.camera_object import Camera
     from tradestudy.execution import Checkpoints, Executor
     from tradestudy.execution.steps import Progress
     from tradestudy.models.plan import Plan
@@ -200,6 +200,8 @@ class Study:
     @cached_property
     def cameras(self) -> Mapping[str, Camera]:
         """The cameras by name, with their properties and their depth errors at any distance."""
+        from tradestudy.camera_object import Cameras  # heavy, and commands do not need it
+
         return Cameras(self.definition)
 
     @property
@@ -338,6 +340,8 @@ class Study:
         UnaffordableError
             If there are more than 20 000 combinations, or even the most complete models exceed a tolerance.
         """
+        from tradestudy.camera_object import sweep
+
         return sweep(self.definition, values, what)
 
     def plan(self) -> Plan:

@@ -412,14 +412,17 @@ class StudyDefinition:
         written_at
             The mapping of this study that contains the values; their mistakes are reported there.
         numbers_in_si
-            Whether numbers without a unit are in SI where a quantity is expected; else they are mistakes.
+            Whether numbers without a unit, other than those in text, are in SI where a quantity is expected; else they
+            are mistakes.
         """
         for path in values:
             if not isinstance(path, str):
                 raise TypeError(f"the path of a value is text, such as 'scene.distances.to', not {path!r}")
         places = None if written_at is None else {path: (*written_at, path) for path in values}
         document = with_values(self.document, values, written_at=places)
-        document = in_si(document) if numbers_in_si else document
+        if numbers_in_si:
+            texts = [document.path_of(path) for path, value in values.items() if isinstance(value, str)]
+            document = in_si(document, texts)
         declared = validate_changes(document, self.document, self.declared)
         changed = replace(self, document=document, declared=declared, before=self)
         changed.designs  # noqa: B018 - built here so that an impossible camera is refused, as in a study that is read

@@ -99,9 +99,12 @@ def read_values(values: Mapping[str, Value]) -> Document:
     return in_si(_document(lambda: entry_of_value(values, DICTIONARY), DICTIONARY, Path()))
 
 
-def in_si(document: Document) -> Document:
-    """The document with the SI unit beside every number from Python that lacks its unit."""
+def in_si(document: Document, given_as_text: Sequence[tree.Path] = ()) -> Document:
+    """The document with the SI unit beside every number from Python that lacks its unit; text is left as it is."""
     while units := units_missing(document, StudyFile):  # those of a part may show only when another is valid
+        units = {path: unit for path, unit in units.items() if not any(path[: len(at)] == at for at in given_as_text)}
+        if not units:
+            break
         entries = {path: document.entry(path) for path in units}
         texts = {path: f"{text_of(entry)} {units[path]}" for path, entry in entries.items() if entry is not None}
         document = document.with_texts(texts)

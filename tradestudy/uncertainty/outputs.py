@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr, ndtri
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
@@ -84,7 +83,7 @@ def _position(probability: FloatArray, n: int) -> FloatArray:
     return np.asarray(np.clip(probability * n - 0.5, 0.0, n - 1.0))
 
 
-PROBABILITIES = (0.025, float(ndtr(-1.0)), 0.5, float(ndtr(1.0)), 0.975)
+PROBABILITIES = (0.025, 0.15865525393145707, 0.5, 0.8413447460685429, 0.975)  # Φ(±1) beside the median
 """Quantiles that are always computed: the ends of the central 95 % and 68.27 % intervals, and the median."""
 
 POLE_MARGIN = 6.0
@@ -138,6 +137,8 @@ def _tail_shape(ascending: FloatArray, has_infinite: BoolArray) -> FloatArray:
 
 def _pole_margin(median: FloatArray, far: FloatArray) -> FloatArray:
     """Distance from inverse depth to zero in standard deviations, from its median and 1 % quantile, taken as normal."""
+    from scipy.special import ndtri  # which reading a study does not need
+
     w, w_far = 1.0 / median, 1.0 / far  # an infinite depth gives zero
     spread = (w - w_far) / -float(ndtri(_TAIL_PROBABILITY))
     margin = np.where(w > 0.0, np.inf, 0.0)

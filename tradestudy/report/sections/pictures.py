@@ -103,11 +103,13 @@ def _matcher(title: str, text: str) -> Text:
 
 def list_disparity_scores(tree: xr.DataTree) -> Iterator[Block]:
     """Tabulate the errors of the disparity behind measured depth; nothing for a study that measures none."""
-    titles, tables = camera_titles(tree), list[Table]()
+    tables = list[Table]()
     if has(tree, "pictures", "map_depth"):
-        tables.append(_disparity_table("depth-maps", *_scores_of_maps(group(tree, "pictures"), titles)))
+        found = _scores_of_maps(group(tree, "pictures"), camera_titles(tree))
+        tables.append(_disparity_table("depth-maps", *found))
     if has(tree, "depth_loop", "depth_spread"):
-        tables.append(_disparity_table("depth-loop", *_scores_of_planes(group(tree, "depth_loop"), titles)))
+        found = _scores_of_planes(group(tree, "depth_loop"), camera_titles(tree))
+        tables.append(_disparity_table("depth-loop", *found))
     if tables:
         yield Heading(text="Disparity measured in the pictures", anchor="disparity-scores")
         yield from tables
