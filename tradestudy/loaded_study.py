@@ -308,7 +308,13 @@ class Study:
         ------
         StudyError
             If the changed study contains mistakes.
+        TypeError
+            If the values are not a mapping.
         """
+        if not isinstance(values, Mapping):
+            raise TypeError(
+                f"values by their paths are expected, such as {{'scene.distances.to': 2.0}}, not {values!r}"
+            )
         plain = {path: plain_value(value) for path, value in values.items()}
         return Study(with_questions_checked(self.definition.with_values(plain, numbers_in_si=True)))
 
