@@ -25,6 +25,7 @@ from tradestudy.report.document import (
     all_blocks,
     spans,
 )
+from tradestudy.report.sections import answer
 from tradestudy.report.sections.registers import _times_the_error
 from tradestudy.report.sections.results import _factor
 from tradestudy.results.views.decision import best_cameras, winners
@@ -274,6 +275,15 @@ def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> Non
 def test_the_answer_says_what_it_rests_on(tree: xr.DataTree) -> None:
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
     assert any("The answers rest on the yaw of a rig, assumed 0.2°" in text for text in texts)
+
+
+def test_without_requirements_only_predicted_depth_rests_on_an_input(
+    tree: xr.DataTree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(answer, "rests_on", lambda _tree: ("yaw of a rig",))
+    monkeypatch.setattr(answer, "requirement_conclusions", lambda _tree: ())
+    said = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
+    assert any("Predicted depth errors rest on the yaw of a rig" in text for text in said)
 
 
 def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:

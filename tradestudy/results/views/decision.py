@@ -231,7 +231,8 @@ class CameraDepth:
     usable
         Usable ranges, as (near, far) [m].
     worst
-        The largest depth uncertainty [m] at the places computed off the axis; None without such places.
+        The largest depth uncertainty [m] at the places computed off the axis; None without such places, and where a
+        map over the picture shows more.
     """
 
     uncertainty: FloatArray
@@ -290,7 +291,12 @@ def best_cameras(tree: xr.DataTree) -> BestCameras:
     cameras = {key: replace(one, uncertainty=curves.sel(camera=key).values) for key, one in of_cameras.items()}
     if cameras and has(tree, "depth_field", "depth_uncertainty"):
         off = judged_uncertainty(group(tree, "depth_field")).max(("field", "corner"))
-        cameras = {key: replace(one, worst=off.sel(camera=key).values) for key, one in cameras.items()}
+        # A map shows worse places than these, which the first page names.
+        mapped = group(tree, "depth_map")["camera"].values if has(tree, "depth_map", "depth_uncertainty") else ()
+        cameras = {
+            key: one if key in mapped else replace(one, worst=off.sel(camera=key).values)
+            for key, one in cameras.items()
+        }
     places = np.asarray(curves["distance"].values, dtype=np.float64)
     return BestCameras(ranges=tuple(winners(tree)), cameras=cameras, of_curves=places, **_shared(tree, depth))
 
