@@ -14,6 +14,7 @@ from matplotlib.patches import Circle
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.behind_microlens import projection
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.lateral_resolution import FIRST_DARK_RING
 from tradestudy.optics.sampled_point_spread import PointSpread
@@ -105,7 +106,7 @@ def microlens_figure(
     shown = axes.imshow(
         _PERCENT * pixels, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), cmap="gray", norm=PowerNorm(0.5)
     )
-    grown = 1e6 * (1.0 + path.detector_distance / path.array_distance)
+    grown = 1e6 * projection(path)
     for centre in path.microlenses.centres * grown:
         axes.add_patch(Circle(centre, grown * path.microlenses.aperture_width / 2, fill=False, edgecolor="tab:blue"))
     axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel="x, µm", ylabel="y, µm")

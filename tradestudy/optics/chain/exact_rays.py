@@ -21,6 +21,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage, refuse_pixel_centres
+from tradestudy.optics.chain.behind_microlens import projection
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_node_count, cell_nodes
 from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries
@@ -510,7 +511,7 @@ def _needed(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAc
 def _typical_microlens(path: LightPath, source: PointSource | DiscSource) -> LightPath:
     """The camera with one microlens only: the one nearest to the chief ray, preferably among those that pixels see."""
     lenses, pixels = path.microlenses, path.pixels
-    middles = lenses.centres * (1.0 + path.detector_distance / path.array_distance)
+    middles = lenses.centres * projection(path)
     half = np.array(pixels.shape[::-1]) * pixels.pitch / 2.0
     seen = np.all(np.abs(middles - pixels.centre) <= half, axis=1)
     place = source.centre if isinstance(source, DiscSource) else source

@@ -19,6 +19,7 @@ from tradestudy.optics.arrays import BoolArray, ComplexArray, FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import RayWave, bending, blur_radius, ray_reach
+from tradestudy.optics.chain.behind_microlens import pixel_centres
 from tradestudy.optics.chain.microlens_nodes import lit_share
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource
@@ -241,7 +242,7 @@ def missing_light(wave: PupilWave, path: LightPath, pixels: FloatArray) -> Float
     """
     lenses, grid = path.microlenses, path.pixels
     power, landing, spread = _landings(wave, path)
-    across, along = ((edges[1:] + edges[:-1]) / 2 for edges in (grid.edges_x, grid.edges_y))
+    across, along = pixel_centres(grid)
     changes = np.empty(lenses.count)
     for index, (centre, radius) in enumerate(zip(landing, spread + grid.pitch / math.sqrt(2), strict=True)):
         beyond = rim_light(
