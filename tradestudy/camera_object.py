@@ -70,11 +70,6 @@ class Camera:
         self._tree: dict[str, Any] = plain(definition.document.entry(("cameras", self.name)))  # type: ignore[arg-type]
         self._quick: dict[str, str | float] = {}
 
-    @classmethod
-    def of(cls, definition: StudyDefinition, name: str) -> Camera:
-        """A camera of a study."""
-        return cls(_Origin(definition, name), definition)
-
     def __reduce__(self) -> tuple[type[Camera], tuple[object, ...]]:
         return Camera, (self._origin, self._changed({}))
 
@@ -396,7 +391,9 @@ class Cameras(Mapping[str, Camera]):
                 limit=", ".join(map(repr, names)) or "none, because the study has no cameras",
                 remedy="" if close is None else f"nearest: {close!r}",
             )
-        return self._known.setdefault(name, Camera.of(self._definition, name))
+        if name not in self._known:
+            self._known[name] = Camera(_Origin(self._definition, name), self._definition)
+        return self._known[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._definition.file.cameras)
