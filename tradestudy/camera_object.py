@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Final, Literal, cast
@@ -302,7 +302,7 @@ class Camera:
         kinds = {name: object if "limit" in name else float for name in columns}
         return xr.Dataset(
             {
-                name: ("interval", np.array(column, dtype=kinds[name]), attributes(name))
+                name: ("interval", np.array(column, dtype=kinds[name]), _attributes(name))
                 for name, column in columns.items()
             }
         )
@@ -312,29 +312,27 @@ class Camera:
         if errors not in ERROR_SOURCES:
             raise OutOfRangeError("errors", value=repr(errors), limit=", ".join(map(repr, ERROR_SOURCES)))
         metres = in_metres(distance)
-        values = OF_DISTRIBUTION[variable](self._depth, metres.ravel(), errors)
+        values = _of_distribution(variable, self._depth, metres.ravel(), errors)
         return _labelled(variable, values, distance, metres, **last)
 
 
-def _from_distribution(attribute: str) -> Callable[[DepthCamera, FloatArray, str], FloatArray]:
-    def read(camera: DepthCamera, distance: FloatArray, errors: str = "both") -> FloatArray:
-        values: FloatArray = getattr(distribution(camera, imaged(camera, distance), errors), attribute)
-        return values.T
-
-    return read
-
-
-OF_DISTRIBUTION: Final = {
-    "depth_uncertainty": _from_distribution("half_width"),
-    "depth_error_radius": _from_distribution("error_radius"),
-    "failed_fraction": _from_distribution("failed_fraction"),
-    "depth_quantile": _from_distribution("quantile"),
+_OF_DISTRIBUTION: Final = {
+    "depth_uncertainty": "half_width",
+    "depth_error_radius": "error_radius",
+    "failed_fraction": "failed_fraction",
+    "depth_quantile": "quantile",
 }
-"""Variables of ``/depth`` of one camera at distances [m] with an error source; the distance is the first dimension."""
+"""Variables of ``/depth``, and what the distribution of depth calls them."""
+
+
+def _of_distribution(variable: str, camera: DepthCamera, distance: FloatArray, errors: str) -> FloatArray:
+    """A variable of one camera at distances [m] with an error source; the distance is the first dimension."""
+    values: FloatArray = getattr(distribution(camera, imaged(camera, distance), errors), _OF_DISTRIBUTION[variable])
+    return values.T
 
 
 @cache
-def attributes(variable: str) -> Mapping[str, Any]:
+def _attributes(variable: str) -> Mapping[str, Any]:
     """Attributes of a variable of ``/depth``, as in results, but for the name of its error estimate."""
     dims = GROUPS["depth"][variable].dims
     attrs = dataset("depth", {variable: np.zeros((0,) * len(dims))}, {})[variable].attrs
@@ -359,7 +357,7 @@ def _labelled(variable: str, values: FloatArray, distance: Any, metres: FloatArr
         values.reshape((*metres.shape, *values.shape[1:])),
         dims=(*dims, *last),
         coords=coordinates | last,
-        attrs=dict(attributes(variable)),
+        attrs=dict(_attributes(variable)),
         name=variable,
     )
 
@@ -445,7 +443,7 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
     for number, name in enumerate(names):
         array = np.array([[one[number] for one in row] for row in found])
         dims = (*labels, "camera", "distance", *(["quantile"] if name == "depth_quantile" else []))
-        variables[name] = (dims, array.reshape(shape + array.shape[2:]), dict(attributes(name)))
+        variables[name] = (dims, array.reshape(shape + array.shape[2:]), dict(_attributes(name)))
     return xr.Dataset(variables, coords=coordinates)
 
 
@@ -454,7 +452,7 @@ _OTHER_QUESTIONS: Final = ("sweep", "readings", "solve", "claims", "value_of_inf
 
 _DEPTH: Final = ("depth_uncertainty", "depth_quantile")
 """What "depth" stands for in a sweep: what the distribution of depth gives at once."""
-_SWEPT: Final = (*OF_DISTRIBUTION, "usable")
+_SWEPT: Final = (*_OF_DISTRIBUTION, "usable")
 
 
 def _at_distances(
@@ -462,7 +460,7 @@ def _at_distances(
 ) -> FloatArray | BoolArray:
     """A variable of one camera of a sweep, for all errors together."""
     if variable != "usable":
-        return OF_DISTRIBUTION[variable](camera, distance, "both")
+        return _of_distribution(variable, camera, distance, "both")
     return all_met(evaluate_limits(camera, criteria, distance, depth=distribution), distance.shape)
 
 
