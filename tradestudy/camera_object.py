@@ -19,7 +19,7 @@ from tradestudy.depth.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.effects import Models
 from tradestudy.errors import OutOfRangeError, TradestudyError, UnknownNameError, nearest
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.results import GROUPS, coordinate_names, dataset
+from tradestudy.results import DISTANCE, GROUPS, coordinate_names, dataset
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Scalar, ScalarEntry, Value, plain, scalar_text
@@ -339,9 +339,6 @@ def _attributes(variable: str) -> Mapping[str, Any]:
     return {name: value for name, value in attrs.items() if name not in ("ancillary_variables", "error")}
 
 
-_DISTANCE: Final = {"units": "m", "long_name": "object distance", "symbol": "a"}
-
-
 def _labelled(variable: str, values: FloatArray, distance: Any, metres: FloatArray, **last: Any) -> xr.DataArray:
     """Values at flattened distances in the shape of the distances, followed by a named dimension with its labels."""
     import xarray as xr
@@ -352,7 +349,7 @@ def _labelled(variable: str, values: FloatArray, distance: Any, metres: FloatArr
         coordinates |= {str(key): value for key, value in distance.coords.items()}
     else:
         dims = ("distance",) if metres.ndim == 1 else tuple(f"distance_{k}" for k in range(metres.ndim))
-    coordinates["distance"] = (dims, metres, _DISTANCE)
+    coordinates["distance"] = (dims, metres, DISTANCE)
     return xr.DataArray(
         values.reshape((*metres.shape, *values.shape[1:])),
         dims=(*dims, *last),
@@ -436,7 +433,7 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
     for name, axis in labels.items():
         attrs = {"units": axis.units, "long_name": name.replace("_", " "), "path": axis.path}
         coordinates[name] = (name, np.array(axis.labels, dtype=None if axis.dimension else object), attrs)
-    coordinates |= {"camera": np.array(list(cameras), dtype=object), "distance": ("distance", distance, _DISTANCE)}
+    coordinates |= {"camera": np.array(list(cameras), dtype=object), "distance": ("distance", distance, DISTANCE)}
     if "depth_quantile" in names:
         coordinates["quantile"] = list(next(iter(cameras.values())).propagation.probabilities)
     variables = {}

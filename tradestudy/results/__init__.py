@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import xarray as xr  # only for types here, because plans use only the words of the results
 
 FORMAT_VERSION: Final = 9
+DISTANCE: Final = {"units": "m", "long_name": "object distance", "symbol": "a"}
+"""Attributes of the coordinate ``distance``."""
 PAPER: Final = "Diffraction model of a plenoptic camera for in-situ space exploration"
 JUDGED: Final = ("depth_uncertainty", "depth_error_radius")
 """The larger of these variables judges a camera; see `judged_uncertainty`."""
@@ -129,7 +131,7 @@ def dataset(
         of_length = {"units": "m"} if name.endswith(("distance", "place")) else {}
         result[name].attrs = of_length | {"long_name": name.replace("_", " ")}
     if "distance" in result.coords:
-        result["distance"].attrs |= {"long_name": "object distance", "symbol": "a"}
+        result["distance"].attrs = dict(DISTANCE)
     return result
 
 
