@@ -19,7 +19,7 @@ from tradestudy.units import LENGTH, UnitError, parse
 _LARGEST = 1e12  # larger than any number of a camera, in any unit
 YES: Final = ("true", "yes", "on")
 SET: Final = ("1", "1.", "1.0", *YES)
-_NOT_SET: Final = ("0", "0.", "0.0", "false", "no", "off")
+NOT_SET: Final = ("0", "0.", "0.0", "false", "no", "off")
 
 
 class CameraFileError(Exception):
@@ -199,7 +199,7 @@ class Located:
         text = self.text().lower()
         if text in (*SET, *yes):
             return True
-        if text in (*_NOT_SET, *no):
+        if text in (*NOT_SET, *no):
             return False
         names = "".join(f", {word}" for word in (*yes, *no))
         raise self.fail(f"'{text[:40]}' is unknown; one of 1, true, yes, on, 0, false, no, off{names} is expected")

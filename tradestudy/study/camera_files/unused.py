@@ -13,7 +13,7 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedCorners, ImportedRig
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.camera_files.located import SET, UNUSED, YES, CameraFile, Located, Request
+from tradestudy.study.camera_files.located import NOT_SET, SET, UNUSED, YES, CameraFile, Located, Request
 from tradestudy.study.camera_files.pairs import as_filed
 from tradestudy.study.camera_files.second_poses import epipolar_problem, rotation_problem, translation_problem
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, ScalarEntry, dotted
@@ -67,7 +67,7 @@ _SCALES: Final = {
     "decimation",
     "subsampling",
 }
-_UNSET: Final = ("", "0", "0.", "0.0", "false", "no", "off", "none", "null", "normal", "auto")
+_UNSET: Final = ("", *NOT_SET, "none", "null", "normal", "auto")
 _TURNED: Final = {
     "flip",
     "flipped",
