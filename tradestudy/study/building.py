@@ -39,10 +39,8 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None, distance: FloatA
     if not isinstance(part, DepthCameraDeclaration):
         return part.design(None)
     camera = part.design(_picture_law(scene, part))
-    if scene is not None:
-        camera.modelled_distance(
-            scene.distance_values() if distance is None else distance
-        )  # refuses those that it cannot measure
+    if scene is not None:  # refuse distances that it cannot measure
+        camera.modelled_distance(scene.distance_values() if distance is None else distance)
     return camera
 
 

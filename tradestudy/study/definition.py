@@ -108,8 +108,7 @@ class StudyDefinition:
 
     def __reduce__(self) -> tuple[Callable[..., StudyDefinition], tuple[object, ...]]:
         """Pickle what was read; classes of parts are made while the program runs, so parts are validated again."""
-        given = (self.models, self.other_models, self.tolerance, self.posteriors)
-        return _validated, (self.document, *given)
+        return _validated, (self.document, self.models, self.other_models, self.tolerance, self.posteriors)
 
     @classmethod
     def of(cls, document: Document) -> StudyDefinition:
