@@ -152,7 +152,7 @@ def render(
     progress: Progress = lambda _s, _p: None,
     executor: Executor | None = None,
 ) -> RenderedScene:
-    """Render only the pictures of the study's scene; also write them, their true depth and facts about each camera.
+    """Render and write only the pictures of the study's scene, with their true depth and a description of each camera.
 
     Unless ``fresh``, an interrupted rendering resumes.
 

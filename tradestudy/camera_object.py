@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 ErrorSource = Literal["noise", "calibration", "both"]
 _QUANTITY: Final = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)? ?[A-Za-zµ°%][\w°/*^ -]*", re.ASCII)
-# SI units of values that replaced numbers had, by declaration and path; found by the schema at the first replacement.
+# SI units of numbers given to `replace`, by declaration and path; the schema finds them the first time.
 _UNITS: dict[tuple[type[CameraDeclaration], str], str] = {}
 
 
@@ -60,8 +60,8 @@ class Camera:
     All numbers are in SI. Distances may be numbers [m], text with a unit, quantities of pint, lists of these, or arrays
     of any shape, also of xarray; results are `xarray.DataArray` of the same shape, with units, and a single number
     works with ``float()``. Depth errors are those that a run of the study computes, by the models that it would choose.
-    At the first question the camera chooses these models and, if its calibration comes from corners or a calibration
-    board, infers it, which can take seconds.
+    When these models are first needed, the camera chooses them and, if its calibration comes from corners or a
+    calibration board, infers it, which can take seconds.
     """
 
     def __init__(self, origin: _Origin, definition: StudyDefinition) -> None:
@@ -110,7 +110,7 @@ class Camera:
     def baseline(self) -> float:
         """Largest distance between two views from which depth is measured [m]; NaN for a single view.
 
-        It is the distance between the lenses of a rig, and the pupil of a plenoptic camera.
+        For a rig, it is the distance between the lenses; for a plenoptic camera, it is the diameter of the pupil.
         """
         return self._calibrated.view_baseline or float("nan")
 
@@ -241,7 +241,7 @@ class Camera:
         distance
             True distances [m], any shape.
         errors
-            Errors that count: ``"noise"``, ``"calibration"`` or ``"both"``.
+            Errors to include: ``"noise"``, ``"calibration"`` or ``"both"``.
 
         Returns
         -------
@@ -251,21 +251,24 @@ class Camera:
         return self._over("depth_uncertainty", distance, errors)
 
     def depth_error_radius(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
-        """Radius about the true distance that contains 68.27 % of all measurements [m]; arguments as above.
+        """Radius about the true distance that contains 68.27 % of all measurements [m].
 
-        Failures and false matches count as infinitely wrong.
+        The arguments are those of `depth_uncertainty`. Failures and false matches count as infinitely wrong.
         """
         return self._over("depth_error_radius", distance, errors)
 
     def failed_fraction(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
-        """Fraction of measurements that end at or beyond infinity, or are false matches [1]; arguments as above."""
+        """Fraction of measurements that end at or beyond infinity, or are false matches [1].
+
+        The arguments are those of `depth_uncertainty`.
+        """
         return self._over("failed_fraction", distance, errors)
 
     def quantiles(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
-        """Quantiles of the measured depth [m]; arguments as above.
+        """Quantiles of the measured depth [m].
 
-        The last dimension, ``quantile``, has their probabilities: the median, and the ends of every interval that the
-        study reports.
+        The arguments are those of `depth_uncertainty`. The last dimension, ``quantile``, has the probabilities: the
+        median, and the ends of every interval that the study reports.
         """
         probabilities = list(self._depth.propagation.probabilities)
         return self._over("depth_quantile", distance, errors, quantile=probabilities)

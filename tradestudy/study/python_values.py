@@ -22,7 +22,7 @@ def plain_value(value: Any) -> Value:
     Raises
     ------
     OutOfRangeError
-        If a DataFrame is no covariance.
+        If a DataFrame is not a covariance.
     """
     if isinstance(value, str | bool | int | float) and not isinstance(value, np.generic):
         return value
@@ -74,7 +74,7 @@ def in_metres(distance: Any) -> FloatArray:
     Raises
     ------
     OutOfRangeError
-        If they are no positive, finite lengths.
+        If they are not positive, finite lengths.
     """
     unit, numbers = _unit_and_numbers(distance)
     try:

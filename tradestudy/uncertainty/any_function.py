@@ -58,8 +58,8 @@ class Spread:
     error
         For each interval, the greater of the standard errors of its two ends, estimated from the scatter between
         independent replicates; shape (m, …). If the output takes discrete values and an end lies where one value gives
-        way to the next, the step between these values is included. Where draws are given as an input, the error does
-        not include that they are only a sample.
+        way to the next, the step between these values is included. Where inputs are given as draws, the error does
+        not allow for the draws being only a sample.
     draws
         Total number of draws.
     converged
