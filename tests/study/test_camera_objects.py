@@ -229,8 +229,3 @@ def test_twenty_evaluations_with_a_changed_value_are_fast() -> None:
             rig.replace(baseline=0.02 + 1e-4 * step + 1e-6 * number).depth_uncertainty(0.5)
         seconds.append(time.perf_counter() - begin)
     assert min(seconds) < 0.1
-
-
-def test_values_without_paths_are_refused() -> None:
-    with pytest.raises(TypeError, match="values by their paths are expected"):
-        tradestudy.load(STUDY).with_values("stereo-50mm.baseline=60 mm")  # type: ignore[arg-type]

@@ -94,6 +94,11 @@ def test_with_values_takes_numbers_in_si_and_the_record_has_their_unit() -> None
     assert study.cameras["rig"].baseline == 0.1
 
 
+def test_values_without_paths_are_refused() -> None:
+    with pytest.raises(TypeError, match="values by their paths are expected"):
+        tradestudy.load(STUDY).with_values("stereo-50mm.baseline=60 mm")  # type: ignore[arg-type]
+
+
 def test_changed_cameras_keep_their_titles() -> None:
     titled = {**RIG, "title": "Rig"}
     study = tradestudy.load({**STUDY, "cameras": {"a": RIG, "b": titled, "c": titled}})
