@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TextIO, cast
+from typing import TYPE_CHECKING, Any, Final, TextIO, cast
 
 from tradestudy import provenance
 from tradestudy.errors import OutOfRangeError
@@ -27,13 +27,12 @@ from tradestudy.wording import counted
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tradestudy.answers.calibration import Corners
     from tradestudy.camera_object import Camera
     from tradestudy.execution import Checkpoints, Executor
     from tradestudy.execution.steps import Progress
     from tradestudy.models.plan import Plan
     from tradestudy.study.schema.root import StudyFile
-
-Corners = Literal["not fitted", "few views", "all views"]
 
 
 def load(

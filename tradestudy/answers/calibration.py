@@ -59,9 +59,11 @@ def infer_calibrations(
     return known, {one.name: found[key] for key, one in definition.calibrations_to_infer().items()}
 
 
-def refuse_calibrations(
-    definition: StudyDefinition, *, corners: Literal["not fitted", "few views", "all views"]
-) -> None:
+Corners = Literal["not fitted", "few views", "all views"]
+"""How far a check of a study fits detected corners."""
+
+
+def refuse_calibrations(definition: StudyDefinition, *, corners: Corners) -> None:
     """Refuse targets and corners of a study, its readings, designs and inverse questions that a run would refuse.
 
     A fit to a few views of corners takes a second. All views take some seconds and show every contradiction.
