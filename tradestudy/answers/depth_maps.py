@@ -327,12 +327,14 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
     from PIL import Image
 
     found, truth, search = one.found, one.truth, one.search
-    for name, values, what in (
-        ("depth_map", found.depth, "measured depth along the axis, metres; NaN where none was measured"),
-        ("depth_map_deviation", found.deviation, "standard deviation of the measured depth due to noise, metres"),
-        ("depth_map_true", truth.depth, "true depth in the pixels of depth_map, metres"),
-    ):
-        _write_floats(folder / f"{name}.{depth_format}", values, what)
+    what = {
+        "depth_map": "measured depth along the axis, metres; NaN where none was measured",
+        "depth_map_deviation": "standard deviation of the measured depth due to noise, metres",
+        "depth_map_true": "true depth in the pixels of depth_map, metres",
+    }
+    for name, values in one.arrays.items():
+        words = what.get(name, "brightness relative to a white scene")
+        _write_floats(folder / f"{name}.{depth_format}", values, words)
     with replacing(folder / "depth_map_reason.png") as part:
         Image.fromarray(found.reason).save(part, format="PNG")
     with replacing(folder / "depth_map_measurable.png") as part:
@@ -348,8 +350,6 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
         "score": _plain(asdict(one.score)),
     }
     replace_file(folder / "depth_map.json", f"{json_text(facts)}\n".encode())
-    for name, values in one.made.items():
-        _write_floats(folder / f"{name}.{depth_format}", values, "brightness relative to a white scene")
 
 
 def _plain(value: Any) -> Any:
@@ -362,7 +362,6 @@ def _plain(value: Any) -> Any:
 def _write_floats(path: Path, values: Samples, what: str) -> None:
     from PIL import Image
 
-    values = np.asarray(values, np.float32)
     with replacing(path) as part:
         if path.suffix == ".npy":
             with part.open("wb") as file:
