@@ -127,7 +127,7 @@ def list_stretches(tree: xr.DataTree) -> Iterator[Block]:
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return
     best = best_cameras(tree)
-    if len(best.reported) > _MOST_STRETCHES + 1:
+    if _narrower(best):
         yield Heading(text="Best camera by distance", anchor="every-stretch")
         yield Table(
             name="stretch-table",
@@ -339,12 +339,17 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _widest(best: BestCameras, where: str = "") -> Iterator[Spans]:
     """The sentences on the widest ranges, as ratios of distances, in their order, and the number of the others."""
-    every, ranges = tuple(_stretches(best)), best.reported
-    left = len(every) - _MOST_STRETCHES
-    widest = sorted(range(len(every)), key=lambda k: ranges[k][0] / ranges[k][1])[: len(every) if left <= 1 else -left]
+    every, ranges, left = tuple(_stretches(best)), best.reported, _narrower(best)
+    widest = sorted(range(len(every)), key=lambda k: ranges[k][0] / ranges[k][1])[: len(every) - left]
     yield from (every[k] for k in sorted(widest))
-    if left > 1:
+    if left:
         yield say("**{left} narrower ranges**" + where + ".", left=str(left))
+
+
+def _narrower(best: BestCameras) -> int:
+    """How many ranges the answer leaves to a table: never a single one, which takes no more room than its number."""
+    left = len(best.reported) - _MOST_STRETCHES
+    return left if left > 1 else 0
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:
