@@ -143,10 +143,11 @@ def depth_map_group(definition: StudyDefinition) -> xr.Dataset | None:
     with np.errstate(invalid="ignore"):  # the error of an unbounded uncertainty is unknown
         errors = np.stack([one.uncertainty * one.error[:, None, None] for one in maps.values()])
         radius_errors = np.stack([one.radius * one.radius_error[:, None, None] for one in maps.values()])
+    uncertainty = np.stack([one.uncertainty for one in maps.values()])
     values = {
-        "depth_uncertainty": np.stack([one.uncertainty for one in maps.values()]),
+        "depth_uncertainty": uncertainty,
         "depth_uncertainty_error": errors,
-        "relative_uncertainty": np.stack([one.uncertainty for one in maps.values()]) / distance[:, None, None],
+        "relative_uncertainty": uncertainty / distance[:, None, None],
         "depth_error_radius": np.stack([one.radius for one in maps.values()]),
         "depth_error_radius_error": radius_errors,
     }
