@@ -20,7 +20,7 @@ _ORDINARY: Final = re.compile(
     "|plenoptic|rear|right|rigs?|short|single|stereo|thermal|unfocused|uniform|webcams?|wide",
     re.IGNORECASE,
 )
-"""Words with which titles of cameras begin and that are no names."""
+"""First words of camera titles that are not names."""
 _SPELLED_UNITS: Final = ((re.compile(r"(?<=\d) ?deg\b"), "°"), (re.compile(r"(?<=\d) ?um\b"), " µm"))
 
 

@@ -59,4 +59,4 @@ def _sweep_finding(tree: xr.DataTree) -> str:
     if not (words := swept_words(tree, camera.key)):
         return ""
     title = with_article(camera.title)
-    return f"At {distance(place)}, depth uncertainty of {title} is {words}, depending on the design."
+    return f"At {distance(place)}, the depth uncertainty of {title} is {words}, depending on the design."

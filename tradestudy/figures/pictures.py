@@ -213,7 +213,7 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
         bare(wrong, f"error, ±{limit:.2g} mm" if np.isfinite(limit) else "error")
         limit = limit if np.isfinite(limit) and limit > 0.0 else 1.0
         error = one["map_depth_error"].values[: shape[0], : shape[1]] * 1e3
-        _map(wrong, error, (-limit, limit), "RdBu_r").set_label("error of depth [mm]")
+        _map(wrong, error, (-limit, limit), "RdBu_r").set_label("depth error [mm]")
         bare(missing, "hidden fraction")
         hidden = _map(missing, one["map_hidden"].values[: shape[0], : shape[1]], (0.0, 1.0), "magma")
     if last is not None and hidden is not None:

@@ -135,7 +135,7 @@ def refuse_spreads(part: PointSpreadPart) -> None:
 
 
 def refuse_comparison(part: FresnelValidityPart) -> None:
-    """Refuse impossible comparisons, and those that are too large at the smallest f-number, which needs most nodes.
+    """Refuse impossible comparisons, and those that are too large at the smallest f-number, which needs the most nodes.
 
     Raises
     ------

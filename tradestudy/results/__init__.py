@@ -136,7 +136,7 @@ def dataset(
 
 
 def coordinate_names(paths: Sequence[str]) -> list[str]:
-    """The names of swept parameters: the shortest end of each path that no other has, and no variable or dimension.
+    """The names of swept parameters: the shortest end of each path that no other path, variable or dimension has.
 
     They are identifiers, so that ``sel(baseline=0.1)`` works: dots and hyphens become underscores.
     """

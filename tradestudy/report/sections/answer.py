@@ -131,7 +131,7 @@ def list_stretches(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Best camera by distance", anchor="every-stretch")
         yield Table(
             name="stretch-table",
-            caption="The best camera from each distance to the next.",
+            caption="The best camera in each range of distances.",
             columns=(Column(title="From"), Column(title="To"), Column(title="Best camera", weight=1)),
             rows=tuple(
                 (distance(start), distance(end), literal(answer_title(best.titles, names)))
@@ -347,7 +347,7 @@ def _widest(best: BestCameras, where: str = "") -> Iterator[Spans]:
 
 
 def _narrower(best: BestCameras) -> int:
-    """How many ranges the answer leaves to a table: never a single one, which takes no more room than its number."""
+    """How many ranges the answer leaves to a table; never just one, which takes as little room as a mention of it."""
     left = len(best.reported) - _MOST_STRETCHES
     return left if left > 1 else 0
 

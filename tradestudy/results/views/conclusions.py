@@ -177,7 +177,7 @@ def question_words(says: str) -> str:
 
 
 def never_usable(tree: xr.DataTree, *, even_all: bool = False) -> Iterator[tuple[str, str]]:
-    """Titles of the candidates that are usable nowhere, with what prevents it; if all are, only if `even_all`."""
+    """Titles of the candidates that are usable nowhere, with what prevents it; none if all are, unless `even_all`."""
     if not has(tree, "depth", "usable_near") or not nominal_is_declared(tree):
         return
     depth, titles = nominal(tree), camera_titles(tree)

@@ -281,7 +281,7 @@ def _requirement_words(met: Sequence[RequirementConclusion]) -> str:
 
 
 def _lead_words(tree: xr.DataTree) -> str:
-    """By how much the best camera leads the others that are usable, if any is and leads nowhere."""
+    """By how much the best camera leads the usable cameras that are best nowhere, if there are any."""
     factors = [factor for _, factor in never_best(tree)]
     if not factors or (least := at_least(min(factors))) == "1":
         return ""
