@@ -41,6 +41,7 @@ from tradestudy.cameras.microlens_exposure import ArrayGeometry, MicrolensExposu
 from tradestudy.cameras.parts import Lens, MicrolensArray
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.microlens_coverage import LATTICES
 from tradestudy.uncertainty.sources import ErrorClass
 from tradestudy.units import FRACTION, LENGTH, pretty
 
@@ -146,7 +147,6 @@ _LITTLE_LIGHT: Final = 0.5  # of the area of a cell; less is a design that few w
 _UNSHARP: Final = 0.1  # of the aperture of a microlens; two pixels of about twenty
 _FIELD_PLACES: Final = 101  # in a table; linear interpolation between them misses a parabola by 1e-4 of its height
 _ANY_COLOUR: Final = 550e-9  # the table is the same for all wavelengths
-_CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -338,7 +338,7 @@ class PlenopticCamera(DepthCamera):
 def fill_properties(array: MicrolensArray) -> Properties:
     """Fraction of the array that transmits light, and the lengths from which it follows."""
     aperture, pitch = array.aperture_diameter, array.pitch
-    area = math.pi / 4.0 * aperture**2 / (_CELL_OVER_PITCH_SQUARED[array.layout] * pitch**2)
+    area = math.pi / 4.0 * aperture**2 / (LATTICES[array.layout].cell_area * pitch**2)
     return (
         ("fill factor of the array", DerivedValue(area, FRACTION)),
         ("width of a microlens", DerivedValue(aperture, LENGTH)),

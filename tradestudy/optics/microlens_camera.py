@@ -19,6 +19,7 @@ from tradestudy.optics.chain.image import mean_image, refuse_following_microlens
 from tradestudy.optics.chain.lit_part import array_reach, missing_light
 from tradestudy.optics.chain.scene import KIRCHHOFF, Gaps, Layout, Legs, LightPath, Microlenses, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource, spectral_shares
+from tradestudy.optics.microlens_coverage import LATTICES
 from tradestudy.optics.propagation.lens import (
     CircularLens,
     FocalLengths,
@@ -273,7 +274,7 @@ class MicrolensCamera:
 
     def _lattice(self, about: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
         """Centres and types of the microlenses within reach of a point on the array."""
-        skew, rise = (0.5, math.sqrt(3) / 2) if self.layout == "hexagonal" else (0.0, 1.0)
+        skew, rise = LATTICES[self.layout].second_vector
         near = about / self.microlens_pitch
         across = reach / self.microlens_pitch
         rows = np.arange(math.floor((near[1] - across) / rise), math.ceil((near[1] + across) / rise) + 1)

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arguments import checked
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.microlens_coverage import LATTICES
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
 from tradestudy.optics.propagation.pupil import Pupil
 
@@ -163,7 +164,7 @@ class Microlenses:
     def fill_factor(self) -> float:
         """Fraction of a cell's area that the aperture fills [1]."""
         area = self.aperture_width**2 * (math.pi / 4 if self.aperture == "circular" else 1.0)
-        return area / (self.pitch**2 * (1.0 if self.layout == "square" else math.sqrt(3) / 2))
+        return area / (self.pitch**2 * LATTICES[self.layout].cell_area)
 
     def only(self, *indices: int) -> Microlenses:
         """Return an array of some of these microlenses.
