@@ -161,8 +161,8 @@ def _quantiles_of_line(rows: FloatArray, deviation: FloatArray, probabilities: F
         return np.asarray(ndtri(probabilities)[:, None] * deviation)
     ascending = np.sort(rows, axis=1)
     if not np.any(deviation > 0.0):
-        return quantiles_of(ascending, probabilities)
-    middle = quantiles_of(ascending, (np.arange(_ROWS) + 0.5) / _ROWS)
+        return order_quantile(ascending, probabilities)
+    middle = order_quantile(ascending, (np.arange(_ROWS) + 0.5) / _ROWS)
     scale = np.where(deviation > 0.0, deviation, np.finfo(float).tiny)
     p = probabilities[:, None]
     low = np.broadcast_to(middle[0] - _REACH * deviation, (probabilities.size, deviation.size))
