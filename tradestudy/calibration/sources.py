@@ -23,14 +23,7 @@ from tradestudy.cameras.calibration_declaration import (
 )
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import AGEING, SESSION_PARAMETERS, Environment
-from tradestudy.declarations.distributions import (
-    AngleDistribution,
-    AnyDistribution,
-    LengthDistribution,
-    LengthOrPixelsDistribution,
-    PressureDistribution,
-    TemperatureDistribution,
-)
+from tradestudy.declarations.distributions import AnyDistribution, LengthOrPixelsDistribution
 from tradestudy.declarations.part import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -40,7 +33,6 @@ from tradestudy.units import (
     ANGLE,
     FRACTION,
     LENGTH,
-    NUMBER,
     PIXELS,
     PRESSURE_DIFFERENCE,
     TEMPERATURE_DIFFERENCE,
@@ -59,13 +51,8 @@ if TYPE_CHECKING:  # these load scipy, which `check` does not need
 
 CALIBRATION = "calibration"
 """Name of the group of parameters that a source determines."""
-_DIMENSIONS: Final = {
-    LengthDistribution: LENGTH,
-    LengthOrPixelsDistribution: LENGTH,
-    AngleDistribution: ANGLE,
-    TemperatureDistribution: TEMPERATURE_DIFFERENCE,
-    PressureDistribution: PRESSURE_DIFFERENCE,
-}
+_DIMENSIONS: Final = (LENGTH, ANGLE, TEMPERATURE_DIFFERENCE, PRESSURE_DIFFERENCE, PIXELS, FRACTION)
+"""Dimensions whose units the name of a column may contain."""
 
 
 def calibration_of(
@@ -289,11 +276,11 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
         raise OutOfRangeError(
             f"{path.name} has several columns with this name", value=column, limit="one", remedy="rename the others"
         )
-    if unit := _other_unit(column, dimension := _dimension_of(part)):
+    if unit := _other_unit(column, part.dimension):
         raise OutOfRangeError(
             f"column {column} of {path.name} names another unit than that of its draws",
             value=unit,
-            limit=dimension.unit or "no unit",
+            limit=part.dimension.unit or "no unit",
             remedy="convert the draws to SI units, and rename the column",
         )
     if surplus := next((row for row in rows if None in row), None):
@@ -319,15 +306,10 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
     return draws
 
 
-def _dimension_of(part: AnyDistribution) -> Dimension:
-    """The dimension of an error, whose draws are in its SI unit."""
-    return next((dimension for kind, dimension in _DIMENSIONS.items() if isinstance(part, kind)), NUMBER)
-
-
 def _other_unit(column: str, dimension: Dimension) -> str:
     """The unit at the end of a column's name, as in ``error_mm`` and ``error [mm]``, if it is not the SI unit."""
     before, *words = re.split(r"[\s_()\[\]]+", column.rstrip(")] "))
-    for known in (dimension, *_DIMENSIONS.values(), PIXELS, FRACTION) if before and words else ():
+    for known in (dimension, *_DIMENSIONS) if before and words else ():
         with suppress(UnitError):
             return "" if parse(f"1 {words[-1]}", known) == 1.0 and known == dimension else words[-1]
     return ""

@@ -54,6 +54,7 @@ def _size(value: float | InPixels) -> float:
 class DistributionPart(Part, Generic[Signed, Positive]):
     """The distribution of one error; ``standard_deviation`` alone makes it normal, ``half_width`` alone uniform."""
 
+    dimension: ClassVar[units.Dimension]
     spreads: ClassVar[tuple[str, ...]] = tuple(dict.fromkeys(key for keys in _NEEDS.values() for key in keys))
 
     shape: Shape | None = Field(
@@ -143,9 +144,13 @@ def lowest(part: DistributionPart[Any, Any]) -> float:
 class LengthDistribution(DistributionPart[Length, PositiveLength]):
     """The distribution of the error of a length."""
 
+    dimension: ClassVar = units.LENGTH
+
 
 class LengthOrPixelsDistribution(DistributionPart[LengthOrPixels, PositiveLengthOrPixels]):
     """The distribution of the error of a length inside a camera, in units of length or in pixels of the sensor."""
+
+    dimension: ClassVar = units.LENGTH
 
     def in_lengths(self, pixel_pitch: float) -> LengthDistribution:
         """The same distribution for a pixel pitch [m], with no value in pixels."""
@@ -157,17 +162,25 @@ class LengthOrPixelsDistribution(DistributionPart[LengthOrPixels, PositiveLength
 class AngleDistribution(DistributionPart[Angle, PositiveAngle]):
     """The distribution of the error of an angle."""
 
+    dimension: ClassVar = units.ANGLE
+
 
 class NumberDistribution(DistributionPart[Number, PositiveNumber]):
     """The distribution of the error of a plain number."""
+
+    dimension: ClassVar = units.NUMBER
 
 
 class TemperatureDistribution(DistributionPart[TemperatureDifference, PositiveTemperatureDifference]):
     """The distribution of a change in temperature."""
 
+    dimension: ClassVar = units.TEMPERATURE_DIFFERENCE
+
 
 class PressureDistribution(DistributionPart[PressureDifference, PositivePressureDifference]):
     """The distribution of a change in pressure."""
+
+    dimension: ClassVar = units.PRESSURE_DIFFERENCE
 
 
 AnyDistribution = (
