@@ -159,7 +159,7 @@ def fit_target(problem: TargetProblem) -> TargetFit:
     )
 
 
-def expected_fit(target: SyntheticTarget, model: CameraModel, priors: Priors) -> LaplaceFit:
+def expected_fit(problem: TargetProblem) -> LaplaceFit:
     """The calibration expected from a target: the normal approximation about the design, without drawn noise.
 
     Its covariance is the inverse of the Fisher information of all views and priors, with poses marginalised. The
@@ -167,21 +167,16 @@ def expected_fit(target: SyntheticTarget, model: CameraModel, priors: Priors) ->
 
     Parameters
     ----------
-    target : SyntheticTarget
-        Points, poses, noise.
-    model : CameraModel
-        The camera; points that it does not see do not count.
-    priors : Priors
-        Priors of its parameters, with the design as means.
+    problem : TargetProblem
+        What the design observes without noise, and priors with the design as means.
 
     Raises
     ------
     NotConvergedError
         The target does not determine the parameters.
     """
-    observed = model(priors.mean, move(target.poses, target.points))
-    problem = TargetProblem(observed=observed, target=target, model=model, priors=priors)
-    _, _, covariance, _ = _gauss_newton_step(problem, priors.mean, target.poses)
+    priors = problem.priors
+    _, _, covariance, _ = _gauss_newton_step(problem, priors.mean, problem.target.poses)
     return LaplaceFit(names=priors.names, mean=priors.mean, covariance=covariance)
 
 
@@ -435,8 +430,7 @@ def planned_calibration(request: TargetToInfer, plan: int) -> Calibration:
     TradestudyError
         As for `infer_from_target`.
     """
-    problem = planned_problem(request, plan)
-    fit = expected_fit(problem.target, problem.model, problem.priors)
+    fit = expected_fit(planned_problem(request, plan))
     group = JointNormal(
         name=CALIBRATION,
         parameters=fit.names,
