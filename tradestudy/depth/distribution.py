@@ -205,11 +205,11 @@ def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray,
         return np.full(distance.shape, np.inf)
 
     def beyond(lean: FloatArray) -> FloatArray:
-        """How far the depth at the far score exceeds the truth, and how far that at the near score falls short.
+        """A margin, how far the depth at the far score exceeds the truth, and how far the near one falls short.
 
-        Of the measurements outside the radius, the share Φ(lean) is farther: depth is smooth in ``lean``, unlike in the
-        far score, at both ends. The margin before these values has the sign of their difference, and is almost
-        straight and finite because it is one of inverse depths.
+        Of the measurements outside the radius, the share Φ(lean) is farther: depth is smooth in ``lean`` at both ends,
+        unlike in the far score. The margin has the sign of the difference between the other two values. It is a
+        difference of inverse depths, and hence almost linear, and finite even where a depth is infinite.
         """
         far, near = ndtri((1.0 - share) * ndtr([lean, -lean]))
         depths = read(np.concatenate([far, -near]))
@@ -278,13 +278,13 @@ def last_score(
 
 
 def _around(share: FloatArray, ratio: FloatArray) -> FloatArray:
-    """Shares of brackets whose distances from given ones fall by a ratio, on both sides, and these; (15, brackets)."""
+    """Given shares of brackets, and seven on each side at distances that fall by a ratio, shape (15, brackets)."""
     reach = 1.0 - ratio ** -np.arange(1.0, _SECTIONS // 2)[:, np.newaxis]
     return np.concatenate([share * reach, [share], 1.0 - (1.0 - share) * reach[::-1]])
 
 
 def _zero(places: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where the cubic of place in value through four of each (4, …) is zero, and how far its two parabolas differ."""
+    """The place of value 0 on a cubic through four places and values (4, …), and how far its parabolas differ."""
     through = list(places)
     for order in range(1, len(places)):  # Neville's scheme
         apart = np.abs(through[0] - through[1])

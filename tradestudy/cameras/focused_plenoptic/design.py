@@ -518,6 +518,6 @@ class FocusedPlenoptic(PlenopticCamera):
 
 @lru_cache(maxsize=8)
 def _baseline(camera: FocusedPlenoptic, distances: bytes, shape: tuple[int, ...]) -> FloatArray:
-    """Baseline [m] of an estimator that uses many microlenses, asked for with each of many noises at a distance."""
+    """Baseline [m] of an estimator that uses many microlenses, the same for every noise that is tried at a distance."""
     radius = camera.radius_over_pitch(np.frombuffer(distances).reshape(shape))
     return effective_baseline(camera.estimator, camera.lenses, camera.microlenses, radius)

@@ -136,8 +136,8 @@ def epipolar_problem(
         return "", True
     how = "is that of the inverse pose, and " if inverse <= _ANGLE_AGREES else ""
     return (
-        f"this {'fundamental' if matrices else 'essential'} matrix {how}contradicts the pose that is read, from whose "
-        f"matrix it differs by {differ:.2g} of its norm; correct the wrong one, or remove this key"
+        f"this {'fundamental' if matrices else 'essential'} matrix {how}contradicts the pose that is read: it "
+        f"differs from the matrix of that pose by {differ:.2g} of its norm; correct the wrong one, or remove this key"
     ), False
 
 
