@@ -121,7 +121,7 @@ def camera(
         "title": "A single camera",
         "question": "How well does it measure depth?",
         "cameras": {kind: {"kind": kind, **values}},
-        "scene": scene or _SCENE,
+        "scene": _SCENE if scene is None else scene,
         **({} if usable_range is None else {"usable_range": usable_range}),
     }
     return Study.from_dict(study).cameras[kind]

@@ -229,3 +229,8 @@ def test_twenty_evaluations_with_a_changed_value_are_fast() -> None:
             rig.replace(baseline=0.02 + 1e-4 * step + 1e-6 * number).depth_uncertainty(0.5)
         seconds.append(time.perf_counter() - begin)
     assert min(seconds) < 0.1
+
+
+def test_an_empty_scene_is_not_the_default_one() -> None:
+    with pytest.raises(StudyError, match="scene"):
+        tradestudy.camera("stereo", scene={})
