@@ -19,7 +19,8 @@ import tradestudy
 from tradestudy import api
 from tradestudy.cli import app
 from tradestudy.comparison import Comparison, compare_runs
-from tradestudy.comparison.results import values_in_words
+from tradestudy.comparison.comparison import Run
+from tradestudy.comparison.results import Results, compare_results, values_in_words
 from tradestudy.errors import OutOfRangeError
 from tradestudy.results import dataset, storage
 from tradestudy.units import PIXELS
@@ -492,7 +493,7 @@ def test_three_runs_are_reported_in_their_order() -> None:
 
 def test_other_results_are_reported_with_distinct_places_and_the_largest_relevant_error() -> None:
     def optics(factor: float) -> xr.DataTree:
-        error = {"units": "1", "error": "width_numerical"}
+        error = {"units": "1", "ancillary_variables": "width_numerical"}
         data = {
             "width": (("element", "f_number"), factor * np.array([[1.0, 2.0], [3.0, 4.0]]), error),
             "width_numerical": (("element", "f_number", "window"), np.full((2, 2, 2), [0.0, 0.15]), {"units": "1"}),
@@ -503,6 +504,47 @@ def test_other_results_are_reported_with_distinct_places_and_the_largest_relevan
     (line,) = compared(optics(1.0), optics(1.1)).results
     assert str(line) == "width (fresnel validity): 3 → 3.3 for element microlens, f-number 2 (+10 %)"
     assert compared(optics(1.0), optics(1.05)).results == ()  # 0.2 of at most 4, both known to 0.15
+
+
+@pytest.mark.parametrize(
+    ("group", "variable", "value", "others", "noise", "change"),
+    [
+        # A score of 0.5 whose criterion is 3 ± 0.03, and scores from 1 to 5: the error is 0.0075.
+        ("criteria", "worth", [[0.5]], {"weighed_value": [[3.0]], "worth_error": [[0.0075]]}, 0.02, 0.06),
+        # 3 ± 0.03, while the first design has another value
+        ("criteria", "design_value", [[3.0]], {"weighed_value_error": [[9]], "design_value_error": [[0.03]]}, 0.1, 0.3),
+        # 400 independent draws with a deviation of 2: 0.1
+        ("calibration", "posterior_mean", [[9.0]], {"posterior_mean_error": [[0.1]]}, 0.5, 0.9),
+        ("images", "power", [0.5], {"numerical_error": [0.5], "power_error": [0.01]}, 0.01, 0.02),
+        ("images", "difference", [[0.2]], {"numerical_error": [0.5], "difference_error": [[0.01]]}, 0.01, 0.02),
+        # 10 000 pixels of 0.0001: their norm is 0.01, which is known to 1 %.
+        ("images", "chosen_image", np.full((100, 100), 1e-4), {"chosen_error": 0.01}, 1e-4, 2e-4),
+        ("images", "image", np.full((1, 100, 100), 1e-4), {"numerical_error": [0.01]}, 1e-4, 2e-4),
+        ("pictures", "map_depth", [[[1.0]]], {"depth_spread": [0.1], "map_depth_error": [[[0.5]]]}, 0.1, 0.2),
+    ],
+)  # fmt: skip
+def test_a_change_counts_against_the_error_that_belongs_to_the_result(
+    group: str, variable: str, value: Any, others: Mapping[str, Any], noise: float, change: float
+) -> None:
+    def reports(by: float) -> bool:
+        changed = np.array(value, dtype=np.float64)
+        changed.flat[0] += by
+        groups = [dataset(group, {variable: values, **others}, {}) for values in (np.asarray(value), changed)]
+        trees = [xr.DataTree.from_dict({f"/{group}": one}) for one in groups]
+        found = compare_results([Run(name="", record={}, tree=tree) for tree in trees])
+        assert found.within_error + len(found.moved) > 0
+        return variable in {one.variable for one in found.moved}
+
+    assert reports(change)
+    assert not reports(noise)
+
+
+def test_a_result_without_a_stored_error_is_not_compared() -> None:
+    values = {"limit_f_number": np.full((1, 1, 1, 1, 1), 8.0), "psf_error": np.ones((1, 1, 1, 1, 1, 1))}
+    data = dataset("fresnel_validity", values, {})
+    trees = [xr.DataTree.from_dict({"/fresnel_validity": one}) for one in (data, data + 1.0)]
+    found = compare_results([Run(name="", record={}, tree=tree) for tree in trees])
+    assert found == Results(moved=(), within_error=0, apart=())
 
 
 def test_one_run_cannot_be_compared() -> None:

@@ -60,6 +60,8 @@ def test_the_calibration_group_contains_posteriors_with_their_diagnostics(ran):
     learnt = found["posterior_deviation"] / found["prior_deviation"]
     assert learnt.max() < 1.2  # to the sampling error of chains that are too short
     assert learnt.sel(posterior="rig", parameter="yaw") < 0.5
+    errors = found["posterior_deviation"] / np.sqrt(found["posterior_bulk_size"])
+    np.testing.assert_allclose(found["posterior_mean_error"].values[known], errors.values[known], rtol=1e-12)
     draws = found["posterior_draw"]
     off = (draws.mean("draw") - found["posterior_mean"]) / found["posterior_deviation"]
     assert np.abs(off.values[known]).max() < 0.05

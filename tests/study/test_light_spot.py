@@ -132,6 +132,24 @@ def test_measures_of_the_images_agree_with_their_definitions(result: Result) -> 
     assert float(data["difference"].sel(propagator="kirchhoff-fresnel", against="kirchhoff")) < 0.05
 
 
+def test_errors_of_the_measures_bound_what_errors_of_an_image_can_change(result: Result) -> None:
+    """Errors of the stated norm, with any pattern, change each measure by at most its error."""
+    data = result.data["images"].to_dataset().sel(propagator="kirchhoff", against="kirchhoff-fresnel")
+    exact, dark = image(result, "kirchhoff"), image(result, "geometric") == 0
+    size = 1e-3 * float(data["numerical_error"]) * np.linalg.norm(exact)
+    patterns = [np.ones_like(exact), dark - dark.mean(), *np.random.default_rng(1).normal(size=(9, *exact.shape))]
+    changed = [exact + size * pattern / np.linalg.norm(pattern) for pattern in patterns]
+    measures = {
+        "power": np.sum,
+        "outside_geometric": lambda pixels: pixels[dark].sum() / pixels.sum(),
+        "difference": lambda pixels: np.abs(pixels - image(result, "kirchhoff-fresnel")).sum(),
+    }
+    for name, measure in measures.items():
+        largest = max(abs(measure(pixels) - measure(exact)) for pixels in changed)
+        assert largest <= 1e-3 * float(data[f"{name}_error"]) * (1.0 + 1e-9), name
+    assert abs(changed[0].sum() - exact.sum()) == pytest.approx(1e-3 * float(data["power_error"]), rel=1e-6)
+
+
 def test_claims_of_figure_7_are_checked_on_the_same_images(result: Result) -> None:
     claims, data = result.data["claims"].to_dataset(), result.data["images"].to_dataset()
     declared = claims["value"].sel(reading="as declared")

@@ -48,6 +48,8 @@ def test_the_shipped_study_ranks_its_cameras_by_the_weights_it_leaves_open() -> 
     assert accuracy == pytest.approx(float(depth_uncertainty(camera, np.array([1.0]))[0]), rel=0.02)
     worth = found["worth"].values
     assert worth[0].tolist() == pytest.approx([(0.02 - accuracy) / 0.019, 0.41 / 0.45, 5.5 / 7.0])
+    of_value = found["weighed_value_error"].values[0]
+    assert found["worth_error"].values[0].tolist() == pytest.approx([of_value[0] / 0.019, 0.0, 0.0])
     middle = (np.arange(800) + 0.5) / 800
     first, second = (one.ravel() for one in np.meshgrid(0.3 + 0.7 * middle, 0.7 * middle))
     keep = first + second < 1.0
@@ -131,6 +133,10 @@ def test_the_front_of_three_swept_numbers_is_that_of_all_feasible_designs() -> N
         **{"requirements.near-and-mid.depth_uncertainty.below": "3.7 mm"},
     )  # fmt: skip
     tree, found = criteria(study)
+    assert (
+        found["design_value"].attrs["error"],
+        bool((found["design_value_error"].values >= 0.0).all()),
+    ) == ("see design_value_error", True)
     values = found["design_value"].values.reshape(-1, 3)
     feasible = found["feasible"].values.ravel() == 1
     assert 0 < feasible.sum() < feasible.size

@@ -320,6 +320,9 @@ def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[s
         "posterior_seconds": of_each(lambda one: one.sample.seconds),
         "laplace_seconds": of_each(lambda one: one.laplace_seconds),
         "posterior_mean": over_parameters(lambda one: one.sample.draws.mean(axis=0)),
+        "posterior_mean_error": over_parameters(
+            lambda one: one.sample.draws.std(axis=0) / np.sqrt(one.sample.diagnostics.bulk_effective_size)
+        ),
         "posterior_deviation": over_parameters(lambda one: one.sample.draws.std(axis=0)),
         "prior_deviation": over_parameters(lambda one: one.prior_deviation),
         "laplace_deviation": over_parameters(lambda one: one.laplace_deviation),

@@ -70,19 +70,25 @@ def images_group(part: LightSpotPart, steps: Steps, seconds: Seconds, models: Mo
         benchmarks = light_benchmarks(part, seconds)
     methods = [models.method for models in shown]
     images = np.stack([one.pixels for one in found])
+    numerical = np.array([one.numerical_error for one in found])
+    power, norms = images.sum(axis=(1, 2)), np.linalg.norm(images, axis=(1, 2))
+    of_sum = numerical * math.sqrt(images[0].size) * norms / power  # Cauchy–Schwarz: from L2 to L1
+    differences = np.array([[image_difference(image, other) for other in images] for image in images])
+    differences_l2 = np.array([[np.linalg.norm(image - other) for other in images] for image in images]) / norms
     pitch, count = part.detector.pixel_pitch, part.detector.pixels
     centres = pitch * (np.arange(count) - (count - 1) / 2)
     lenses = light_path(part).microlenses
     values = {
         "image": images,
-        "numerical_error": [one.numerical_error for one in found],
-        "power": images.sum(axis=(1, 2)),
+        "numerical_error": numerical,
+        "power": power,
+        "power_error": of_sum * power,
         "lit_pixels": [lit_pixels(image, LIT_ABOVE) for image in images],
-        **_against_geometric(methods, images),
-        "difference": [[image_difference(image, other) for other in images] for image in images],
-        "difference_l2": [
-            [float(np.linalg.norm(image - other) / np.linalg.norm(other)) for other in images] for image in images
-        ],
+        **_against_geometric(methods, images, of_sum),
+        "difference": differences,
+        "difference_error": (1.0 + differences) * (of_sum[:, np.newaxis] + of_sum),
+        "difference_l2": differences_l2,
+        "difference_l2_error": (1.0 + differences_l2) * (numerical[:, np.newaxis] + numerical),
         **({"benchmark_error": list(benchmarks.values())} if benchmarks else {}),
         **_published(part, methods),
     }
@@ -136,11 +142,12 @@ def _source(part: LightSpotPart) -> str:
     return "coherent disc" if part.spot.coherent else "incoherent disc"
 
 
-def _against_geometric(methods: list[MethodName], images: FloatArray) -> Mapping[str, Any]:
+def _against_geometric(methods: list[MethodName], images: FloatArray, of_sum: FloatArray) -> Mapping[str, Any]:
     if "geometric" not in methods:
         return {}
     dark = images[methods.index("geometric")] == 0.0
-    return {"outside_geometric": images[:, dark].sum(axis=1) / images.sum(axis=(1, 2))}
+    share = images[:, dark].sum(axis=1) / images.sum(axis=(1, 2))
+    return {"outside_geometric": share, "outside_geometric_error": of_sum}
 
 
 def _published(part: LightSpotPart, methods: list[MethodName]) -> Mapping[str, Any]:

@@ -139,13 +139,14 @@ def trade_off_group(
     measurer, scales, weights = Measurer(), value_scales(definition), part.weights
     own = measurer.measure(definition)
     found = acceptability(own.values, own.errors, scales, weights, seed=file.propagation.seed)
-    table, feasible = [], []
+    measured, feasible = [], []
     for number, design in enumerate(designs):
         progress(STEP, number / len(designs))
-        table.append(own.values if design is definition else measurer.measure(design).values)
+        measured.append(own if design is definition else measurer.measure(design))
         feasible.append(_feasible(design, names, judge))
     possible = np.array(feasible)  # the Pareto front is that of all candidates in all feasible designs
-    rows = np.where(possible[..., np.newaxis], np.array(table), np.nan).reshape(possible.size, -1)
+    table = np.array([one.values for one in measured])
+    rows = np.where(possible[..., np.newaxis], table, np.nan).reshape(possible.size, -1)
     front = non_dominated(rows, [scale.best > scale.worst for scale in scales]).reshape(possible.shape)
     progress(STEP, 1.0)
     shape = tuple(len(axis.labels) for axis in axes)
@@ -156,7 +157,9 @@ def trade_off_group(
         "on_pareto_front": front.astype(np.float64).reshape(*shape, len(names)),
     }
     if axes:
-        values["design_value"] = np.array(table).reshape(*shape, len(names), len(part.criteria))
+        whole = (*shape, len(names), len(part.criteria))
+        values["design_value"] = table.reshape(whole)
+        values["design_value_error"] = np.array([one.errors for one in measured]).reshape(whole)
     coordinates: dict[str, Any] = {
         "candidate": list(names),
         "weighed": list(part.criteria),
@@ -180,6 +183,7 @@ def _weighed(
         "worst": [scale.worst for scale in scales],
         "best": [scale.best for scale in scales],
         "worth": np.stack([scale.value(column) for scale, column in zip(scales, own.values.T, strict=True)], axis=1),
+        "worth_error": own.errors / [abs(scale.best - scale.worst) for scale in scales],
         "clipped": np.stack(
             [scale.clips(column) for scale, column in zip(scales, own.values.T, strict=True)], axis=1
         ).astype(np.float64),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -25,18 +24,16 @@ ROUNDING: Final = 1e-9
 """Relative change of a value that another machine or library may cause."""
 _CLOSED_FORM: Final = ("rounding", "exact")
 _FROM_DRAWS: Final = "standard error"
+_OF_THE_NORM: Final = "in the L2 norm over its pixels"
 _DRAWN_OR_LINEAR: Final = "depth_uncertainty_error"
 
 
 def error_name(data: xr.Dataset, name: str) -> str | None:
     """The variable that contains the error of another; empty for rounding alone, None if no number states the error."""
-    if f"{name}_error" in data:
-        return f"{name}_error"
-    says = str(data[name].attrs.get("error", ""))
-    named: list[str] = [word for word in re.findall(r"\w+", says) if word in data and word != name]
-    if named:
-        return named[0]
-    return "" if any(word in says for word in _CLOSED_FORM) else None
+    attributes = data[name].attrs
+    if "ancillary_variables" in attributes:
+        return str(attributes["ancillary_variables"])
+    return "" if any(word in str(attributes.get("error", "")) for word in _CLOSED_FORM) else None
 
 
 def stated_error(tree: xr.DataTree, name: str, variable: str) -> xr.DataArray | None:
@@ -57,6 +54,8 @@ def stated_error(tree: xr.DataTree, name: str, variable: str) -> xr.DataArray | 
     if error_variable:
         stored = data[error_variable].astype(float).fillna(0.0)
         stored = stored.max([dim for dim in stored.dims if dim not in values.dims])  # if it has more dimensions
+        if _OF_THE_NORM in str(data[error_variable].attrs.get("comment", "")):  # at most, on a single pixel
+            stored = stored * np.sqrt((known**2).sum([dim for dim in known.dims if dim not in stored.dims]))
         error = error + stored * _standard_errors(tree, data, error_variable)
     return error + _left_out(tree, data, variable) * known
 
