@@ -8,22 +8,16 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, false_match_share
 from tradestudy.cameras.depth_measurement import FieldPosition
-from tradestudy.depth.evaluation import clear_departure, distribution, model_error
+from tradestudy.depth.evaluation import clear_departure, distribution, imaged, model_error
 from tradestudy.depth.linear import all_normal, has_covariance, linearised_depth, scaled_noise
 from tradestudy.depth.usable import Boundary, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.effects import OFF, Models
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, PictureDisparityError, WeighedPicture
-from tradestudy.models.off_axis import OffAxis, closed_form_of
-from tradestudy.models.variants import (
-    missed_by_the_line,
-    of_true_matches,
-    shift_without_calibration,
-    verdict_changed_without_calibration,
-)
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.study.building import apply_models, complete_in_closed_form, in_closed_form, with_models
 
@@ -31,6 +25,11 @@ _ENDS_ARE_KNOWN_TO: Final = 1e-3  # of their distance: at 1e-2, a steep limit wo
 _BESIDE_AN_END: Final = 1e-2  # of its distance, for that slope
 _NEAR_ITS_BOUND: Final = 0.1  # of the bound: a limit whose value is this near decides an end
 _NEAR_A_STEEP_BOUND: Final = 2.0  # the same for a failed fraction, which can be several times its bound 1 % farther
+_SET_BY_FAILURES: Final = 1.0  # the same where the failed fraction is known at the end itself
+_TINY: Final = 1e-300
+_FAR: Final = 30.0  # times the bound of a failed fraction: no error of linear propagation reaches so far
+_AT_AN_END: Final = 0.05  # closer to an end than this share of its distance, a fraction counts as being at its limit
+_PLACES: Final = 9  # at which that error is computed
 _LARGEST_SHIFT: Final = 0.3  # of a distance; the slope does not predict larger shifts
 _FINE: Final = 10  # steps between two distances in the search for the focus
 _FIELD_DISTANCES: Final = 5
@@ -52,6 +51,29 @@ class Moved:
 
     uncertainty: FloatArray
     ends: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Compared:
+    """A quantity with a limit, by the most complete models and by others, everywhere.
+
+    Parameters
+    ----------
+    old, new
+        Its values by either.
+    bound
+        Its largest allowed value; None if the study declares none.
+    sets_end
+        Which ends of usable ranges its limit sets.
+    missed
+        A further relative error of the new values, in either direction.
+    """
+
+    old: FloatArray
+    new: FloatArray
+    bound: float | None
+    sets_end: BoolArray
+    missed: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,6 +129,11 @@ class DepthVariant:
         """The law of its disparity error where that is derived from the picture; None where it is declared."""
         found = self.reference.disparity_error_px
         return found if isinstance(found, PictureDisparityError) else None
+
+    @property
+    def _derived(self) -> PictureDisparityError:
+        assert self.law is not None  # only used where the disparity error is derived
+        return self.law
 
     @cached_property
     def limits(self) -> Mapping[str, Limit]:
@@ -166,12 +193,16 @@ class DepthVariant:
     @cached_property
     def _at(self) -> tuple[FloatArray, IndexArray]:
         """Every distance once, and the indices from which `_split` restores its three lists."""
-        beside = self.ends[:, np.newaxis] * (1.0 + _BESIDE_AN_END * np.array([-1.0, 0.0, 1.0]))
-        return np.unique(np.concatenate([self.places, self._imaged, beside.ravel()]), return_inverse=True)
+        everywhere = np.concatenate([self.places, self._imaged, _beside(self.ends).ravel()])
+        return np.unique(everywhere, return_inverse=True)
 
     @cached_property
+    def _images(self) -> BoolArray:
+        return self.reference.images(self.distance)
+
+    @property
     def _imaged(self) -> FloatArray:
-        return self.distance[self.reference.images(self.distance)]
+        return self.distance[self._images]
 
     def _split(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Split values everywhere into those at the places, over the distances, and around the ends (ends, 3)."""
@@ -194,15 +225,12 @@ class DepthVariant:
 
     @cached_property
     def _weighed(self) -> WeighedPicture:
-        law = self.law
-        assert law is not None  # only used where the disparity error is derived
-        return law.picture(self.reference, self._everywhere)
+        return self._derived.picture(self.reference, self._everywhere)
 
     def disparity_error_px(self, models: Models) -> FloatArray:
         """Lower bound of the disparity error everywhere [samples], with these models in closed form."""
-        law = self.law
-        assert law is not None  # as above
-        own = closed_form_of(law, models)
+        law = self._derived
+        own = _closed_form_of(law, models)
         if own == law.models:  # cached by the law, since readings of depth at these places use it too
             return law.bound_px(self.reference, self._everywhere)
         if own not in self._errors_px:
@@ -225,19 +253,23 @@ class DepthVariant:
         """
         key = factor.tobytes(), beside.tobytes()
         if key not in self._half_widths:
-            self._half_widths[key] = self._new_half_width(factor, beside)
+            noise = factor if self.law is None else self.law.matcher.change(self.disparity_error_px({}), factor)
+            scale, false_matches = np.hypot(noise, beside), false_match_share(self.reference)
+            found = scaled_noise(self.reference, self._everywhere, 0.0, scale, false_matches)
+            self._half_widths[key] = found.judged
         return self._half_widths[key]
-
-    def _new_half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
-        noise = factor if self.law is None else self.law.matcher.change(self.disparity_error_px({}), factor)
-        scale, false_matches = np.hypot(noise, beside), false_match_share(self.reference)
-        return scaled_noise(self.reference, self._everywhere, 0.0, scale, false_matches).judged
 
     @cached_property
     def _failed_at_most(self) -> float | None:
         """The largest allowed failed fraction, as a share of the true matches; None without such a limit."""
         bound = self.criteria.failed_fraction
-        return None if bound is None else float(of_true_matches(self.reference, bound))
+        return None if bound is None else float(_of_true_matches(self.reference, bound))
+
+    @cached_property
+    def _failed(self) -> tuple[FloatArray, FloatArray]:
+        """Failed fractions everywhere, by all errors and by noise alone."""
+        without = apply_models(self.reference, {"calibration": OFF})
+        return _failed_fraction(self.reference, self._everywhere), _failed_fraction(without, self._everywhere)
 
     @cached_property
     def _whole(self) -> FloatArray:
@@ -278,28 +310,55 @@ class DepthVariant:
         factor = factor * np.where(factor >= 1.0, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
         return self._split(_relative(self._half_width(factor, none), self._by_noise))[0]
 
-    def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray, missed: float, *, off: bool) -> float:
-        """The largest relative shift, to first order, of an end that the depth uncertainty or the matcher sets."""
+    def _compared(
+        self, factor: FloatArray, half_width: FloatArray, missed: float, *, off: bool
+    ) -> dict[str, _Compared]:
+        """The limits that a set of models can change, by name."""
         by_depth, by_matching = self._decided_by
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = half_width / self._whole
-            by = np.abs(np.log(self._split(ratio)[2][:, 1])) + np.log1p(missed)
-            of_depth = by / self._slope(self._whole / self._everywhere)
-            shifts = np.where(by_depth, np.abs(of_depth), 0.0)
-            if self.law is not None:
-                of_matching = np.log(self._split(factor)[2][:, 1]) / self._slope(self.disparity_error_px({}))
-                shifts = np.maximum(shifts, np.where(by_matching, np.abs(of_matching), 0.0))
-        largest = float(np.max(np.where(np.isnan(shifts), np.inf, shifts), initial=0.0))
-        if off and (bound := self._failed_at_most) is not None and self.ends.size:
-            largest = max(largest, shift_without_calibration(self.reference, bound, self.ends))
-        either = (half_width * (1.0 + missed), half_width / (1.0 + missed))
-        anew = any(self._range_appears_or_vanishes(factor, one, largest, off=off) for one in either)
-        return np.inf if largest > _LARGEST_SHIFT or anew else largest
+        found = {
+            "relative_uncertainty": _Compared(
+                old=self._whole / self._everywhere,
+                new=half_width / self._everywhere,
+                bound=self.criteria.relative_uncertainty,
+                sets_end=by_depth,
+                missed=missed,
+            )
+        }
+        if self.law is not None:
+            error = self.disparity_error_px({})
+            with np.errstate(invalid="ignore"):  # 0 · ∞: without a picture, no model makes matching possible
+                new = error * factor
+            found["matching"] = _Compared(old=error, new=new, bound=LARGEST_ERROR_PX, sets_end=by_matching)
+        if off and (bound := self._failed_at_most) is not None:
+            old, new = self._failed
+            near = _near(self._split(old)[2][:, 1], bound, _SET_BY_FAILURES)
+            found["failed_fraction"] = _Compared(old=old, new=new, bound=bound, sets_end=near)
+        return found
 
-    def _slope(self, values: FloatArray) -> FloatArray:
-        """Slope d ln(value)/d ln(distance) at the ends."""
-        beside = np.log(self._split(values)[2])
-        return np.asarray((beside[:, 2] - beside[:, 0]) / (2.0 * _BESIDE_AN_END))
+    def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray, missed: float, *, off: bool) -> float:
+        """The largest relative shift, to first order, of an end; infinite where a range appears or vanishes."""
+        compared, largest = self._compared(factor, half_width, missed, off=off), 0.0
+        for one in compared.values():
+            with np.errstate(invalid="ignore", divide="ignore"):
+                by = np.abs(np.log(self._split(one.new / one.old)[2][:, 1])) + np.log1p(one.missed)
+                shifts = np.where(one.sets_end & (by != 0.0), by / np.abs(_slope(self._split(one.old)[2])), 0.0)
+            largest = max(largest, float(np.max(np.where(np.isnan(shifts), np.inf, shifts), initial=0.0)))
+        return np.inf if largest > _LARGEST_SHIFT or self._range_appears_or_vanishes(compared, largest) else largest
+
+    def _range_appears_or_vanishes(self, compared: Mapping[str, _Compared], shift: float) -> bool:
+        """Whether the verdict on a limit changes anywhere but next to an end."""
+        changed = np.zeros(self._imaged.shape, dtype=bool)
+        for one in compared.values():
+            old, new = self._split(one.old)[1], self._split(one.new)[1]
+            for value in (new * (1.0 + one.missed), new / (1.0 + one.missed)):
+                changed |= False if one.bound is None else (value <= one.bound) != (old <= one.bound)
+        others = {name: limit for name, limit in self.limits.items() if name not in ("matching", *compared)}
+        could_be = all_met(others, self.distance.shape)[self._images]
+        return bool(np.any(changed & could_be & self._apart(2.0 * (shift + _ENDS_ARE_KNOWN_TO))))
+
+    def _apart(self, share: float) -> BoolArray:
+        """Which distances with a picture are farther from every end than a share of its distance."""
+        return np.asarray(np.all(np.abs(np.log(self._imaged[:, np.newaxis] / self.ends)) > share, axis=1))
 
     @cached_property
     def _decided_by(self) -> tuple[BoolArray, BoolArray]:
@@ -309,52 +368,23 @@ class DepthVariant:
         limits = evaluate_limits(self.reference, self.criteria, self.ends, depth=distribution)
 
         def near(name: str, share: float) -> BoolArray:
-            limit = limits.get(name)
-            if limit is None:
+            if (limit := limits.get(name)) is None:
                 return np.zeros(self.ends.shape, dtype=bool)
-            value, bound = limit.value, np.asarray(limit.bound)
+            value, bound = limit.value, limit.bound
             if name == "failed_fraction":
-                value, bound = (of_true_matches(self.reference, one) for one in (value, bound))
-            with np.errstate(invalid="ignore", divide="ignore"):
-                return np.asarray(np.abs(np.log(value / bound)) < share)
+                value, bound = _of_true_matches(self.reference, value), float(_of_true_matches(self.reference, bound))
+            return _near(value, bound, share)
 
         by_depth = near("relative_uncertainty", _NEAR_ITS_BOUND) | near("failed_fraction", _NEAR_A_STEEP_BOUND)
         return by_depth, near("matching", _NEAR_ITS_BOUND)
-
-    def _range_appears_or_vanishes(
-        self, factor: FloatArray, half_width: FloatArray, shift: float, *, off: bool
-    ) -> bool:
-        """Whether the verdict on a limit changes anywhere but next to an end."""
-        changed = np.zeros(self._imaged.shape, dtype=bool)
-        bound = self.criteria.relative_uncertainty
-        if bound is not None:
-            new, old = (self._split(width)[1] / self._imaged <= bound for width in (half_width, self._whole))
-            changed |= new != old
-        if self.law is not None:
-            error = self.disparity_error_px({})
-            with np.errstate(invalid="ignore"):  # 0 · ∞: without a picture, no model makes matching possible
-                new, old = (self._split(one)[1] <= LARGEST_ERROR_PX for one in (error * factor, error))
-            changed |= new != old
-        compared = ["relative_uncertainty", "matching"]
-        if off and (bound := self._failed_at_most) is not None:
-            changed |= verdict_changed_without_calibration(self.reference, bound, self._imaged)
-            compared.append("failed_fraction")
-        others = {name: one for name, one in self.limits.items() if name not in compared}
-        could_be = all_met(others, self.distance.shape)[self.reference.images(self.distance)]
-        for end in self.ends:
-            changed &= np.abs(np.log(self._imaged / end)) > 2.0 * (shift + _ENDS_ARE_KNOWN_TO)
-        return bool(np.any(changed & could_be))
 
     @cached_property
     def by_exact_paths(self) -> tuple[FloatArray, FloatArray]:
         """Relative change of Fresnel's disparity error by Kirchhoff's paths at either lens, by a rule with a margin."""
         from tradestudy.models.light_spot import change_by_exact_paths  # imported here: few studies simulate light
 
-        law = self.law
-        assert law is not None  # as above
-        return change_by_exact_paths(
-            self.reference.picture_geometry(self._everywhere), law.settings, law.models, self.disparity_error_px
-        )
+        geometry, law = self.reference.picture_geometry(self._everywhere), self._derived
+        return change_by_exact_paths(geometry, law.settings, law.models, self.disparity_error_px)
 
     @cached_property
     def noise_share(self) -> FloatArray:
@@ -365,8 +395,7 @@ class DepthVariant:
         """The largest relative changes of disparity error and uncertainty by Kirchhoff's transfer, at a few places."""
         from tradestudy.models.light_spot import places_to_try, tried_change  # as above
 
-        law = self.law
-        assert law is not None  # as above
+        law = self._derived
         by_rule, share = (self._split(one)[0] for one in (np.sum(self.by_exact_paths, axis=0), self.noise_share))
         tried = places_to_try(by_rule * share, self.reference.picture_geometry(self.places).blur_px)
         geometry = self.reference.picture_geometry(self.places[tried])
@@ -387,7 +416,7 @@ class DepthVariant:
         tried = asked[np.unique(some)] if asked.size else asked
         if places.size:
             whole = self._split(self._whole)[1] / self._imaged
-            relative = np.where(self.usable[self.reference.images(self.distance)] & np.isfinite(whole), whole, 0.0)
+            relative = np.where(self.usable[self._images] & np.isfinite(whole), whole, 0.0)
             tried = np.concatenate([tried, places[[0, places.size // 2, -1]], self._imaged[[int(np.argmax(relative))]]])
         if not tried.size:
             return 0.0, np.nan
@@ -396,10 +425,34 @@ class DepthVariant:
         error = np.max(found, axis=0)
         largest, at = float(error.max()), float(tried[int(np.argmax(error))])
         if (bound := self._failed_at_most) is not None and not largest > _CLEARLY:
-            failed = self.limits["failed_fraction"].value[self.reference.images(self.distance)]
-            failed = of_true_matches(camera, failed)
-            largest = max(largest, missed_by_the_line(camera, bound, self._imaged, failed, self.ends))
+            largest = max(largest, self._missed_by_the_line(camera, bound))
         return largest, at
+
+    def _missed_by_the_line(self, camera: DepthCamera, bound: float) -> float:
+        """The largest relative shift that the error of linear propagation causes in an end set by the failed fraction.
+
+        Infinite where that error leaves open whether the limit is met.
+        """
+
+        def error(places: FloatArray) -> FloatArray:
+            return np.asarray(model_error(camera, places).failed_fraction / (1.0 - false_match_share(camera)))
+
+        failed = _of_true_matches(camera, self.limits["failed_fraction"].value[self._images])
+        close = np.flatnonzero(self._apart(_AT_AN_END) & (failed > bound / _FAR) & (failed < bound * _FAR))
+        if close.size:
+            close = close[np.unique(np.linspace(0, close.size - 1, _PLACES).round().astype(int))]
+            missed = error(self._imaged[close])
+            if np.any((missed > 0.0) & (np.abs(failed[close] - bound) <= missed)):
+                return np.inf
+        if not self.ends.size:
+            return 0.0
+        beside = _failed_fraction(camera, _beside(self.ends).ravel()).reshape(-1, 3)
+        near = _near(beside[:, 1], bound, _SET_BY_FAILURES)
+        if not near.any():
+            return 0.0
+        slope = np.abs(_slope(beside[near]))
+        shift = np.log1p(np.nan_to_num(error(self.ends[near])) / beside[near, 1])
+        return float(np.max(shift / np.where(np.isfinite(slope) & (slope > 0.0), slope, _TINY)))
 
     def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: FieldPosition) -> FloatArray:
         """The error at a place in the field; 0 where nothing is measured, infinite where it cannot be determined."""
@@ -412,13 +465,82 @@ class DepthVariant:
         return np.where(measured, np.where(np.isnan(error), np.inf, error), 0.0)
 
     def moved_of_field(self, models: Models) -> float:
-        """The largest relative change of the uncertainty at the places in the field that the study declares."""
-        return max((place.moved(models) for place in self._off_axis), default=0.0)
+        """The largest relative change of the uncertainty at the places in the field that the study declares.
+
+        To first order: there is less light off the axis, and calibration errors act differently.
+        """
+        largest = 0.0
+        for place, noise, both in self._off_axis:
+            moved = noise * self._noise_changed(place, models)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                by_calibration = 0.0 if models.get("calibration") == OFF else np.maximum(both**2 - noise**2, 0.0)
+                change = np.abs(np.sqrt(moved**2 + by_calibration) / both - 1.0)
+            largest = max(largest, float(np.nanmax(change, initial=0.0)))
+        return largest
 
     @cached_property
-    def _off_axis(self) -> tuple[OffAxis, ...]:
-        some = self.places[np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))]
-        return tuple(OffAxis(reference=self.reference, places=some, field=field) for field in self.fields)
+    def _few_places(self) -> FloatArray:
+        some = np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))
+        return np.asarray(self.places[some])
+
+    @cached_property
+    def _off_axis(self) -> list[tuple[FieldPosition, FloatArray, FloatArray]]:
+        """Each place in the field, with standard deviations by noise and by all errors at a few distances."""
+        camera, places = self.reference, self._few_places
+        whole = "both" if has_covariance(camera) else "noise"  # noise depends most on models
+        return [
+            (
+                place,
+                linearised_depth(camera, places, place, "noise").standard_deviation,
+                linearised_depth(camera, places, place, whole).standard_deviation,
+            )
+            for place in self.fields
+        ]
+
+    def _noise_changed(self, field: FieldPosition, models: Models) -> FloatArray:
+        """The factor by which noise changes; 1 where the disparity error is declared or the lens forms no picture."""
+        if self.law is None:
+            return np.ones(self._few_places.shape)
+        there = self.law.at_field(self.reference, self.reference.field_share(field))
+        bound = there.bound_px(self.reference, self._few_places)
+        other = replace(there, models=_closed_form_of(there, models)).bound_px(self.reference, self._few_places)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            factor = other / bound
+        return there.matcher.change(bound, np.where(np.isnan(factor), 1.0, factor))
+
+
+def _closed_form_of(law: PictureDisparityError, models: Models) -> PictureModels:
+    """A law's models, overridden by the closed form of `models` for the effects of the law's picture."""
+    own = with_models(law.models, in_closed_form(models))
+    return own if law.settings.spectrum else replace(own, spectrum=OFF)  # other forms of the camera may have a spectrum
+
+
+def _of_true_matches(camera: DepthCamera, failed: ArrayLike) -> FloatArray:
+    """A failed fraction, or its bound, as a share of the true matches; negative where false matches alone exceed it."""
+    share = false_match_share(camera)
+    return np.asarray((np.asarray(failed) - share) / (1.0 - share))
+
+
+def _failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Share of true matches with a depth beyond infinity, by the camera's model of propagation."""
+    return _of_true_matches(camera, distribution(camera, imaged(camera, distance), "both").failed_fraction)
+
+
+def _near(value: FloatArray, bound: float, share: float) -> BoolArray:
+    """Where a value is as near to its bound, in the logarithm, as a share; a bound of 0 is never near."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.abs(np.log(value / bound)) < share)
+
+
+def _beside(ends: FloatArray) -> FloatArray:
+    """Distances [m] just before, at and just beyond each end, shape (ends, 3)."""
+    return np.asarray(ends[:, np.newaxis] * (1.0 + _BESIDE_AN_END * np.array([-1.0, 0.0, 1.0])))
+
+
+def _slope(beside: FloatArray) -> FloatArray:
+    """Slope d ln(value)/d ln(distance) at the ends, from values at `_beside`."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.log(beside[:, 2] / beside[:, 0]) / (2.0 * _BESIDE_AN_END))
 
 
 def _relative(new: FloatArray, old: FloatArray) -> FloatArray:
