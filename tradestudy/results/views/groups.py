@@ -24,7 +24,8 @@ def group(tree: xr.DataTree, name: str) -> xr.Dataset:
 
 def swept_paths(data: xr.Dataset | xr.DataTree) -> dict[str, str]:
     """The paths in the study of the swept parameters of a group, by dimension."""
-    return {str(name): str(one.attrs["path"]) for name, one in data.coords.items() if "path" in one.attrs}
+    variables = data.coords.variables  # a DataArray for each of them would take a hundred times as long
+    return {str(name): str(one.attrs["path"]) for name, one in variables.items() if "path" in one.attrs}
 
 
 def dotted_path(tree: xr.DataTree, name: str) -> str:

@@ -40,7 +40,8 @@ class Table:
     @property
     def swept(self) -> tuple[str, ...]:
         """The dimensions that are swept parameters."""
-        return tuple(dim for dim in self.dims if dim in swept_paths(self.data))
+        paths = swept_paths(self.data)
+        return tuple(dim for dim in self.dims if dim in paths)
 
     def frame(self) -> pd.DataFrame:
         """One row for each combination of coordinates; ``attrs["units"]`` contains the unit of each column."""
