@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import cast
@@ -342,7 +343,8 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
         The views do not determine the parameters.
     """
     rig = cast(PairGeometry, request.camera)  # the schema admits no other kind
-    fit, normal = _fitted(request, corners_of(request))
+    corners_of(request)
+    fit, normal = _fitted(request, few=False)
     lens, names = fit.corners.lens, normal.names
     tell(_FITTED)
     rng = point_generator(seed=request.seed, point=f"corners/{request.name}", replicate=0)
@@ -380,30 +382,45 @@ def check_corners(request: CornersToInfer, *, few: bool) -> None:
     TradestudyError
         See `infer_from_corners`.
     """
-    corners = corners_of(request)
-    if not few:
-        _fitted(request, corners)
-        return
-    rows = np.unique(np.linspace(0, len(corners.views) - 1, _FEW_VIEWS).round().astype(int))
-    some = replace(
-        corners,
-        views=tuple(corners.views[row] for row in rows),
-        **{name: getattr(corners, name)[rows] for name in ("board", "left", "right", "present")},
-    )
+    corners_of(request)
     try:
-        _fitted(request, some)
+        _fitted(request, few=few)
     except TradestudyError:
-        _fitted(request, corners)
+        if not few:
+            raise
+        _fitted(request, few=False)
 
 
-def _fitted(request: CornersToInfer, corners: StereoCorners) -> tuple[RigFit, LaplaceFit]:
+def _fitted(request: CornersToInfer, *, few: bool) -> tuple[RigFit, LaplaceFit]:
     """The fit to the corners and its normal approximation, which do not contradict the declared rig."""
-    rig, lens = cast(PairGeometry, request.camera), lens_of(request.part.lens_model)
-    fit = fit_rig(replace(corners, lens=lens))
-    normal = LaplaceFit(names=shared_names(lens.free), mean=fit.explained.shared, covariance=fit.covariance)
+    rig, part = cast(PairGeometry, request.camera), request.part
+    fit = fit_of_file(request.folder / part.file, request.content, part.lens_model, few=few)
+    normal = LaplaceFit(names=shared_names(fit.corners.lens.free), mean=fit.explained.shared, covariance=fit.covariance)
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
-    check_geometry(request.name, rig, normal.mean, draws, says="corners say", lens=lens)
+    check_geometry(request.name, rig, normal.mean, draws, says="corners say", lens=fit.corners.lens)
     return fit, normal
+
+
+@lru_cache(maxsize=8)
+def fit_of_file(path: Path, _content: str, lens: FittedLensModel | None, *, few: bool) -> RigFit:
+    """The fit to a corner file or, if ``few``, to a few of its views; designs of a sweep and the imported rig share it.
+
+    ``_content`` is the file's SHA-256.
+
+    Raises
+    ------
+    TradestudyError
+        See `read_corners` and `fit_rig`.
+    """
+    corners = read_corners(path)
+    if few:
+        rows = np.unique(np.linspace(0, len(corners.views) - 1, _FEW_VIEWS).round().astype(int))
+        corners = replace(
+            corners,
+            views=tuple(corners.views[row] for row in rows),
+            **{name: getattr(corners, name)[rows] for name in ("board", "left", "right", "present")},
+        )
+    return fit_rig(replace(corners, lens=lens_of(lens)))
 
 
 def lens_of(part: FittedLensModel | None) -> FreeLens:

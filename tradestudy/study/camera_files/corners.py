@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from hashlib import sha256
+from typing import Final
 
 import numpy as np
 
 from tradestudy.cameras.imported import FITTED_LENS, Convention, Imported, ImportedCorners
-from tradestudy.declarations.lens_models import FittedLensModel, fitted_words
+from tradestudy.declarations.lens_models import fitted_words
 from tradestudy.errors import TradestudyError
 from tradestudy.study.camera_files.located import UNUSED, CameraFile, Format, Request
 from tradestudy.study.camera_files.pairs import (
@@ -23,9 +21,6 @@ from tradestudy.study.camera_files.pairs import (
     off_centre,
 )
 from tradestudy.units import LENGTH, pretty, significant
-
-if TYPE_CHECKING:
-    from tradestudy.calibration.corners.real_rig import RigFit
 
 _MOST_USUAL_NOISE_PX: Final = 0.5  # of one coordinate; detectors reach 0.02 to 0.3 px
 
@@ -39,10 +34,12 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         The corners are inconsistent, do not determine a pair, or indicate a wrong unit of length.
     """
     from tradestudy.calibration.corners.view_blocks import TRANSLATION, cameras_of
+    from tradestudy.calibration.posteriors import fit_of_file
 
     top = files[0].top
     try:
-        fit = _fit(files[0].path, files[0].text, request.fitted_lens)
+        path = files[0].path
+        fit = fit_of_file(path, sha256(path.read_bytes()).hexdigest(), request.fitted_lens, few=False)
     except TradestudyError as error:
         raise top.fail(str(error)) from None
     unit, columns = fit.corners.unit, ", ".join(fit.corners.unused)
@@ -76,16 +73,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         ),
         key=top.key,
     )
-
-
-@lru_cache(maxsize=4)
-def _fit(path: Path, _text: str, lens: FittedLensModel | None) -> RigFit:
-    """The fit, computed once per content and lens model."""
-    from tradestudy.calibration.corners.corner_file import read_corners
-    from tradestudy.calibration.corners.real_rig import fit_rig
-    from tradestudy.calibration.posteriors import lens_of
-
-    return fit_rig(replace(read_corners(path), lens=lens_of(lens)))
 
 
 FORMAT: Final = Format(
