@@ -25,9 +25,9 @@ import numpy as np
 
 from tests.campaigns import record
 from tests.campaigns.light_cases import large_part, random_part
-from tradestudy.effects import choose
 from tradestudy.errors import TradestudyError
 from tradestudy.models.light_spot import TOLERANCES, LightSpotProblem, spot_models
+from tradestudy.models.problem import choose
 from tradestudy.models.slow_steps import picture_seconds
 from tradestudy.models.spot_images import RAYS, SpotModels, light_source, picture_of
 from tradestudy.optics.arrays import FloatArray

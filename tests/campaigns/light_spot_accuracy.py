@@ -15,9 +15,9 @@ import numpy as np
 
 from tests.campaigns import record
 from tradestudy import load
-from tradestudy.effects import choose
 from tradestudy.models import spot_images
 from tradestudy.models.light_spot import LightSpotProblem, spot_models
+from tradestudy.models.problem import choose
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 ASKED = (0.1, 0.05, 0.01, 0.001)

@@ -12,19 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tradestudy.effects import (
-    EFFECTS,
-    Change,
-    Changes,
-    Choice,
-    Models,
-    SimulationProblem,
-    Slot,
-    SlotName,
-    choose,
-    models_of,
-)
+from tradestudy.effects import EFFECTS, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.models.problem import Change, Changes, Choice, SimulationProblem, Slot, choose
 
 TOLERANCE = {"depth_uncertainty": 0.05}
 

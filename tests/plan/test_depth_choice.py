@@ -19,12 +19,13 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.depth.evaluation import depth_uncertainty, evaluate_depth
 from tradestudy.depth.linear import scaled_noise
-from tradestudy.effects import Change, Changes, Models, SimulationProblem, Slot, choose
+from tradestudy.effects import Models
 from tradestudy.errors import StudyError
 from tradestudy.models import depth_variant
 from tradestudy.models.choice import choose_models
 from tradestudy.models.depth_problem import depth_problems
 from tradestudy.models.depth_variant import DepthVariant
+from tradestudy.models.problem import Change, Changes, SimulationProblem, Slot, choose
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
@@ -122,11 +123,11 @@ def test_a_declared_tolerance_of_noise_is_asked_and_any_other_is_shown_and_drive
     robot = tradestudy.load(STUDIES / "robot.yaml").plan()
     assert all("depth_noise" not in one.asked for one in robot.problems)
     stereo = next(one for one in robot.problems if one.name == "stereo-75mm")
-    assert stereo.choice.changes["depth_noise"].relative > 0.02 > stereo.choice.changes["depth_uncertainty"].relative
+    assert stereo.changes["depth_noise"].relative > 0.02 > stereo.changes["depth_uncertainty"].relative
     asked = tradestudy.load(STUDIES / "robot.yaml", ["accuracy.depth_noise=2 %"]).plan()
     stereo = next(one for one in asked.problems if one.name == "stereo-75mm")
     assert stereo.models["main_lens_diffraction"] not in ("off", "airy")
-    assert stereo.choice.changes["depth_noise"].relative <= 0.02
+    assert stereo.changes["depth_noise"].relative <= 0.02
 
 
 def test_the_robot_needs_no_diffraction_or_airy_for_its_stereo_heads() -> None:
@@ -139,7 +140,7 @@ def test_the_robot_needs_no_diffraction_or_airy_for_its_stereo_heads() -> None:
         exact = plan.definition.with_models({name: {**problem.models, "main_lens_diffraction": "kirchhoff"}})
         own, other = (depth_uncertainty(one.case.cameras[name], distance) for one in (plan.definition, exact))
         change = float(np.max(np.abs(own / other - 1.0)))
-        assert change < problem.choice.changes["depth_uncertainty"].relative < 0.02
+        assert change < problem.changes["depth_uncertainty"].relative < 0.02
 
 
 def test_a_narrow_focus_between_two_distances_of_the_study_is_caught(tmp_path: Path) -> None:
@@ -181,11 +182,11 @@ def test_without_diffraction_at_microlenses_their_crosstalk_still_counts() -> No
     def uncertainty(models: Models) -> np.ndarray:
         return depth_uncertainty(definition.with_models({found.name: models}).case.cameras[found.name], distance)
 
-    complete: Models = {**found.choice.problem.complete, "calibration": "linear"}
+    complete: Models = {**found.problem.complete, "calibration": "linear"}
     without: Models = {**complete, "crosstalk": "off"}
     change = np.max(np.abs(uncertainty(without) / uncertainty(complete) - 1.0))
     assert change == pytest.approx(0.0312, rel=0.02)
-    told = found.choice.problem.changes({**found.choice.problem.complete, "crosstalk": "off"})["depth_uncertainty"]
+    told = found.problem.changes({**found.problem.complete, "crosstalk": "off"})["depth_uncertainty"]
     assert told.relative >= change
     assert found.models["crosstalk"] == "share"
     assert found.models["calibration"] == "linear"
@@ -213,7 +214,7 @@ def test_exact_paths_are_tried_on_both_sides_of_the_focus() -> None:
 
     change = np.abs(uncertainty("fresnel") / uncertainty("kirchhoff") - 1.0)
     assert change[definition.case.distance < 1.0].max() < 0.0019 < 0.0022 < change.max()
-    told = found.choice.problem.changes({**found.choice.problem.complete, "main_lens_diffraction": "fresnel"})
+    told = found.problem.changes({**found.problem.complete, "main_lens_diffraction": "fresnel"})
     assert told["depth_uncertainty"].relative >= change.max()
     assert found.models["main_lens_diffraction"] == "kirchhoff"
 
@@ -386,7 +387,7 @@ def test_forced_models_apply_under_every_reading() -> None:
 def test_a_tolerance_beyond_the_linear_model_requires_draws() -> None:
     plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", tolerance="0.0002 %").plan()
     assert {one.models["calibration"] for one in plan.problems} == {"exact"}
-    assert {one.choice.changes["depth_uncertainty"].relative for one in plan.problems} == {0.0}
+    assert {one.changes["depth_uncertainty"].relative for one in plan.problems} == {0.0}
 
 
 @pytest.mark.parametrize(

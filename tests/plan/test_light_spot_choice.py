@@ -12,10 +12,11 @@ import pytest
 import tradestudy
 from tests.campaigns.light_cases import large_part, random_part
 from tests.campaigns.light_regret import measured, rows
-from tradestudy.effects import OFF, Choice, Models, choose
+from tradestudy.effects import OFF, Models
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.models.light_spot import TOLERANCES, LightSpotProblem, extent_rule, spot_models
 from tradestudy.models.light_trial import LightTrial, _change_of_rays, _lit_part, probes
+from tradestudy.models.problem import Choice, choose
 from tradestudy.models.sharpness import PointSpreadProblem
 from tradestudy.models.spot_images import SpotModels, light_path, light_source, spot_picture
 from tradestudy.optics.chain.accuracy import ChainAccuracy

@@ -57,7 +57,7 @@ def test_a_plan_is_one_line_for_each_problem_and_one_for_the_run(close_plan: Pla
 
 def test_a_small_omission_is_stated_with_its_number(close_plan: Plan) -> None:
     declared = next(one for one in close_plan.problems if one.name == "pair-declared")
-    change = declared.choice.changes["depth_uncertainty"].relative
+    change = declared.changes["depth_uncertainty"].relative
     assert 0.0 < change < 1e-5
     line = str(close_plan).split("pair-declared")[1].splitlines()[0].replace("\N{NO-BREAK SPACE}", " ")
     assert "geometry only (the disparity error is fixed at 0.1 px)" in line
@@ -156,9 +156,9 @@ def test_the_plan_counts_the_chosen_picture_of_a_spot_with_all_its_wavelengths(c
 def test_the_verbose_plan_lists_every_decision_and_every_step(close_plan: Plan) -> None:
     text = close_plan.text(verbose=True)
     for problem in close_plan.problems:
-        for decision in problem.choice.decisions:
+        for decision in problem.decisions:
             assert f"{decision.slot.replace('_', ' ')}: {decision.model}" in text
-        for reason in problem.reasons.values():
+        for reason in problem.problem.reasons.values():
             assert reason in text
     for part in close_plan.work:
         assert part.step in text
@@ -168,7 +168,7 @@ def test_the_verbose_plan_lists_every_decision_and_every_step(close_plan: Plan) 
 def test_a_declared_disparity_error_leaves_the_picture_out_and_says_why(close_plan: Plan) -> None:
     declared = next(one for one in close_plan.problems if one.name == "pair-declared")
     assert set(declared.models.values()) - {declared.models["calibration"]} == {"off"}
-    assert declared.reasons["main_lens_diffraction"].startswith("the disparity error is fixed at 0.1 px")
+    assert declared.problem.reasons["main_lens_diffraction"].startswith("the disparity error is fixed at 0.1 px")
 
 
 def test_a_hand_lens_that_asks_for_noise_simulates_diffraction(close_plan: Plan) -> None:
@@ -190,7 +190,7 @@ def test_omissions_change_depth_by_no_more_than_stated(close_range: Study, close
             moved = np.abs(
                 depth_uncertainty(own, places, error_source) / depth_uncertainty(complete, places, error_source) - 1.0
             )
-            assert moved.max() <= problem.choice.changes[quantity].relative <= 0.05
+            assert moved.max() <= problem.changes[quantity].relative <= 0.05
 
 
 def test_a_looser_tolerance_leaves_more_out(close_range: Study) -> None:

@@ -51,14 +51,14 @@ def rows_of(plan: Plan, name: str) -> list[list[str]]:
 def test_one_row_for_each_camera_and_effect_that_matters(plan: Plan) -> None:
     rows = rows_of(plan, "effects-that-matter")
     expected = [
-        (problem.title, decision.slot.replace("_", " "))
-        for problem in plan.problems
-        for decision in problem.choice.decisions
+        (choice.problem.title, decision.slot.replace("_", " "))
+        for choice in plan.problems
+        for decision in choice.decisions
         if decision.chosen
         and (
             decision.forced
-            or (decision.model != "off" and decision.slot not in problem.reasons)
-            or any(change.relative > 0.0 for q, change in decision.changes.items() if q in problem.asked)
+            or (decision.model != "off" and decision.slot not in choice.problem.reasons)
+            or any(change.relative > 0.0 for q, change in decision.changes.items() if q in choice.asked)
         )
     ]
     assert [(row[0], row[1]) for row in rows] == expected
@@ -66,21 +66,21 @@ def test_one_row_for_each_camera_and_effect_that_matters(plan: Plan) -> None:
 
 def test_models_that_change_nothing_share_one_sentence_for_each_reason_but_the_evident_one(plan: Plan) -> None:
     notes = [plain(note) for note in table_of(plan, "effects-that-matter").notes]
-    reasons = {reason for problem in plan.problems for reason in problem.reasons.values()}
+    reasons = {reason for choice in plan.problems for reason in choice.problem.reasons.values()}
     for reason in reasons:
         assert sum(f", because {reason}: " in note for note in notes) == (reason != NO_MICROLENSES)
 
 
 def test_every_model_that_was_compared_is_listed_with_its_number(plan: Plan) -> None:
     rows = rows_of(plan, "effects-all")
-    for problem in plan.problems:
-        for decision in problem.choice.decisions:
-            if decision.slot in problem.reasons:
+    for choice in plan.problems:
+        for decision in choice.decisions:
+            if decision.slot in choice.problem.reasons:
                 continue
-            quantity = max(problem.asked, key=lambda q: decision.changes[q].relative / problem.asked[q])
+            quantity = max(choice.asked, key=lambda q: decision.changes[q].relative / choice.asked[q])
             change = decision.changes[quantity].relative
             name = f"● {decision.model}" if decision.chosen else decision.model
-            (row,) = (r for r in rows if r[:3] == [problem.title, decision.slot.replace("_", " "), name])
+            (row,) = (r for r in rows if r[:3] == [choice.problem.title, decision.slot.replace("_", " "), name])
             if change == 0.0:
                 assert row[3].isalpha()  # a word instead of a number
             elif change < float("inf"):
@@ -90,7 +90,7 @@ def test_every_model_that_was_compared_is_listed_with_its_number(plan: Plan) -> 
 def test_the_joint_change_is_shown_next_to_the_tolerance(plan: Plan) -> None:
     tree = xr.DataTree.from_dict({"/effects": effects_group(plan)})
     text = " ".join(plain(block.text) for block in describe_effects(tree) if isinstance(block, Paragraph))
-    worst = max(problem.choice.changes["depth_uncertainty"].relative for problem in plan.problems)
+    worst = max(choice.changes["depth_uncertainty"].relative for choice in plan.problems)
     allowed = plan.accuracy.tolerances["depth_uncertainty"]
     largest, tolerance = (pretty(value, FRACTION, digits=2) for value in (worst, allowed))
     assert re.search(rf"{IN_WORDS['depth_uncertainty']} by up to {largest}[^.]*tolerance[^.]*{tolerance}", text)

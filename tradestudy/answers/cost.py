@@ -355,7 +355,7 @@ def _models(plan: Plan, name: str) -> tuple[Models, Offered]:
     """The models applied to a problem, and those available."""
     (problem,) = (one for one in plan.problems if one.name == name)
     offered: dict[SlotName, tuple[str, ...]] = {}
-    for decision in problem.choice.decisions:
+    for decision in problem.decisions:
         named = models_of(decision.slot, "depth") if decision.forced else (decision.model,)
         offered[decision.slot] = (*offered.get(decision.slot, ()), *named)
     return problem.models, offered

@@ -19,7 +19,7 @@ from tradestudy.imaging.render.tiles import WORKER_BYTES, Recorded, Rendered, Ti
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.machine import available_memory
-from tradestudy.models.choice import chosen
+from tradestudy.models.choice import choose_each
 from tradestudy.models.rendered_scene import Taken, declared_image, recording_of, set_up, whole_pictures
 from tradestudy.models.scene_pictures import picture_problems
 from tradestudy.optics.arrays import FloatArray
@@ -145,14 +145,15 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
 
 def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:
     """For each camera that takes pictures, whether it uses waves, and the change that the choice of models makes."""
-    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
-    free = {one.name: one for one in picture_problems(definition, {})} if forced else {}
-    found = []
-    for problem in picture_problems(definition, forced):
-        one = chosen(problem, tolerances, forced, free.get(problem.name))
-        change = {**one.choice.changes, **one.by_forcing}["pixel_intensity"].relative
-        found.append((one.models["main_lens_diffraction"] != OFF, change))
-    return found
+    forced = definition.file.effects.forced()
+    free = picture_problems(definition, {}) if forced else ()
+    return [
+        (
+            one.models["main_lens_diffraction"] != OFF,
+            {**one.changes, **one.by_forcing}["pixel_intensity"].relative,
+        )
+        for one in choose_each(definition, picture_problems(definition, forced), free)
+    ]
 
 
 def refuse_too_large(definition: StudyDefinition, *, workers: int = 1, rig: Rig | None = None) -> None:

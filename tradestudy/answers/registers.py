@@ -12,9 +12,9 @@ import xarray as xr
 
 from tradestudy.accuracy import QUANTITIES
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.effects import OFF, Change, Changes
-from tradestudy.models.plan import Plan
-from tradestudy.models.plan_text import summary
+from tradestudy.effects import OFF
+from tradestudy.models.plan import Plan, summary
+from tradestudy.models.problem import Change, Changes
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Annotation, Document, ListEntry, Path, Place, ScalarEntry, walk
@@ -179,9 +179,9 @@ _NONE = Change(relative=math.nan, evidence="computed")
 
 def effects_group(plan: Plan) -> xr.Dataset:
     """/effects over decisions, and over the problems of the study that they belong to."""
-    decisions = [(one, decision) for one in plan.problems for decision in one.choice.decisions]
+    decisions = [(one, decision) for one in plan.problems for decision in one.decisions]
     changes = [_row(decision.changes) for _, decision in decisions]
-    together = [_row(one.choice.changes) for one in plan.problems]
+    together = [_row(one.changes) for one in plan.problems]
     return dataset(
         "effects",
         {
@@ -190,7 +190,7 @@ def effects_group(plan: Plan) -> xr.Dataset:
             "model": [decision.model for _, decision in decisions],
             "chosen": [float(decision.chosen) for _, decision in decisions],
             "forced": [float(decision.forced) for _, decision in decisions],
-            "reason": [one.reasons.get(decision.slot, "") for one, decision in decisions],
+            "reason": [one.problem.reasons.get(decision.slot, "") for one, decision in decisions],
             "change": [[one.relative for one in row] for row in changes],
             "evidence": [[_evidence(one) for one in row] for row in changes],
             "change_at": [[one.at for one in row] for row in changes],
@@ -198,7 +198,7 @@ def effects_group(plan: Plan) -> xr.Dataset:
             "joint_evidence": [[_evidence(one) for one in row] for row in together],
             "forced_change": [[one.relative for one in _row(problem.by_forcing)] for problem in plan.problems],
             "tolerance": [[one.asked.get(q, math.nan) for q in QUANTITIES] for one in plan.problems],
-            "problem_title": [one.title for one in plan.problems],
+            "problem_title": [one.problem.title for one in plan.problems],
             "summary": [summary(one) for one in plan.problems],
         },
         {

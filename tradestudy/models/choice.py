@@ -2,44 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
-from tradestudy.accuracy import IN_WORDS, QUANTITIES, Quantity
-from tradestudy.effects import OFF, Changes, Choice, Models, SimulationProblem, choose
+from tradestudy.accuracy import IN_WORDS, QUANTITIES
+from tradestudy.effects import OFF, Models
 from tradestudy.errors import Problem, StudyError, UnaffordableError
+from tradestudy.models.problem import Choice, SimulationProblem, choose
 from tradestudy.study.definition import StudyDefinition
-
-
-@dataclass(frozen=True, kw_only=True)
-class Chosen:
-    """One problem of a study and its models.
-
-    Parameters
-    ----------
-    name, title
-        Name in the results and title in reports.
-    asked
-        Tolerances that decide, by quantity.
-    reasons
-        Why an effect has a single model, by effect.
-    choice
-        The chosen models, and every decision.
-    by_forcing
-        Changes due to the models that the study forces, relative to the most complete ones; empty if it forces none.
-    """
-
-    name: str
-    title: str
-    asked: Mapping[Quantity, float]
-    reasons: Models
-    choice: Choice
-    by_forcing: Changes
-
-    @property
-    def models(self) -> Models:
-        """The applied models, by effect."""
-        return self.choice.models
 
 
 def problems(definition: StudyDefinition, forced: Models) -> Iterator[SimulationProblem]:
@@ -71,7 +40,7 @@ def problems(definition: StudyDefinition, forced: Models) -> Iterator[Simulation
         yield PointSpreadProblem(file.point_spread, forced)
 
 
-def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
+def choose_models(definition: StudyDefinition) -> list[Choice]:
     """Choose the cheapest models that keep every requested quantity within its tolerance, problem by problem.
 
     The choice depends on the study alone, not on the machine or its load.
@@ -84,28 +53,37 @@ def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
         If the study forces a model that applies to nothing in it, or sets a tolerance on a quantity that it does not
         compute.
     """
-    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
-    found, refused = [], []
-    all_problems = tuple(problems(definition, forced))
-    if mistakes := [
-        *_ignored_tolerances(definition, all_problems),
-        *_ignored_models(definition, all_problems, forced),
-    ]:
+    forced = definition.file.effects.forced()
+    found = tuple(problems(definition, forced))
+    if mistakes := [*_ignored_tolerances(definition, found), *_ignored_models(definition, found, forced)]:
         raise StudyError(mistakes)
-    free = {one.name: one for one in problems(definition, {})} if forced else {}
-    for problem in all_problems:
+    return choose_each(definition, found, problems(definition, {}) if forced else ())
+
+
+def choose_each(
+    definition: StudyDefinition, problems: Iterable[SimulationProblem], free: Iterable[SimulationProblem] = ()
+) -> list[Choice]:
+    """Choose the models of some problems; ``free`` holds the same problems without the models that the study forces.
+
+    Raises
+    ------
+    UnaffordableError
+        If even the most complete models exceed a tolerance; one error for all problems.
+    """
+    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
+    without = {one.name: one for one in free}
+    found, refused = [], []
+    for problem in problems:
         try:
-            found.append(chosen(problem, tolerances, forced, free.get(problem.name)))
+            found.append(choose(problem, tolerances, forced, without.get(problem.name)))
         except UnaffordableError as error:
             refused.append(error)
-    if len(refused) > 1:
-        raise UnaffordableError("\n".join(map(str, refused)))
     if refused:
-        raise refused[0]
-    return tuple(found)
+        raise refused[0] if len(refused) == 1 else UnaffordableError("\n".join(map(str, refused)))
+    return found
 
 
-def refuse_chosen_spot(definition: StudyDefinition, problems: Sequence[Chosen]) -> None:
+def refuse_chosen_spot(definition: StudyDefinition, problems: Sequence[Choice]) -> None:
     """Refuse the picture of a light spot by its chosen models as `refuse_picture` does; nothing without a spot."""
     if (spot := definition.file.light_spot) is not None:
         from tradestudy.models.light_spot import NAME, spot_models
@@ -124,42 +102,8 @@ def choose_depth_models(definition: StudyDefinition, names: Collection[str]) -> 
     """
     from tradestudy.models.depth_problem import depth_problems
 
-    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
-    asked = (one for one in depth_problems(definition, forced) if one.name in names)
-    return {one.name: chosen(one, tolerances, forced).models for one in asked}
-
-
-def chosen(
-    problem: SimulationProblem,
-    tolerances: Mapping[Quantity, float],
-    forced: Models,
-    free: SimulationProblem | None = None,
-) -> Chosen:
-    """Choose the models of one problem; ``free`` is the same problem without forced models.
-
-    Raises
-    ------
-    UnaffordableError
-        If even the most complete models exceed a tolerance.
-    """
-    choice = choose(problem, tolerances, forced)
-    return Chosen(
-        name=problem.name,
-        title=problem.title,
-        asked={q: tolerances[q] for q in problem.asked},
-        reasons={slot.name: slot.reason for slot in problem.slots if slot.reason},
-        choice=choice,
-        by_forcing=_by_forcing(free, problem),
-    )
-
-
-def _by_forcing(free: SimulationProblem | None, problem: SimulationProblem) -> Changes:
-    """Changes due to the forced models where they differ from the most complete ones."""
-    if free is None or free.complete == problem.complete:
-        return {}
-    while free.try_out(problem.complete):
-        pass
-    return free.changes(problem.complete)
+    asked = (one for one in depth_problems(definition, definition.file.effects.forced()) if one.name in names)
+    return {one.name: one.models for one in choose_each(definition, asked)}
 
 
 def _ignored_tolerances(definition: StudyDefinition, found: tuple[SimulationProblem, ...]) -> Iterator[Problem]:

@@ -16,20 +16,10 @@ from tradestudy.accuracy import Quantity
 from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
 from tradestudy.cameras.depth_measurement import towards_corners
 from tradestudy.depth.linear import has_covariance
-from tradestudy.effects import (
-    LENSES,
-    OFF,
-    Change,
-    Changes,
-    Evidence,
-    Models,
-    SimulationProblem,
-    Slot,
-    SlotName,
-    models_of,
-)
+from tradestudy.effects import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.models.depth_variant import DepthVariant
+from tradestudy.models.problem import Change, Changes, Evidence, SimulationProblem, Slot
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.building import complete_in_closed_form
 from tradestudy.study.definition import StudyDefinition

@@ -12,12 +12,13 @@ import numpy as np
 
 from tradestudy.accuracy import Quantity
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.effects import LENSES, OFF, Change, Changes, Models, SimulationProblem, Slot, SlotName, models_of
+from tradestudy.effects import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.optical_transfer import is_by_rays
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.models.light_trial import TOLERANCE, LightTrial
+from tradestudy.models.problem import Change, Changes, SimulationProblem, Slot
 from tradestudy.models.spot_images import RAYS, SpotModels, light_path, light_source
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects import LENSES, OFF, Change, Changes, Models, SimulationProblem, Slot, models_of
+from tradestudy.effects import LENSES, OFF, Models, models_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.steps import fingerprint
 from tradestudy.imaging.render.sight import waves_of
 from tradestudy.imaging.render.tiles import Tile, electrons_at
 from tradestudy.imaging.render.waves import Waves
+from tradestudy.models.problem import Change, Changes, SimulationProblem, Slot
 from tradestudy.models.rendered_scene import declared_image, recording_of, set_up, whole_pictures
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.wording import NO_MICROLENSES

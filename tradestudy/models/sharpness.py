@@ -11,8 +11,9 @@ import numpy as np
 
 from tradestudy.accuracy import Quantity
 from tradestudy.cameras.focus import BlurCriterion, Focus
-from tradestudy.effects import OFF, Change, Changes, Models, SimulationProblem, Slot, models_of
+from tradestudy.effects import OFF, Models, models_of
 from tradestudy.models.point_spreads import LensAndPoint, SpreadMethod, every_case, spread_measures
+from tradestudy.models.problem import Change, Changes, SimulationProblem, Slot
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.schema.questions import PROBLEM
 from tradestudy.study.schema.wave_optics import PointSpreadPart
