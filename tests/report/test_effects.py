@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 
@@ -13,7 +14,10 @@ from tradestudy.accuracy import IN_WORDS
 from tradestudy.answers.registers import effects_group
 from tradestudy.models.plan import Plan
 from tradestudy.report.document import Paragraph, Table, Text, spans
+from tradestudy.report.sections.depth_numbers import describe_datasheet
 from tradestudy.report.sections.program import describe_effects, list_decisions
+from tradestudy.results import dataset
+from tradestudy.results.views.finding import detailed_cameras
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import NO_MICROLENSES
 
@@ -95,3 +99,40 @@ def test_the_joint_change_is_shown_next_to_the_tolerance(plan: Plan) -> None:
     largest, tolerance = (pretty(value, FRACTION, digits=2) for value in (worst, allowed))
     assert re.search(rf"{IN_WORDS['depth_uncertainty']} by up to {largest}[^.]*tolerance[^.]*{tolerance}", text)
     assert (f"{IN_WORDS['depth_noise']} has no tolerance" in text) == ("depth_noise" not in plan.accuracy.tolerances)
+
+
+def test_of_many_cameras_the_appendix_details_eight_and_counts_the_others() -> None:
+    """Twelve cameras, of which the study compares the last eight."""
+    keys = [f"rig-{number}" for number in range(1, 13)]
+    titles = [f"Rig {number}" for number in range(1, 13)]
+    sheet = {name: np.ones((12, 1)) for name in ("z_accuracy", "temporal_noise", "subpixel_rms", "plane_fit_rms")}
+    sheet |= {name: np.ones((12, 1)) for name in ("fill_rate", "field_width", "field_height", "usable")}
+    names = ("near_limit", "far_limit", "horizontal_field_of_view", "vertical_field_of_view")
+    sheet |= {name: np.ones(12) for name in names}
+    effects = {
+        "problem_of": keys, "slot": ["diffraction"] * 12, "model": ["off"] * 12, "chosen": [1.0] * 12,
+        "forced": [0.0] * 12, "reason": [""] * 12, "change": np.full((12, 1), 0.01), "change_at": np.ones((12, 1)),
+        "evidence": [["computed"]] * 12, "tolerance": np.full((12, 1), 0.02), "joint_change": np.full((12, 1), 0.01),
+        "problem_title": titles,
+    }  # fmt: skip
+    of = {"camera": keys}
+    tree = xr.DataTree.from_dict(
+        {
+            "/cameras": dataset("cameras", {"title": titles, "method": [""] * 12}, of),
+            "/depth": dataset("depth", {"depth_uncertainty": np.ones((12, 1))}, of | {"distance": np.ones(1)}),
+            "/datasheet": dataset("datasheet", sheet, of | {"sheet_distance": np.ones(1)}),
+            "/decision": xr.Dataset(attrs={"candidates": ", ".join(keys[4:])}),
+            "/effects": dataset(
+                "effects", effects, {"decision": keys, "problem": keys, "quantity": ["depth_uncertainty"]}
+            ),
+        }
+    )
+    shown, rest = titles[4:], "4 further cameras"
+    assert list(detailed_cameras(tree, "depth").values()) == shown
+    blocks = [*list_decisions(tree), *describe_datasheet(tree)]
+    (models, *sheets) = [block for block in blocks if isinstance(block, Table)]
+    assert [plain(row[0]) for row in models.rows if len(row) == 1] == shown
+    assert rest in plain(models.notes[-1])
+    assert [plain(one.caption).partition(":")[0] for one in sheets] == shown
+    assert isinstance(blocks[-1], Paragraph)
+    assert rest in plain(blocks[-1].text)

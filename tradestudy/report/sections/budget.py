@@ -14,6 +14,7 @@ from tradestudy.report.document import Block, Column, Heading, Paragraph, Table,
 from tradestudy.report.words import interval, length, or_dash, share
 from tradestudy.results.views.depth import at_the_bound, best_of_any_matcher, false_matches_declared, table_depth
 from tradestudy.results.views.designs import BY_UNIT
+from tradestudy.results.views.finding import detailed_cameras
 from tradestudy.results.views.groups import FloatArray, group, has, perfectly_calibrated, titles_in
 from tradestudy.units import (
     NUMBER,
@@ -26,7 +27,6 @@ from tradestudy.wording import counted, distance, in_words, listed, with_article
 
 _MOST_ROWS: Final = 12  # per budget; of more, the inputs that make up almost all of the sum of their squares
 _ALMOST_ALL: Final = 0.99
-_MOST_CAMERAS: Final = 8
 _NO_CELLS: Final = ("",) * 5  # from the distribution to the sensitivity coefficient
 _DIMENSIONS: Final = {**BY_UNIT, "1": NUMBER, "K": TEMPERATURE_DIFFERENCE, "Pa": PRESSURE_DIFFERENCE}
 
@@ -61,7 +61,7 @@ def list_budgets(tree: xr.DataTree) -> Iterator[Block]:
             left_out="".join(f" {sentence}" for sentence in _left_out(tree, data)),
         )
     )
-    shown = dict(list(titles.items())[:_MOST_CAMERAS])
+    shown = detailed_cameras(tree, "budget")
     for key, title in shown.items():
         yield _budgets_of(data.sel(camera=key), usable.sel(camera=key).values.astype(bool), key, title)
     further = len(titles) - len(shown)

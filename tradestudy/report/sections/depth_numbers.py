@@ -22,16 +22,17 @@ from tradestudy.results.views.depth import (
     table_depth,
     table_distances,
 )
+from tradestudy.results.views.finding import detailed_cameras
 from tradestudy.results.views.groups import FloatArray, camera_titles, depth_methods, group, has, records, titles_in
 from tradestudy.units import ANGLE, pretty, significant
-from tradestudy.wording import distance, in_words, span, with_article
+from tradestudy.wording import counted, distance, in_words, span, with_article
 
 
 def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     """Define the values, then write one table per camera."""
     if not has(tree, "datasheet", "z_accuracy"):
         return
-    data, titles = group(tree, "datasheet"), camera_titles(tree)
+    data, shown = group(tree, "datasheet"), detailed_cameras(tree, "datasheet")
     yield Heading(text="Data sheets", anchor="datasheets")
     yield Paragraph(
         say(
@@ -47,20 +48,23 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
         )
     )
     places = [float(place) for place in data["sheet_distance"].values]
-    for name in data["camera"].values:
-        one = data.sel(camera=name)
+    for key, title in shown.items():
+        one = data.sel(camera=key)
         near, far = (float(one[name]) for name in ("near_limit", "far_limit"))
         usable = "usable nowhere" if math.isnan(near) else f"usable from {span(near, far)}"
         across, down = (pretty(float(one[f"{axis}_field_of_view"]), ANGLE) for axis in ("horizontal", "vertical"))
         yield Table(
-            name=f"datasheet-{name}",
-            caption=f"{titles[str(name)]}: {usable}; field of view at its focus setting, {across} × {down}.",
+            name=f"datasheet-{key}",
+            caption=f"{title}: {usable}; field of view at its focus setting, {across} × {down}.",
             columns=(
                 Column(title="Value", weight=3),
                 *(Column(title=f"At {distance(place)}", align="right", weight=2) for place in places),
             ),
             rows=tuple(_rows(one)),
         )
+    if further := data.sizes["camera"] - len(shown):
+        where = "`tables/datasheet_by_camera.csv` and `tables/datasheet_by_camera_sheet_distance.csv`"
+        yield Paragraph(say(f"The data sheets of {counted(further, 'further camera')} are in {where}."))
 
 
 def _of_matching(tree: xr.DataTree) -> str:

@@ -27,9 +27,10 @@ from tradestudy.report.document import (
     with_subscripts,
 )
 from tradestudy.report.words import percent, share
-from tradestudy.results.views.groups import group, has, records
+from tradestudy.results.views.finding import detailed_cameras
+from tradestudy.results.views.groups import group, has, records, titles_in
 from tradestudy.units import DURATION, pretty, significant
-from tradestudy.wording import NO_MICROLENSES, distance, in_words, listed
+from tradestudy.wording import NO_MICROLENSES, counted, distance, in_words, listed
 
 
 def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -261,8 +262,8 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
             name="effects-that-matter",
             caption="The model of each effect that can change an answer, and the change due to what it leaves out.",
             columns=_COLUMNS,
-            rows=tuple(_grouped(matter)),
-            notes=(_EVIDENCE, *_nothing(tree, rows)),
+            rows=tuple(_grouped(_detailed(tree, matter))),
+            notes=(_EVIDENCE, *_nothing(tree, rows), *_further(tree, matter)),
         )
     else:
         yield from (Paragraph(say(text)) for text in _nothing(tree, rows))
@@ -279,8 +280,8 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
             "if this effect alone is simplified to this model. Quantity: the answer that changes most, relative to its "
             "tolerance. A dot marks the models in use.",
             columns=_COLUMNS,
-            rows=tuple(_grouped(rows, marked=True)),
-            notes=(_EVIDENCE,),
+            rows=tuple(_grouped(_detailed(tree, rows), marked=True)),
+            notes=(_EVIDENCE, *_further(tree, rows)),
         )
 
 
@@ -309,6 +310,22 @@ def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
             }
         )
     return found
+
+
+def _detailed(tree: xr.DataTree, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of pictures and of the cameras of which appendices show every number."""
+    if not has(tree, "depth"):
+        return rows
+    left_out = titles_in(tree, "depth").keys() - detailed_cameras(tree, "depth").keys()
+    return [row for row in rows if row["problem_of"] not in left_out]
+
+
+def _further(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Spans]:
+    """How many cameras a table of models leaves out, and where they are."""
+    further = {row["problem_of"] for row in rows} - {row["problem_of"] for row in _detailed(tree, rows)}
+    if further:
+        where = "`tables/effects_by_decision.csv` and `tables/effects_by_decision_quantity.csv`"
+        yield say(f"The models of {counted(len(further), 'further camera')} are in {where}.")
 
 
 def _grouped(rows: list[dict[str, Any]], *, marked: bool = False) -> Iterator[tuple[str, ...]]:

@@ -42,6 +42,18 @@ def cameras_by_weight(tree: xr.DataTree, name: str = "depth") -> list[str]:
     return list(dict.fromkeys([*named, *(key for key in compared if key in every), *near, *every]))
 
 
+MOST_DETAILED: Final = 8
+
+
+def detailed_cameras(tree: xr.DataTree, name: str) -> dict[str, str]:
+    """Titles, by key, of the cameras of which an appendix shows every number: all, or those that figures need most."""
+    every = titles_in(tree, name)
+    if len(every) <= MOST_DETAILED:
+        return every
+    keys = cameras_by_weight(tree, name)[:MOST_DETAILED]
+    return {key: title for key, title in every.items() if key in keys}
+
+
 def short(sentence: str) -> str:
     """The first clauses of a sentence, as many as have at most 20 words together."""
     words = sentence.removesuffix(".")
