@@ -23,10 +23,10 @@ def test_a_picture_whose_first_sampling_misses_its_tolerance_is_refined() -> Non
     accuracy, rng = ChainAccuracy(tolerance=tolerance), np.random.default_rng(0)
     first = chain_image(path, source, wavelength=part.mean_wavelength, legs=KIRCHHOFF, accuracy=accuracy, rng=rng)
     assert first.numerical_error > tolerance
-    found = picture_of(part, source, SpotModels(method="kirchhoff", tolerance=tolerance, monochromatic=True), seed=0)
+    found = picture_of(part, SpotModels(method="kirchhoff", tolerance=tolerance, monochromatic=True), seed=0)
     assert found.within_tolerance
     assert found.tolerance == tolerance
-    fine = picture_of(part, source, SpotModels(method="kirchhoff", tolerance=0.005, monochromatic=True), seed=0).pixels
+    fine = picture_of(part, SpotModels(method="kirchhoff", tolerance=0.005, monochromatic=True), seed=0).pixels
     change = np.linalg.norm(found.pixels - fine) / np.linalg.norm(fine)
     assert change < found.numerical_error
 

@@ -29,7 +29,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.models.light_spot import TOLERANCES, LightSpotProblem, spot_models
 from tradestudy.models.problem import choose
 from tradestudy.models.slow_steps import picture_seconds
-from tradestudy.models.spot_images import RAYS, SpotModels, light_source, picture_of
+from tradestudy.models.spot_images import RAYS, SpotModels, picture_of
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
@@ -143,10 +143,7 @@ def _sets(tolerance: float, *, laws_alone: bool) -> Iterator[tuple[SpotModels, .
 
 
 def _picture(part: LightSpotPart, models: SpotModels) -> FloatArray:
-    source = light_source(part)
-    models = replace(models, monochromatic=True)
-    centre = source.centre if models.point and not part.spot.is_point else source  # type: ignore[union-attr]  # a disc
-    return picture_of(part, centre, models, seed=part.seed).pixels
+    return picture_of(part, replace(models, monochromatic=True), seed=part.seed).pixels
 
 
 def _timed(part: LightSpotPart, models: SpotModels, truth: FloatArray) -> tuple[float, float]:

@@ -38,10 +38,8 @@ from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.light_methods import short_title
 from tradestudy.models import DEFAULT_BUDGET, light_spot
 from tradestudy.models.plan import Plan
-from tradestudy.models.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
+from tradestudy.models.spot_images import RAYS, SpotModels, compared_models, picture_of
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.accuracy import ChainImage
-from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.results import dataset
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import Case, StudyDefinition
@@ -210,16 +208,11 @@ def spot_problem(part: LightSpotPart, name: str, chosen: SpotModels) -> CostProb
         The models of the picture in a run.
     """
 
-    def image(models: SpotModels, seed: int = part.seed) -> ChainImage:
-        source = light_source(part)
-        source = source.centre if models.point and isinstance(source, DiscSource) else source
-        return picture_of(part, source, models, seed=seed)
-
     def reference(tolerance: float, growth: float) -> Reference:
         models = replace(compared_models(part, "kirchhoff"), tolerance=max(tolerance, _FINEST))
 
         def compute() -> tuple[FloatArray, float]:
-            found = image(models, part.seed + 1)
+            found = picture_of(part, models, seed=part.seed + 1)
             return found.pixels, found.numerical_error
 
         return Reference(words=_spot_words(part, models), compute=compute, growth=growth)
@@ -231,7 +224,7 @@ def spot_problem(part: LightSpotPart, name: str, chosen: SpotModels) -> CostProb
         candidates=tuple(
             Candidate(
                 models=_spot_words(part, models),
-                compute=partial(lambda models: image(models).pixels, models),
+                compute=partial(lambda models: picture_of(part, models, seed=part.seed).pixels, models),
                 chosen=models == chosen,
                 growth=growth,
             )
@@ -354,10 +347,10 @@ def _problems(plan: Plan, definition: StudyDefinition) -> Iterator[CostProblem]:
 def _models(plan: Plan, name: str) -> tuple[Models, Offered]:
     """The models applied to a problem, and those available."""
     (problem,) = (one for one in plan.problems if one.name == name)
-    offered: dict[SlotName, tuple[str, ...]] = {}
-    for decision in problem.decisions:
-        named = models_of(decision.slot, "depth") if decision.forced else (decision.model,)
-        offered[decision.slot] = (*offered.get(decision.slot, ()), *named)
+    offered = {
+        slot.name: models_of(slot.name, "depth") if slot.name in problem.forced else slot.models
+        for slot in problem.problem.slots
+    }
     return problem.models, offered
 
 

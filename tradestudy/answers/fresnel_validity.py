@@ -112,21 +112,15 @@ class _Pair:
     wavelength: float
 
 
-def _differences_of(pair: _Pair) -> Mapping[LensPhase, PsfDifference]:
-    return _differences(pair.asked, pair.element, pair.f_number, pair.field_angle, pair.wavelength)
-
-
-def _differences(
-    asked: FresnelValidityPart, element: ElementPart, f_number: float, field_angle: float, wavelength: float
-) -> Mapping[LensPhase, PsfDifference]:
+def _differences(pair: _Pair) -> Mapping[LensPhase, PsfDifference]:
     return psf_differences(
-        element,
-        f_number=f_number,
-        field_angle=field_angle,
-        wavelength=wavelength,
-        lens_phases=asked.lens_phases,
-        windows=asked.windows,
-        tolerance=asked.tolerance,
+        pair.element,
+        f_number=pair.f_number,
+        field_angle=pair.field_angle,
+        wavelength=pair.wavelength,
+        lens_phases=pair.asked.lens_phases,
+        windows=pair.asked.windows,
+        tolerance=pair.asked.tolerance,
     )
 
 
@@ -164,7 +158,7 @@ def _differences_at(
     ]
     labels = [f"{one.element.title}, f/{one.f_number:g}, {one.wavelength:g} m" for one in pairs]
     found = np.empty(len(pairs), dtype=object)
-    found[:] = steps.map(step, _differences_of, pairs, labels)
+    found[:] = steps.map(step, _differences, pairs, labels)
     return found.reshape(shape)
 
 
@@ -225,7 +219,9 @@ def _limits_of(lens: _LensInLight) -> FloatArray:
 
         def error_at(f_number: float, place: tuple[int, ...] = place) -> float:
             phase, metric, window = place
-            found = lens.known.get(f_number) or _differences(asked, lens.element, f_number, 0.0, lens.wavelength)
+            found = lens.known.get(f_number) or _differences(
+                _Pair(asked=asked, element=lens.element, f_number=f_number, field_angle=0.0, wavelength=lens.wavelength)
+            )
             return float(getattr(found[asked.lens_phases[phase]], METRICS[metric])[window])
 
         limits[place] = limit_f_number(error_at, tuple(lens.known), asked.error_limit)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -63,34 +63,34 @@ def change_by_exact_paths(
     tuple
         Relative changes by the main lens and by the microlenses, over distance; zero without microlenses.
     """
-    main = _aberrated(geometry.main_lens, settings)
-    moved = replace(geometry, main_lens=main)
-    by_main_lens = _of_stage(geometry.main_lens, main, moved, settings, models, error_px, "main_lens_diffraction")
-    if geometry.microlens is None:
-        return by_main_lens, np.zeros(geometry.distance.shape)
-    micro = _aberrated(geometry.microlens, settings)
-    moved = replace(geometry, microlens=micro)
-    return by_main_lens, _of_stage(
-        geometry.microlens, micro, moved, settings, models, error_px, "microlens_diffraction"
+    return (
+        _of_lens("main_lens", "main_lens_diffraction", geometry, settings, models, error_px),
+        _of_lens("microlens", "microlens_diffraction", geometry, settings, models, error_px),
     )
 
 
-def _of_stage(
-    stage: LensStage,
-    aberrated: LensStage,
-    moved: PictureGeometry,
+def _of_lens(
+    lens: Literal["main_lens", "microlens"],
+    slot: SlotName,
+    geometry: PictureGeometry,
     settings: PictureSettings,
     models: PictureModels,
     error_px: ErrorPx,
-    slot: SlotName,
 ) -> FloatArray:
-    """The change by one lens; ``moved`` is the picture with that lens aberrated."""
+    """The change by one lens of the picture; zero where the picture has none."""
+    stage: LensStage | None = getattr(geometry, lens)
+    if stage is None:
+        return np.zeros(geometry.distance.shape)
+    aberrated = _aberrated(stage, settings)
     error, without_diffraction = error_px({}), error_px({slot: OFF})
     by_paths, other = np.zeros(error.shape), np.flatnonzero(aberrated.blur_diameter != stage.blur_diameter)
     with np.errstate(invalid="ignore", divide="ignore"):
         by_diffraction = np.minimum(1.0, np.abs(without_diffraction / error - 1.0))
         if other.size:
-            blurred = disparity_bound_px(moved.at(other), settings, with_models(models, {"defocus_blur": "disc"}))
+            on_main = lens == "main_lens"
+            moved = replace(geometry, main_lens=aberrated) if on_main else replace(geometry, microlens=aberrated)
+            moved = moved.at(other)
+            blurred = disparity_bound_px(moved, settings, with_models(models, {"defocus_blur": "disc"}))
             by_paths[other] = np.abs(blurred / error[other] - 1.0)
     return np.asarray(_RULE_MARGIN * (by_paths + _obliquity(stage) * by_diffraction) + _TRANSFER_ERROR)
 
@@ -190,6 +190,9 @@ _NEVER_A_POINT: Final = 100.0  # by the same rule; the light varies over twelve 
 _FREE: Final = 0.25  # of the change by wave models: finer nodes than for this sampling error cost more than they save
 
 
+_TOO_LARGE: Final = Change(relative=math.inf, least=math.inf)
+
+
 class LightSpotProblem(SimulationProblem):
     """The picture of one spot; trials find the change due to what its models leave out.
 
@@ -254,21 +257,14 @@ class LightSpotProblem(SimulationProblem):
         The two are independent and add in quadrature.
         """
         found = self._models(models)
-        if found is None:
-            return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
+        return {"pixel_intensity": _TOO_LARGE if found is None else self._change(found)}
+
+    def _change(self, found: SpotModels) -> Change:
         whole = replace(found, tolerance=TOLERANCES[-1])
         if whole == self._complete:
-            return {"pixel_intensity": Change(relative=found.tolerance, evidence="rule")}
-        if whole not in self._found and whole == self._shrunk and self._extent > _NEVER_A_POINT:
-            return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
-        if whole not in self._found and whole == self._shrunk:
-            relative = _with_sampling(self._extent, found) if self._extent < _LARGEST_BY_RULE else math.inf
-            least = math.hypot(TOLERANCE, found.tolerance)  # the least that a trial can find
-            return {"pixel_intensity": Change(relative=relative, least=min(relative, least), evidence="rule")}
-        if whole not in self._found and whole.method != self._complete.method and self._is_quick(whole):
-            return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
+            return Change(relative=found.tolerance, evidence="rule")
         if whole not in self._found:
-            return {"pixel_intensity": Change(relative=math.inf, evidence="trial")}
+            return self._untried(found, whole)
         done = self._found[whole]
         changed, own = (math.fsum(one) for one in zip(*done, strict=True))
         tried = math.sqrt(changed / own) if own > 0.0 else math.inf
@@ -276,9 +272,21 @@ class LightSpotProblem(SimulationProblem):
         if len(done) < count:
             # The lower bound if the other points change nothing, and contain up to four times the squared light.
             least = 0.5 * tried * math.sqrt(len(done) / count)
-            return {"pixel_intensity": Change(relative=math.inf, least=least, evidence="trial")}
+            return Change(relative=math.inf, least=least, evidence="trial")
         change = math.hypot(self._margin(whole) * tried, TOLERANCE)
-        return {"pixel_intensity": Change(relative=_with_sampling(change, found), evidence="trial")}
+        return Change(relative=_with_sampling(change, found), evidence="trial")
+
+    def _untried(self, found: SpotModels, whole: SpotModels) -> Change:
+        """The change before any trial; too large where no trial is worth its time."""
+        if whole == self._shrunk:
+            if self._extent > _NEVER_A_POINT:
+                return _TOO_LARGE
+            relative = _with_sampling(self._extent, found) if self._extent < _LARGEST_BY_RULE else math.inf
+            least = math.hypot(TOLERANCE, found.tolerance)  # the least that a trial can find
+            return Change(relative=relative, least=min(relative, least), evidence="rule")
+        if whole.method != self._complete.method and not self._forced and (whole.point or not self.tries_laws):
+            return _TOO_LARGE  # a trial of a law would take about as long as the picture itself
+        return Change(relative=math.inf, evidence="trial")
 
     def _margin(self, models: SpotModels) -> float:
         """Factor on the change that a trial of models finds."""
@@ -300,10 +308,6 @@ class LightSpotProblem(SimulationProblem):
     def _shrunk(self) -> SpotModels:
         """The most complete models, except that the disc counts as a point."""
         return replace(self._complete, point=True)
-
-    def _is_quick(self, models: SpotModels) -> bool:
-        """Whether trying out a law would take about as long as the picture itself; then it is not tried."""
-        return not self._forced and (models.point or not self.tries_laws)
 
     @property
     def tries_laws(self) -> bool:

@@ -193,14 +193,6 @@ def _lit_part(path: LightPath, middle: PointSource, radius: float, index: int) -
     return _LitPart(middle=own + place * axis, axis=axis, along=(last - first) / 2.0, across=across, lit=True)
 
 
-def _on_circle(middle: PointSource, radius: float, count: int) -> list[PointSource]:
-    """Points at equal angles on a circle around `middle`."""
-    return [
-        PointSource(x=middle.x + radius * math.cos(a), y=middle.y + radius * math.sin(a), distance=middle.distance)
-        for a in (2.0 * math.pi * np.arange(count) / count).tolist()
-    ]
-
-
 def refuse_picture(part: LightSpotPart, models: SpotModels) -> None:
     """Refuse a picture that a run would refuse, as far as an estimate of seconds can tell.
 
@@ -294,12 +286,18 @@ class LightTrial:
         """As `squares`, for a disc that models treat as a point: its centre against points that represent the disc."""
         spot, source = self._part.spot, light_source(self._part)
         assert isinstance(source, DiscSource)  # a point does not shrink
-        around = _on_circle(source.centre, spot.diameter / 2.0 * math.sqrt(2.0 / 3.0), _AROUND)
+        middle, out = source.centre, spot.diameter / 2.0 * math.sqrt(2.0 / 3.0)
+        around = [
+            replace(middle, x=middle.x + out * math.cos(turn), y=middle.y + out * math.sin(turn))
+            for turn in (2.0 * math.pi * np.arange(_AROUND) / _AROUND).tolist()
+        ]
         try:
             if complete.method in RAYS:
-                models = replace(complete, tolerance=TOLERANCE)
                 centre, whole = (
-                    picture_of(self._part, one, models, seed=self._part.seed).pixels for one in (source.centre, source)
+                    picture_of(
+                        self._part, replace(complete, tolerance=TOLERANCE, point=point), seed=self._part.seed
+                    ).pixels
+                    for point in (True, False)
                 )
             else:
                 # Exact for light that varies quadratically, or with the fourth power of the distance from the centre.

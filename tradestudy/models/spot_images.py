@@ -221,27 +221,18 @@ def without_comparison(part: LightSpotPart) -> LightSpotPart:
 
 @lru_cache(maxsize=64)
 def _spot_picture(part: LightSpotPart, models: SpotModels, surroundings: _Surroundings) -> ChainImage:
-    source = light_source(part)
-    return picture_of(
-        part,
-        source.centre if models.point and isinstance(source, DiscSource) else source,
-        models,
-        seed=part.seed,
-        done=surroundings.done,
-        compute=surroundings.compute,
-    )
+    return picture_of(part, models, seed=part.seed, done=surroundings.done, compute=surroundings.compute)
 
 
 def picture_of(
     part: LightSpotPart,
-    source: DiscSource | PointSource,
     models: SpotModels,
     *,
     seed: int,
     done: Callable[[float], None] = lambda _share: None,
     compute: ComputeParts = in_turn,
 ) -> ChainImage:
-    """Image of any source on the declared light path in the declared light; not cached.
+    """Image of the declared spot; not cached.
 
     Its sampling is refined until the stated error is within the tolerance of the models. Where that is unaffordable, or
     takes more than four rounds, the stated error exceeds it.
@@ -256,8 +247,10 @@ def picture_of(
     UnaffordableError
         The picture takes too much memory, or too many points.
     """
-    path = light_path(part)
+    path, source = light_path(part), light_source(part)
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
+    if models.point and isinstance(source, DiscSource):
+        source = source.centre
 
     def image(wavelength: float, first: float = 0.0, last: float = 1.0) -> ChainImage:
         def sampled(accuracy: ChainAccuracy, path: LightPath = path) -> ChainImage:
