@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,7 +24,7 @@ from tradestudy.results import DISTANCE, GROUPS, coordinate_names, dataset
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Scalar, ScalarEntry, Value, plain, scalar_text
-from tradestudy.study.python_values import in_metres, plain_value
+from tradestudy.study.python_values import in_metres, new_value, plain_value
 from tradestudy.study.varying import SweepAxis, sweep_axes, sweep_points
 from tradestudy.units import parse
 
@@ -145,7 +146,8 @@ class Camera:
             New value for each dotted path in the camera, such as ``{"lenses.f_number": 4.0}``.
         **values
             New value for each key of the camera, such as ``baseline=0.1``. A mapping changes only what it contains.
-            Numbers are in SI; text with a unit and quantities of pint are accepted too. None removes a value.
+            Numbers are in SI; text with a unit, quantities of pint and arrays with one element are accepted too. None
+            removes a value.
 
         Returns
         -------
@@ -157,7 +159,10 @@ class Camera:
         StudyError
             If no camera can have these values.
         """
-        given = {path: plain_value(value) for path, value in {**(changes or {}), **values}.items()}
+        given = {
+            path: new_value(path, value, _leaf(self._tree, path.split(".")))
+            for path, value in {**(changes or {}), **values}.items()
+        }
         return self._replaced_quickly(given) or Camera(self._origin, self._changed(given))
 
     def _replaced_quickly(self, given: Mapping[str, Value]) -> Camera | None:
@@ -360,6 +365,11 @@ def _labelled(variable: str, values: FloatArray, distance: Any, metres: FloatArr
         attrs=dict(_attributes(variable)),
         name=variable,
     )
+
+
+def _leaf(tree: Any, steps: list[str]) -> Any:
+    """What a nested dictionary has at the end of some steps; None if nothing."""
+    return functools.reduce(lambda above, step: above.get(step) if isinstance(above, dict) else None, steps, tree)
 
 
 def _with_leaf(tree: Mapping[str, Any], steps: list[str], value: str | float) -> dict[str, Any] | None:

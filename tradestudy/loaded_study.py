@@ -17,9 +17,9 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import DICTIONARY, Document, Value
+from tradestudy.study.document import DICTIONARY, Document, Value, plain
 from tradestudy.study.loading import checked, with_questions_checked
-from tradestudy.study.python_values import plain_value
+from tradestudy.study.python_values import new_value, plain_value
 from tradestudy.study.reader import options, overridden, read, read_text, read_values
 from tradestudy.study.writing import standalone, yaml_of
 from tradestudy.wording import counted
@@ -296,7 +296,7 @@ class Study:
         ----------
         values : Mapping
             New value for each dotted path, such as ``{"stereo-short.baseline": "50 mm"}``: text as in a study file, a
-            number in SI, or a value as for `from_dict`.
+            number in SI, an array with one, or a value as for `from_dict`.
 
         Returns
         -------
@@ -314,8 +314,12 @@ class Study:
             raise TypeError(
                 f"values by their paths are expected, such as {{'scene.distances.to': 2.0}}, not {values!r}"
             )
-        plain = {path: plain_value(value) for path, value in values.items()}
-        return Study(with_questions_checked(self.definition.with_values(plain, numbers_in_si=True)))
+        entry = self.definition.document.entry
+        given = {
+            path: new_value(path, value, None if (old := entry(path)) is None else plain(old))
+            for path, value in values.items()
+        }
+        return Study(with_questions_checked(self.definition.with_values(given, numbers_in_si=True)))
 
     def sweep(self, values: Mapping[str, Any], what: str | Sequence[str] = "depth") -> xr.Dataset:
         """Compute depth for every combination of values, and nothing else.

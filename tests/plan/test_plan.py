@@ -223,6 +223,7 @@ def test_a_time_limit_that_is_too_short_is_refused_with_value_limit_and_remedy()
         ("light_spot", "accuracy.usable_range=2 %"),
         ("light_spot", "point_spread.window=100"),
         ("fresnel_validity", "fresnel_validity.windows=[5, 200]"),
+        ("fresnel_validity", "fresnel_validity.elements.main-lens.published_error.f_number=0.2"),
     ],
 )
 def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override: str) -> None:

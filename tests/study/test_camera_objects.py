@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pint
 import pytest
 import xarray as xr
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 
 import tradestudy
 from tests.study.test_python_studies import RIG, ROOT, STUDY
@@ -144,6 +145,32 @@ def test_replaces_values_by_path_keyword_and_nested_dictionary(study: tradestudy
 
 
 @pytest.mark.parametrize(
+    "value", [np.array([0.2]), np.array(0.2), np.array([[0.2]]), xr.DataArray([20.0], attrs={"units": "cm"})]
+)
+def test_arrays_with_one_element_are_single_values_as_solvers_pass_them(study: tradestudy.Study, value: Any) -> None:
+    rig = study.cameras["rig"]
+    for _ in range(2):  # validated with its study, then by itself
+        assert (
+            rig.replace(baseline=value).baseline
+            == rig.replace({"baseline": value, "focus_distance": value}).baseline
+            == 0.2
+        )
+    assert study.with_values({"rig.baseline": value}).cameras["rig"].baseline == 0.2
+    assert study.with_values({"rig.depth.disparity_error": 0.2, "rig.baseline": value}) == study.with_values(
+        {"rig.depth.disparity_error": np.array([0.2]), "rig.baseline": 0.2}
+    )
+
+
+def test_arrays_with_more_elements_are_pointed_to_sweeps(study: tradestudy.Study) -> None:
+    message = r"^baseline: \[0.1, 0.2\] \(allowed: one value\); Study.sweep computes depth for several values"
+    with pytest.raises(OutOfRangeError, match=message):
+        study.cameras["rig"].replace(baseline=np.array([0.1, 0.2]))
+    with pytest.raises(OutOfRangeError, match=r"^rig\.baseline: .*Study\.sweep"):
+        study.with_values({"rig.baseline": np.array([0.1, 0.2])})
+    assert study.cameras["rig"].replace({"sensor.pixels": np.array([640, 480])}).pixels == (640, 480)
+
+
+@pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"baseline": -0.1}, "^cameras.rig.baseline: '-0.1 m' is out of range; a length above 0 m is expected"),
@@ -216,6 +243,38 @@ def test_a_solver_of_scipy_finds_the_baseline() -> None:
     found = brentq(excess, 0.02, 0.5, xtol=1e-9)
     assert excess(found) == pytest.approx(0.0, abs=1e-9)
     assert excess(0.9 * found) > 0.0
+
+
+def test_scipy_minimises_with_its_default_steps() -> None:
+    """Noise in the uncertainty would end the search early: gradients come from steps of 1e-8 in the baseline."""
+    rig = tradestudy.load(STUDY).cameras["rig"]
+
+    def cost(baseline: Any) -> float:
+        return 1e3 * float(rig.replace(baseline=baseline).depth_uncertainty(2.0)) + 100.0 * float(baseline[0])
+
+    found = minimize(cost, [0.05], bounds=[(0.02, 0.5)])
+    assert found.success
+    assert found.nfev < 100
+    # Without other terms, a/B + 100 B is least at √(a/100), and a = 1e3 B × uncertainty hardly changes.
+    at_best = 1e3 * 0.1 * float(rig.replace(baseline=0.1).depth_uncertainty(2.0))
+    assert found.x[0] == pytest.approx(np.sqrt(at_best / 100.0), rel=1e-3)
+    near = [cost(np.array([0.1 * (1.0 + 1e-9 * step)])) for step in range(40)]
+    line = np.polyval(np.polyfit(np.arange(40), near, 1), np.arange(40))
+    assert np.std(near - line) < 1e-11 * near[0]
+
+
+def test_one_distance_has_the_draws_of_many(tmp_path: Path) -> None:
+    """Rows of a posterior move depth at all distances nearly alike, so that rounding decides in careless fits."""
+    names = ["yaw", "baseline", "focal_length", "principal_point"]
+    rows = 1e-4 * np.random.default_rng(3).exponential(size=(2000, 4)) - 1e-4
+    text = {"header": ",".join(names), "delimiter": ",", "comments": ""}
+    np.savetxt(tmp_path / "draws.csv", rows * [1.0, 1.0, 1.0, 0.1], **text)
+    study = {**STUDY, "cameras": {"rig": {**RIG, "calibration": {"posterior": {"file": str(tmp_path / "draws.csv")}}}}}
+    rig = tradestudy.load({**study, "scene": SCENE, "effects": {"calibration": "exact"}}).cameras["rig"]
+    distance = np.geomspace(0.3, 4.0, 23)
+    together, alone = rig.depth_uncertainty(distance), [float(rig.depth_uncertainty(one)) for one in distance]
+    assert rig.models["calibration"] == "exact"
+    np.testing.assert_allclose(alone, together, rtol=1e-12)
 
 
 def test_twenty_evaluations_with_a_changed_value_are_fast() -> None:

@@ -16,7 +16,7 @@ from tradestudy.answers.depth import over_designs
 from tradestudy.answers.questions import bracketed, planned
 from tradestudy.answers.requirement_answer import RequirementAnswer
 from tradestudy.answers.requirements import ALL, ANY, Judge
-from tradestudy.errors import StudyError
+from tradestudy.errors import TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import at_bound
 from tradestudy.study.bases import input_words
@@ -317,7 +317,7 @@ def _root(
     def holds(value: float) -> bool | None:
         try:
             changed = planned(definition.with_values(varying.changes(value)))
-        except StudyError:  # no valid study lies between
+        except TradestudyError:  # no valid study lies between, or no plan of its calibration
             return None
         requirement = changed.file.requirements[name]
         return _is_met_by(camera, judge.answer(requirement, changed.case))

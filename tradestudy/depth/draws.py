@@ -138,9 +138,12 @@ def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
     centred = known[:, some] - known[:, some].mean(axis=1, keepdims=True)
     size = np.linalg.norm(centred, axis=1, keepdims=True)
     unit = centred / np.where(size > 0.0, size, 1.0)
-    # Directions of a posterior are nearly parallel; combinations that the draws cannot distinguish are left out.
-    inverted = np.linalg.pinv(unit @ unit.T, rcond=_ALIKE, hermitian=True)
-    return np.asarray((inverse[:, some] @ unit.T @ inverted) / np.where(size > 0.0, size, 1.0)[:, 0])
+    # Directions of a posterior are nearly parallel: in orthonormal combinations, rounding stays rounding, whichever
+    # distances are computed together. Combinations that the draws cannot distinguish are left out.
+    lengths, axes = np.linalg.eigh(unit @ unit.T)
+    kept = lengths > _ALIKE * lengths.max(initial=0.0)
+    combined = axes[:, kept] / np.sqrt(lengths[kept])
+    return np.asarray((inverse[:, some] @ (combined.T @ unit).T) @ combined.T / np.where(size > 0.0, size, 1.0)[:, 0])
 
 
 def _share_below(rows: FloatArray, deviation: FloatArray, limit: FloatArray) -> FloatArray:

@@ -150,10 +150,11 @@ def refuse_comparison(part: FresnelValidityPart) -> None:
     for (angle, wavelength), phase in itertools.product(lights, part.lens_phases):
         count = compared_points(part.windows, symmetric=angle == 0.0)
         for element in part.elements.values():
+            published = element.published_error if angle == 0.0 else None
             case = LensAndPoint(
                 focal_length=element.focal_length,
                 object_distance=element.object_distance,
-                f_number=min(*listed(part.f_numbers), element.f_number),
+                f_number=min(*listed(part.f_numbers), element.f_number, *([published.f_number] if published else [])),
                 wavelength=wavelength,
                 lens_phase=phase,
                 field_angle=angle,

@@ -36,6 +36,26 @@ def plain_value(value: Any) -> Value:
     return _with_unit(numbers, unit)
 
 
+def new_value(path: str, value: Any, old: Any) -> Value:
+    """A value that replaces another (None: nothing); an array with one element is a single value, as solvers pass it.
+
+    It stays a list where a list or a mapping was.
+
+    Raises
+    ------
+    OutOfRangeError
+        If an array with more elements replaces a single value.
+    """
+    plain = plain_value(value)
+    if hasattr(value, "ndim") and not hasattr(value, "columns") and not isinstance(old, list | dict):
+        while isinstance(plain, list) and len(plain) == 1:
+            plain = plain[0]
+        if isinstance(plain, list) and old is not None:
+            remedy = "Study.sweep computes depth for several values"
+            raise OutOfRangeError(path, value=f"{plain!r:.60}", limit="one value", remedy=remedy)
+    return plain
+
+
 def _calibration(covariance: Any) -> Value:
     """Jointly normal errors with mean 0 [SI] from their covariance, with the same names for rows and columns."""
     from tradestudy.uncertainty.joint import JointNormal  # reading a study does not need it
