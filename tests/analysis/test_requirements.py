@@ -19,7 +19,7 @@ from tradestudy.answers.requirements import Judge, _shift_to_decide, _unusable, 
 from tradestudy.depth.evaluation import evaluate_depth
 from tradestudy.depth.table import judged_uncertainty, judged_uncertainty_error
 from tradestudy.depth.usable import END_OF_STUDY, Interval
-from tradestudy.errors import OutOfRangeError, StudyError, TradestudyError
+from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.execution import Processes, Steps
 from tradestudy.results.views.designs import common_ranges
 from tradestudy.study.schema.requirements import GuardBandPart, RequirementPart
@@ -383,9 +383,8 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     assert all(one.error <= 0.0005 * one.high for one in found)
 
 
-@pytest.mark.parametrize("refusal", [StudyError([]), OutOfRangeError("views that show the target", value="1")])
-def test_nothing_lies_between_two_neighbouring_whole_numbers(refusal: TradestudyError) -> None:
-    """No study has the value in the middle, or no calibration can be planned for it, and the end is exact."""
+def test_nothing_lies_between_two_neighbouring_whole_numbers() -> None:
+    """No study has the value in the middle, and the end is exact; if no calibration can be planned there, it is not."""
     from types import SimpleNamespace
 
     from tradestudy.answers.requirement_verdicts import _root
@@ -393,7 +392,10 @@ def test_nothing_lies_between_two_neighbouring_whole_numbers(refusal: Tradestudy
     from tradestudy.units import NUMBER
 
     def refuse(_values: object) -> None:
-        raise refusal
+        raise StudyError([])
+
+    def unplanned() -> None:
+        raise OutOfRangeError("views that show the target", value="1")
 
     axis = SweepAxis(
         path="x", values=(quantity_entry(2.0, NUMBER),), labels=(2.0,), units="1", declared=2.0, dimension=NUMBER
@@ -401,6 +403,10 @@ def test_nothing_lies_between_two_neighbouring_whole_numbers(refusal: Tradestudy
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
     definition = SimpleNamespace(file=SimpleNamespace(accuracy=tolerances), with_values=refuse)
     assert _root(definition, "r", axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.0)  # type: ignore[arg-type]  # stand-ins
+    no_plan = SimpleNamespace(
+        file=definition.file, with_values=lambda _: SimpleNamespace(calibrations_to_infer=unplanned)
+    )
+    assert _root(no_plan, "r", axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.5)  # type: ignore[arg-type]  # stand-ins
 
 
 class _Fixed(Judge):
