@@ -39,6 +39,8 @@ def test_one_is_singular(number: int, text: str) -> None:
         ("Head A (50 mm)", "Head A (50 mm)"),
         ("Stereo 100 mm, wide", "Stereo 100 mm, wide"),
         ("Camera 2", "Camera 2"),
+        ("b", "b"),
+        ("rig b", "rig b"),
         ("Webcams", "the webcams"),
         ("Rig", "the rig"),
         ("Near", "Near"),

@@ -418,6 +418,7 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
     import xarray as xr
 
     from tradestudy.answers.calibration import infer_calibrations
+    from tradestudy.answers.depth import depth_coordinates
     from tradestudy.execution import Steps
     from tradestudy.models.choice import choose_depth_models
 
@@ -425,78 +426,103 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
     if not definition.case.cameras:
         raise OutOfRangeError("a sweep of depth", value="no camera", limit="studies with cameras that measure depth")
     others = [key for key in _OTHER_QUESTIONS if definition.document.entry((key,)) is not None]
-    definition = definition.with_values(dict.fromkeys(others))
-    texts = {path: _texts(definition, path, plain_value(given)) for path, given in values.items()}
-    asked = definition.with_values({"sweep": dict(texts)})
-    axes = tuple(_as_asked(axis, texts[axis.path]) for axis in sweep_axes(asked))
+    given = {path: _several(definition, path, plain_value(several)) for path, several in values.items()}
+    asked = definition.with_values(dict.fromkeys(others)).with_values({"sweep": given}, numbers_in_si=True)
+    axes = tuple(_as_asked(axis, asked.document.tree["sweep"][axis.path]) for axis in sweep_axes(asked))
     chosen = asked.with_models(choose_depth_models(asked, asked.case.cameras))
     designs = sweep_points(infer_calibrations(chosen, Steps())[0], axes)
+    distance = definition.case.distance
+    cameras = [(camera, one.case.criteria) for one in designs for camera in one.case.cameras.values()]
+    known = {one: number for number, one in enumerate(dict.fromkeys(cameras))}
+    arrays, parts = _swept_arrays(names, list(known), distance)
     labels = dict(zip(coordinate_names([axis.path for axis in axes]), axes, strict=True))
-    cameras, distance = designs[0].case.cameras, designs[0].case.distance
-    known: dict[tuple[DepthCamera, UsableCriteria], list[FloatArray | BoolArray]] = {}
-    for design in designs:
-        for camera in design.case.cameras.values():
-            if (camera, design.case.criteria) not in known:
-                known[camera, design.case.criteria] = [
-                    _at_distances(name, camera, distance, design.case.criteria) for name in names
-                ]
-    found = [[known[camera, one.case.criteria] for camera in one.case.cameras.values()] for one in designs]
-    shape = (*(len(axis.labels) for axis in axes), len(cameras))
-    coordinates: dict[str, Any] = {}
+    shape, places = tuple(len(axis.labels) for axis in axes), [known[one] for one in cameras]
+    variables: dict[str, Any] = {}
+    for name in names:
+        dims = [one for one in GROUPS["depth"][name].dims if one != "error_source" or name not in _QUICK]
+        array = arrays[name][places].reshape((*shape, -1, *arrays[name].shape[1:]))
+        variables[name] = ((*labels, *dims), array, dict(_attributes(name)))
+    swept = xr.Dataset(variables)
+    coordinates = {
+        name: (name, np.array(own, dtype=object if isinstance(own[0], str) else None))
+        for name, own in depth_coordinates(definition, distance, parts).items()
+        if name in swept.dims
+    }
     for name, axis in labels.items():
         attrs = {"units": axis.units, "long_name": name.replace("_", " "), "path": axis.path}
         coordinates[name] = (name, np.array(axis.labels, dtype=None if axis.dimension else object), attrs)
-    coordinates |= {"camera": np.array(list(cameras), dtype=object), "distance": ("distance", distance, DISTANCE)}
-    if "depth_quantile" in names:
-        coordinates["quantile"] = list(next(iter(cameras.values())).propagation.probabilities)
-    variables = {}
-    for number, name in enumerate(names):
-        array = np.array([[one[number] for one in row] for row in found])
-        dims = (*labels, "camera", "distance", *(["quantile"] if name == "depth_quantile" else []))
-        variables[name] = (dims, array.reshape(shape + array.shape[2:]), dict(_attributes(name)))
-    return xr.Dataset(variables, coords=coordinates)
+    if "distance" in coordinates:
+        coordinates["distance"] = ("distance", distance, DISTANCE)
+    return swept.assign_coords(coordinates)
 
 
 _OTHER_QUESTIONS: Final = ("sweep", "readings", "solve", "claims", "value_of_information")
 """Keys of a study that would have models examined at other values than those of a sweep."""
 
-_DEPTH: Final = ("depth_uncertainty", "depth_quantile")
-"""What "depth" stands for in a sweep: what the distribution of depth gives at once."""
-_SWEPT: Final = (*_OF_DISTRIBUTION, "usable")
+_MEANT: Final = {
+    "depth": ("depth_uncertainty", "depth_quantile"),  # what the distribution of depth gives at once
+    "uncertainty": ("depth_uncertainty",),
+    "error_radius": ("depth_error_radius",),
+    "quantiles": ("depth_quantile",),
+    "usable_range": ("usable_near", "usable_far"),
+}
+"""Names for variables in a sweep, beside their own."""
+_QUICK: Final = (*_OF_DISTRIBUTION, "relative_uncertainty", "usable")
+"""Variables that need no complete table of depth."""
 
 
-def _at_distances(
-    variable: str, camera: DepthCamera, distance: FloatArray, criteria: UsableCriteria
+def _swept_arrays(
+    names: Sequence[str], cameras: Sequence[tuple[DepthCamera, UsableCriteria]], distance: FloatArray
+) -> tuple[dict[str, Any], list[str]]:
+    """Variables with the camera as first dimension, the quick ones for all errors together; and the parts of errors."""
+    from tradestudy.answers.depth import DepthPoint, depth_arrays, depth_table
+
+    arrays: dict[str, Any] = {}
+    parts: list[str] = []
+    if not set(names) <= set(_QUICK):
+        points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in cameras]
+        arrays, parts = depth_arrays([depth_table(point) for point in points])
+    quick = {name: np.stack([_quick(name, *one, distance) for one in cameras]) for name in names if name in _QUICK}
+    return arrays | quick, parts
+
+
+def _quick(
+    variable: str, camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray
 ) -> FloatArray | BoolArray:
     """A variable of one camera of a sweep, for all errors together."""
-    if variable != "usable":
-        return _of_distribution(variable, camera, distance, "both")
-    return all_met(evaluate_limits(camera, criteria, distance, depth=distribution), distance.shape)
+    if variable == "usable":
+        return all_met(evaluate_limits(camera, criteria, distance, depth=distribution), distance.shape)
+    if variable == "relative_uncertainty":
+        return _of_distribution("depth_uncertainty", camera, distance, "both") / distance
+    return _of_distribution(variable, camera, distance, "both")
 
 
 def _variables(what: str | Sequence[str]) -> tuple[str, ...]:
     """The variables that a sweep computes."""
-    asked = (what,) if isinstance(what, str) else tuple(what)
-    for name in asked:
-        if name != "depth" and name not in _SWEPT:
+    found: list[str] = []
+    for name in (what,) if isinstance(what, str) else what:
+        spelled = str(name).replace(" ", "_")
+        if spelled not in _MEANT and spelled not in GROUPS["depth"]:
+            close = nearest(spelled, [*_MEANT, *GROUPS["depth"]])
             raise UnknownNameError(
-                "what a sweep computes", value=repr(name), limit=", ".join(["'depth'", *map(repr, _SWEPT)])
+                "what a sweep computes",
+                value=repr(name),
+                limit=f"{', '.join(map(repr, (*_MEANT, *_QUICK)))} and the other variables of /depth",
+                remedy="" if close is None else f"nearest: {close!r}",
             )
-    return tuple(dict.fromkeys(one for name in asked for one in (_DEPTH if name == "depth" else (name,))))
+        found += _MEANT.get(spelled, (spelled,))
+    return tuple(dict.fromkeys(found))
 
 
-def _texts(definition: StudyDefinition, path: str, given: Value) -> list[Value]:
-    """The values of one swept parameter, in the form of a study file: numbers get the SI unit of the parameter."""
+def _several(definition: StudyDefinition, path: str, given: Value) -> Value:
+    """The values of one swept parameter, of which the first is possible."""
     if not isinstance(given, list) or not given:
         raise OutOfRangeError(
             f"{path}: the swept values", value=f"{given!r:.60}", limit="a list or an array with at least one value"
         )
-    numbers = [one for one in given if type(one) in (int, float)]
-    if not numbers:
-        return given
-    entry = definition.with_values({path: numbers[0]}, numbers_in_si=True).document.entry(path)
-    unit = entry.text.partition(" ")[2] if isinstance(entry, ScalarEntry) else ""
-    return [f"{one!r} {unit}" if unit and type(one) in (int, float) else one for one in given]
+    if given[0] is not None:
+        definition.with_values({path: given[0]}, numbers_in_si=True)
+    return given
 
 
 def _as_asked(axis: SweepAxis, given: Sequence[Value]) -> SweepAxis:

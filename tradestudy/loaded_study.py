@@ -21,6 +21,7 @@ from tradestudy.study.document import DICTIONARY, Document, Value, plain
 from tradestudy.study.loading import checked, with_questions_checked
 from tradestudy.study.python_values import new_value, plain_value
 from tradestudy.study.reader import options, overridden, read, read_text, read_values
+from tradestudy.study.schema.root import FORMAT
 from tradestudy.study.writing import standalone, yaml_of
 from tradestudy.wording import counted
 
@@ -72,7 +73,7 @@ def load(
 def _document(source: str | Path | TextIO | Mapping[str, Any]) -> Document:
     """The document of a study that is a file, a text stream or a dictionary."""
     if isinstance(source, Mapping):
-        return read_values(cast(Mapping[str, Value], plain_value(source)))
+        return read_values(cast(Mapping[str, Value], plain_value({**_UNNAMED, **source})))
     if isinstance(source, str | Path):
         return read(Path(source))
     if not (hasattr(source, "read") and isinstance(text := source.read(), str)):
@@ -116,10 +117,8 @@ def camera(
         If a value is missing or wrong, or no camera can have these values.
     """
     study = {
-        "format": 2,
         "study": "camera",
         "title": "A single camera",
-        "question": "How well does it measure depth?",
         "cameras": {kind: {"kind": kind, **values}},
         "scene": _SCENE if scene is None else scene,
         **({} if usable_range is None else {"usable_range": usable_range}),
@@ -127,6 +126,12 @@ def camera(
     return Study.from_dict(study).cameras[kind]
 
 
+_UNNAMED: Final = {
+    "format": FORMAT,
+    "study": "study",
+    "title": "A study from Python",
+    "question": "Which results do these values give?",
+}
 _SCENE: Final = {"distances": {"from": 0.1, "to": 10.0, "points": 61}, "wavelength": 550e-9}
 
 
@@ -147,9 +152,9 @@ class Study:
         Parameters
         ----------
         values
-            The content of a study file. Numbers are in SI where a quantity is expected, except in sweeps, readings
-            and questions, whose dimension depends on what they vary: write their units as text. Quantities of pint
-            and arrays of numpy, such as distances, are accepted anywhere. Files are sought in the current folder.
+            The content of a study file. Numbers are in SI where a quantity is expected. Quantities of pint and arrays
+            of numpy, such as distances, are accepted anywhere. Files are sought in the current folder. Without
+            ``format``, the current one is meant; ``study``, ``title`` and ``question`` have defaults.
 
         Returns
         -------
@@ -330,22 +335,24 @@ class Study:
             A list or an array of values for each dotted path, such as ``{"stereo-short.baseline": [0.02, 0.05]}``, in
             the forms that `with_values` takes. Values of the scene, which all designs share, cannot be swept.
         what
-            Variables to compute, of those in the group ``/depth`` of results: ``"depth_uncertainty"``,
-            ``"depth_quantile"``, ``"depth_error_radius"``, ``"failed_fraction"`` and ``"usable"``. ``"depth"`` stands
-            for the first two, which are the fastest.
+            Variables to compute, of those in the group ``/depth`` of results. ``"uncertainty"``, ``"error radius"``,
+            ``"quantiles"`` and ``"usable range"`` stand for ``depth_uncertainty``, ``depth_error_radius``,
+            ``depth_quantile`` and the pair of ``usable_near`` and ``usable_far``; ``"depth"`` for the first and third.
+            These, except for the usable range, ``"relative_uncertainty"``, ``"failed_fraction"`` and ``"usable"`` are
+            fast.
 
         Returns
         -------
         xarray.Dataset
-            The variables over the swept parameters, ``camera`` and ``distance``, for all errors together, as a run
-            computes them if the study has this sweep and no readings, claims or inverse questions. The dimension of a
-            swept parameter is named after the last key of its path, as in results; its coordinate has the values in SI,
-            in the given order, and the path in the attribute ``path``.
+            The variables over the swept parameters and their own dimensions, the fast ones for all errors together, as
+            a run computes them if the study has this sweep and no readings, claims or inverse questions. The dimension
+            of a swept parameter is named after the last key of its path, as in results; its coordinate has the values
+            in SI, in the given order, and the path in the attribute ``path``.
 
         Raises
         ------
         StudyError
-            If a value is wrong.
+            If a value is wrong or given twice.
         UnaffordableError
             If there are more than 20 000 combinations, or even the most complete models exceed a tolerance.
         """

@@ -13,7 +13,7 @@ from tradestudy.units import LENGTH, pretty, significant
 NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
-_DESIGNATION: Final = re.compile(r"[A-Z]|\d+")
+_DESIGNATION: Final = re.compile(r"[A-Za-z]|\d+")
 _DEVICE: Final = re.compile("(camera|head|rig|webcam)s?", re.IGNORECASE)
 _ORDINARY: Final = re.compile(
     "calibrated|cameras?|conventional|far|fine|fixed|focused|front|heads?|left|light|long|moving|multi|narrow|near|normal"
@@ -45,10 +45,10 @@ def with_article(title: str) -> str:
     """Write the title of a camera within a sentence: "the Raytrix R5", "the stereo rig", "a stereo rig", "Head B".
 
     An ordinary word at its beginning loses its capital. A title whose second or last word is a letter or a number, such
-    as "Head B (50 mm)", is a name.
+    as "Head B (50 mm)" or "b", is a name.
     """
     first, *others = title.split(" ")
-    if first in ("a", "an", "the") or any(map(_DESIGNATION.fullmatch, {*others[:1], *others[-1:]})):
+    if first in ("a", "an", "the") or any(map(_DESIGNATION.fullmatch, {*others[:1], *(others or [first])[-1:]})):
         return title
     is_ordinary = _ORDINARY.fullmatch(first.partition("-")[0])
     if is_ordinary and not others and not _DEVICE.fullmatch(first):  # an adjective alone, such as "Near"

@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 import pint
 import pytest
+import xarray as xr
 
 import tradestudy
 from tradestudy.errors import OutOfRangeError, StudyError, TradestudyError, UnknownNameError
+from tradestudy.study.varying import question_ends, sweep_axes
 
 ROOT = Path(__file__).parents[2]
 STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
@@ -116,6 +118,35 @@ def test_the_record_of_a_run_says_where_the_study_came_from() -> None:
     assert record["options"] == ["--set", "cameras.rig.baseline=0.05 m"]
 
 
+def test_varied_values_are_in_si_too() -> None:
+    varied: dict[str, Any] = {
+        "requirements": {
+            "fine": {"says": "fine", "camera": "rig", "depth_uncertainty": {"below_relative": 0.01, "at": 1}}
+        },
+        "sweep": {"rig.baseline": np.array([0.05, 0.2]), "rig.lenses.f_number": {"from": 4, "to": 8, "points": 2}},
+        "readings": {"far": {"says": "far", "set": {"rig.baseline": 0.3}}},
+        "solve": {"base": {"says": "base", "vary": "rig.baseline", "low": 0.02, "high": 0.3, "requirement": "fine"}},
+    }
+    for same in (tradestudy.load({**STUDY, **varied}), tradestudy.load(STUDY).with_values(varied)):
+        assert [axis.labels for axis in sweep_axes(same.definition)] == [(0.05, 0.1, 0.2), (4.0, 8.0)]
+        assert same.definition.readings["far"].case.cameras["rig"].baseline == 0.3
+        assert question_ends(same.file.solve["base"])[1:] == (0.02, 0.3)
+    with pytest.raises(StudyError, match=r"sweep.rig.baseline: .*'0.05' has no unit"):
+        tradestudy.load(STUDY, ["sweep={rig.baseline: [0.05]}"])
+
+
+def test_a_dictionary_needs_no_name_title_or_question_but_a_file_does() -> None:
+    study = tradestudy.load({"cameras": {"rig": RIG}, "scene": STUDY["scene"]})
+    assert study.name == "study"
+    assert (study.file.title, study.file.question) == ("A study from Python", "Which results do these values give?")
+    assert tradestudy.load(io.StringIO(study.to_yaml())) == study
+    for key in ("format", "study", "title", "question"):
+        with pytest.raises(StudyError, match=rf"{key}: this key is missing"):
+            tradestudy.load(
+                io.StringIO("\n".join(line for line in TEXT.splitlines() if not line.startswith(f"{key}:")))
+            )
+
+
 def test_the_command_line_still_needs_units() -> None:
     with pytest.raises(StudyError, match=r"rig.baseline: '0.05' has no unit; a length is expected"):
         tradestudy.load(STUDY, ["rig.baseline=0.05"])
@@ -124,7 +155,8 @@ def test_the_command_line_still_needs_units() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"sweep": {"rig.baseline": [0.1, 0.2]}}, "sweep.rig.baseline: cameras.rig.baseline: '0.1' has no unit"),
+        ({"sweep": {"rig.baseline": [0.1, 0.1]}}, "sweep: rig.baseline: 0.1 m is given twice; give each value once"),
+        ({"sweep": {"rig.baseline": ["5 cm", "50 mm"]}}, "sweep: rig.baseline: 50 mm is given twice"),
         ({"sweep": {"rigg.baseline": ["0.1 m"]}}, "sweep.rigg.baseline: "),
         (
             {"readings": {"far": {"says": "far", "set": {"rig.baseline": "-1 m"}}}},
@@ -291,6 +323,7 @@ def test_a_sweep_takes_quantities_words_and_parameters_of_the_same_name(two_rigs
         ({"scene.wavelength": [5e-7]}, r"scene.wavelength cannot be swept"),
         ({"rig.baseline": [0.1, None]}, r"rig.baseline: null removes a value, but a sweep sets values"),
         ({"rig": [0.1]}, r"^cameras.rig: '0.1' is given; a mapping"),
+        ({"rig.baseline": [0.1, 0.2, 0.1]}, r"^rig.baseline: 0.1 m is given twice; give each value once"),
     ],
 )
 def test_refuses_impossible_sweeps(two_rigs: dict[str, Any], values: dict[str, Any], message: str) -> None:
@@ -298,6 +331,29 @@ def test_refuses_impossible_sweeps(two_rigs: dict[str, Any], values: dict[str, A
         tradestudy.load(two_rigs).sweep(values)
 
 
+@pytest.mark.parametrize(
+    ("what", "variables"),
+    [
+        ("relative_uncertainty", ["relative_uncertainty"]),
+        ("relative uncertainty", ["relative_uncertainty"]),
+        ("uncertainty", ["depth_uncertainty"]),
+        ("error radius", ["depth_error_radius"]),
+        ("usable range", ["usable_near", "usable_far"]),
+        (["variance_share", "near_limit", "disparity_px", "usable"], None),
+        (["depth_uncertainty_by_error_source", "limit_value", "depth_discrimination"], None),
+    ],
+)
+def test_a_sweep_computes_any_variable_of_depth(
+    two_rigs: dict[str, Any], what: str | list[str], variables: list[str] | None
+) -> None:
+    limited = {**two_rigs, "usable_range": {"relative_uncertainty": 0.004}}
+    found = tradestudy.load(limited).sweep({"rig.baseline": [0.2, 0.05]}, what)
+    assert list(found.data_vars) == (variables or what)
+    run = tradestudy.load({**limited, "sweep": {"rig.baseline": [0.2, 0.05]}}).run().data["depth"].to_dataset()
+    for name, array in found.data_vars.items():
+        xr.testing.assert_allclose(array.drop_attrs(), run[name].sel(baseline=[0.2, 0.05]).drop_attrs(), rtol=1e-12)
+
+
 def test_refuses_what_a_sweep_does_not_compute(two_rigs: dict[str, Any]) -> None:
-    with pytest.raises(UnknownNameError, match=r"'depths' \(allowed: 'depth', 'depth_uncertainty'"):
+    with pytest.raises(UnknownNameError, match=r"'depths' \(allowed: 'depth', 'uncertainty', .*; nearest: 'depth'"):
         tradestudy.load(two_rigs).sweep({"rig.baseline": [0.1]}, "depths")

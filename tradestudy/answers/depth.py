@@ -117,23 +117,23 @@ def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition],
     """/depth over (swept parameters, camera, distance); the designs are those of `sweep_points`."""
     axes, distance = sweep_axes(definition), definition.case.distance
     asked = [(camera, design.case.criteria) for design in designs for camera in design.case.cameras.values()]
-    arrays, part_names = _depth_arrays([tables[one] for one in asked])
+    arrays, part_names = depth_arrays([tables[one] for one in asked])
     shape = (*(len(axis.labels) for axis in axes), len(definition.case.cameras))
     stacked = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
-    coordinates = _coordinates(definition, distance, part_names)
+    coordinates = depth_coordinates(definition, distance, part_names)
     return over_designs("depth", stacked, coordinates, axes, {"matching_needs": matching_needs()})
 
 
 def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]) -> xr.Dataset:
     """/depth_at_places: the variables of /depth at the distances of the decision, for the study as declared."""
     distance = np.array(sorted(set(places)))
-    arrays, part_names = _depth_arrays(
+    arrays, part_names = depth_arrays(
         [
             depth_table(DepthPoint(camera=camera, criteria=definition.case.criteria, distance=distance))
             for camera in definition.case.cameras.values()
         ]
     )
-    return dataset("depth_at_places", arrays, _coordinates(definition, distance, part_names))
+    return dataset("depth_at_places", arrays, depth_coordinates(definition, distance, part_names))
 
 
 def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], steps: Steps) -> xr.Dataset:
@@ -152,7 +152,7 @@ def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], st
     arrays, part_names = _error_arrays(flat)
     shape = (len(cameras), len(fields), len(CORNERS))
     values = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
-    coordinates = _coordinates(definition, distance, part_names)
+    coordinates = depth_coordinates(definition, distance, part_names)
     return dataset(
         "depth_field",
         values,
@@ -161,7 +161,8 @@ def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], st
     )
 
 
-def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
+def depth_coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
+    """Labels along the dimensions of /depth that have them."""
     cameras = definition.case.cameras
     return {
         "camera": list(cameras),
@@ -174,7 +175,7 @@ def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: 
     }
 
 
-def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+def depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """The variables of /depth, with the camera as first dimension, and the names of all parts of the error."""
     evaluations = [table.evaluation for table in tables]
     distance = evaluations[0].distance

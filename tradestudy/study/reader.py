@@ -26,7 +26,7 @@ from tradestudy.study.document import (
     text_of,
 )
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.schema.validation import units_missing, validate
+from tradestudy.study.schema.validation import is_of_python, units_missing, validate
 from tradestudy.study.shared_cameras import (
     OF_IMPORTS,
     SHARING,
@@ -101,14 +101,54 @@ def read_values(values: Mapping[str, Value]) -> Document:
 
 def in_si(document: Document, given_as_text: Sequence[tree.Path] = ()) -> Document:
     """The document with the SI unit beside every number from Python that lacks its unit; text is left as it is."""
+    document = _with_units(document, given_as_text)
+    units: dict[str, str] = {}
+    texts: dict[tree.Path, str] = {}
+    for path, varied, entry in _varied(document):
+        if is_of_python(entry) and not _is_below(path, given_as_text):
+            if varied not in units:
+                units[varied] = _unit_at(document, varied, entry)
+            texts[path] = f"{entry.text} {units[varied]}".strip()
+    return document.with_texts({path: text for path, text in texts.items() if " " in text})
+
+
+def _with_units(document: Document, given_as_text: Sequence[tree.Path] = ()) -> Document:
+    """The document with units beside the numbers for which the schema expects them."""
     while units := units_missing(document, StudyFile):  # those of a part may show only when another is valid
-        units = {path: unit for path, unit in units.items() if not any(path[: len(at)] == at for at in given_as_text)}
+        units = {path: unit for path, unit in units.items() if not _is_below(path, given_as_text)}
         if not units:
             break
         entries = {path: document.entry(path) for path in units}
         texts = {path: f"{text_of(entry)} {units[path]}" for path, entry in entries.items() if entry is not None}
         document = document.with_texts(texts)
     return document
+
+
+def _is_below(path: tree.Path, others: Sequence[tree.Path]) -> bool:
+    return any(path[: len(other)] == other for other in others)
+
+
+def _varied(document: Document) -> Iterator[tuple[tree.Path, str, ScalarEntry]]:
+    """The values that sweeps, readings and questions give to others, each with its path and the path of the other."""
+    for key in document.root.members.keys() & {"sweep", "readings", "solve", "value_of_information"}:
+        for path, entry in tree.walk(document.root.members[key].entry, (key,)):
+            match path:
+                case ("sweep", str(varied), int() | "from" | "to") | ("readings", _, "set", str(varied)):
+                    pass
+                case (*above, "low" | "high"):
+                    vary = document.entry((*above, "vary"))
+                    varied = text_of(vary.items[0] if isinstance(vary, ListEntry) else vary) if vary else ""
+                case _:
+                    continue
+            if isinstance(entry, ScalarEntry):
+                yield path, varied, entry
+
+
+def _unit_at(document: Document, path: str, number: ScalarEntry) -> str:
+    """The SI unit that the value at a dotted path needs; empty if it needs none or there is no such value."""
+    changed = _with_units(_with_value(document, path, number.value, OUTSIDE, OUTSIDE))
+    entry = changed.entry(path)
+    return entry.text.partition(" ")[2] if isinstance(entry, ScalarEntry) else ""
 
 
 def _document(entries: Callable[[], tuple[Entry, list[Problem]]], place: Place, folder: Path) -> Document:

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
@@ -127,12 +127,16 @@ def _axis(path: str, values: tuple[ScalarEntry, ...], definition: StudyDefinitio
     declared = "" if entry is None else text_of(entry)
     texts = [value.text for value in values]
     dimension = common_dimension(*texts, *([declared] if declared else []))
+    given = texts if dimension is None else [parse(text, dimension) for text in texts]
+    if len(set(given)) < len(given):
+        twice = next(text for number, text in enumerate(texts) if given[number] in given[:number])
+        raise UnitError(f"{path}: {twice} is given twice; give each value once")
     if dimension is None:
         choices: dict[str, Entry] = dict(zip(texts, values, strict=True))
         if entry is not None and declared:
             choices.setdefault(declared, entry)
         return SweepAxis(path=path, values=tuple(choices.values()), labels=tuple(choices), units="", declared=declared)
-    labels: dict[float, Entry] = {parse(value.text, dimension): value for value in values}
+    labels: dict[float, Entry] = dict(zip(cast(list[float], given), values, strict=True))
     own = parse(declared, dimension) if declared else math.nan
     # Rounding can change the last digit of a range's ends; a value that close is the declared one.
     if entry is not None and declared and not any(math.isclose(label, own, rel_tol=1e-12) for label in labels):

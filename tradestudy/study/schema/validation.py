@@ -199,7 +199,7 @@ def units_missing(document: Document, model: type[BaseModel]) -> dict[Path, str]
         model.model_validate(document.tree)
     except ValidationError as error:
         found = [_Finding.of(one, document, model) for one in error.errors(include_url=False) if _lacks_unit(one)]
-        return {one.path: one.context["error"].without_unit.unit for one in found if _is_of_python(one.entry)}
+        return {one.path: one.context["error"].without_unit.unit for one in found if is_of_python(one.entry)}
     return {}
 
 
@@ -208,7 +208,7 @@ def _lacks_unit(details: Any) -> bool:
     return isinstance(mistake, UnitError) and mistake.without_unit is not None
 
 
-def _is_of_python(entry: Entry | None) -> bool:
+def is_of_python(entry: Entry | None) -> TypeGuard[ScalarEntry]:
     """Whether an entry is a number that is in no file."""
     return isinstance(entry, ScalarEntry) and type(entry.value) in (int, float) and entry.place.file in _PYTHON
 
