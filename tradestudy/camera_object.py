@@ -443,7 +443,7 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
         array = arrays[name][places].reshape((*shape, -1, *arrays[name].shape[1:]))
         variables[name] = ((*labels, *dims), array, dict(_attributes(name)))
     swept = xr.Dataset(variables)
-    coordinates = {
+    coordinates: dict[str, Any] = {
         name: (name, np.array(own, dtype=object if isinstance(own[0], str) else None))
         for name, own in depth_coordinates(definition, distance, parts).items()
         if name in swept.dims
