@@ -24,6 +24,7 @@ from tradestudy.results import DISTANCE, GROUPS, coordinate_names, dataset
 from tradestudy.study.building import apply_models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Scalar, ScalarEntry, Value, plain, scalar_text
+from tradestudy.study.plausibility import unusual, warn
 from tradestudy.study.python_values import in_metres, new_value, plain_value
 from tradestudy.study.varying import SweepAxis, sweep_axes, sweep_points
 from tradestudy.units import parse
@@ -41,11 +42,12 @@ _UNITS: dict[tuple[type[CameraDeclaration], str], str] = {}
 
 @dataclass(frozen=True, eq=False)
 class _Origin:
-    """The study from which a camera and its copies come, which share its models and their inferred calibrations."""
+    """The study of a camera and its copies, which share its models, inferred calibrations and warned paths."""
 
     definition: StudyDefinition
     name: str
     posteriors: dict[str, Calibration] = field(default_factory=dict)
+    warned: set[str] = field(default_factory=set)
 
     @cached_property
     def models(self) -> Models:
@@ -152,7 +154,8 @@ class Camera:
         Returns
         -------
         Camera
-            The changed camera. It keeps the models of this one; `Study.with_values` chooses models again.
+            The changed camera. It keeps the models of this one; `Study.with_values` chooses models again. An unusual
+            value causes an `ImplausibleValueWarning`, once for each path.
 
         Raises
         ------
@@ -163,7 +166,13 @@ class Camera:
             path: new_value(path, value, _leaf(self._tree, path.split(".")))
             for path, value in {**(changes or {}), **values}.items()
         }
-        return self._replaced_quickly(given) or Camera(self._origin, self._changed(given))
+        copy = self._replaced_quickly(given) or Camera(self._origin, self._changed(given))
+        for path in given.keys() - self._origin.warned:
+            keys = path.split(".")
+            if what := unusual(["cameras", *keys], str(_leaf(copy._tree, keys))):
+                self._origin.warned.add(path)
+                warn(f"cameras.{self.name}.{path}: {what}")
+        return copy
 
     def _replaced_quickly(self, given: Mapping[str, Value]) -> Camera | None:
         """The changed camera without a new study; None if this cannot tell whether the values are right."""

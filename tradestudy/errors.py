@@ -65,6 +65,10 @@ class TradestudyError(Exception):
         return text
 
 
+class ImplausibleValueWarning(UserWarning):
+    """A value given in Python is possible but unusual; stating its basis silences the warning."""
+
+
 class OutOfRangeError(TradestudyError, ValueError):
     """An argument lies outside the range in which the equation that uses it is valid."""
 

@@ -17,8 +17,9 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import DICTIONARY, Document, Value, plain
+from tradestudy.study.document import DICTIONARY, OF_PYTHON, Document, Value, plain
 from tradestudy.study.loading import checked, with_questions_checked
+from tradestudy.study.plausibility import implausible, warn
 from tradestudy.study.python_values import new_value, plain_value
 from tradestudy.study.reader import options, overridden, read, read_text, read_values
 from tradestudy.study.schema.root import FORMAT
@@ -67,7 +68,10 @@ def load(
             "overrides", value=repr(overrides), limit="a list of texts", remedy=f"write [{overrides!r}]"
         )
     definition = checked(overridden(_document(source), overrides))
-    return Study(definition if tolerance is None else definition.with_tolerance(tolerance))
+    study = Study(definition if tolerance is None else definition.with_tolerance(tolerance))
+    if isinstance(source, Mapping):
+        warn(*study._warnings_of_python)
+    return study
 
 
 def _document(source: str | Path | TextIO | Mapping[str, Any]) -> Document:
@@ -213,11 +217,15 @@ class Study:
         """Warnings about implausible values, each as ``FILE:LINE:COLUMN: path: message``.
 
         Those about values given outside the file have no place. A value for which the study states a basis causes no
-        warning.
+        warning. A study from a dictionary also gives them as `ImplausibleValueWarning`, and so does `with_values` with
+        new ones.
         """
-        from tradestudy.study.plausibility import implausible
-
         return tuple(one.message for one in implausible(self.definition))
+
+    @cached_property
+    def _warnings_of_python(self) -> tuple[str, ...]:
+        """Those about values that are in no file."""
+        return tuple(one.message for one in implausible(self.definition) if one.file in OF_PYTHON)
 
     @property
     def imported(self) -> tuple[str, ...]:
@@ -324,7 +332,10 @@ class Study:
             path: new_value(path, value, None if (old := entry(path)) is None else plain(old))
             for path, value in values.items()
         }
-        return Study(with_questions_checked(self.definition.with_values(given, numbers_in_si=True)))
+        changed = Study(with_questions_checked(self.definition.with_values(given, numbers_in_si=True)))
+        if found := changed._warnings_of_python:
+            warn(*(one for one in found if one not in self._warnings_of_python))
+        return changed
 
     def sweep(self, values: Mapping[str, Any], what: str | Sequence[str] = "depth") -> xr.Dataset:
         """Compute depth for every combination of values, and nothing else.

@@ -14,7 +14,7 @@ from scipy.optimize import brentq, minimize
 
 import tradestudy
 from tests.study.test_python_studies import RIG, ROOT, STUDY
-from tradestudy.errors import OutOfRangeError, StudyError, UnknownNameError
+from tradestudy.errors import ImplausibleValueWarning, OutOfRangeError, StudyError, UnknownNameError
 
 PLENOPTIC = {
     "kind": "focused-plenoptic",
@@ -159,6 +159,27 @@ def test_arrays_with_one_element_are_single_values_as_solvers_pass_them(study: t
     assert study.with_values({"rig.depth.disparity_error": 0.2, "rig.baseline": value}) == study.with_values(
         {"rig.depth.disparity_error": np.array([0.2]), "rig.baseline": 0.2}
     )
+
+
+def test_implausible_values_from_python_are_warned_about_once_at_the_line_of_the_user() -> None:
+    unusual = {**RIG, "baseline": 75.0}
+    message = "cameras.{}.baseline: 75 m is unusual .*did you mean 75"
+    for name, make in (
+        ("rig", lambda: tradestudy.load({**STUDY, "cameras": {"rig": unusual}})),
+        ("rig", lambda: tradestudy.Study.from_dict({**STUDY, "cameras": {"rig": unusual}})),
+        ("stereo", lambda: tradestudy.camera("stereo", **{**VALUES, "baseline": 75.0})),
+        ("rig", lambda: tradestudy.load(STUDY).with_values({"rig.baseline": 75.0})),
+        ("rig", lambda: tradestudy.load(STUDY).cameras["rig"].replace(baseline=75.0)),
+        ("rig", lambda: tradestudy.load(STUDY).cameras["rig"].replace(baseline=0.2).replace(baseline=75.0)),
+    ):
+        with pytest.warns(ImplausibleValueWarning, match=message.format(name)) as warned:
+            made = make()
+        assert [one.filename for one in warned] == [__file__]
+    with pytest.warns(ImplausibleValueWarning, match="f_number: 0.5 is unusual") as warned:
+        made.replace(baseline=76.0).replace({"lenses.f_number": 0.5}).replace({"lenses.f_number": 0.6})
+    assert len(warned) == 1
+    measured = {"value": 75.0, "basis": "measured"}
+    assert not tradestudy.load({**STUDY, "cameras": {"rig": {**RIG, "baseline": measured}}}).warnings
 
 
 def test_arrays_with_more_elements_are_pointed_to_sweeps(study: tradestudy.Study) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,8 @@ import pandas as pd
 import pytest
 
 import tradestudy
+from tests.study.test_python_studies import RIG
+from tests.study.test_python_studies import STUDY as SMALL
 from tradestudy.errors import TradestudyError
 
 STUDY = Path(__file__).parents[2] / "studies" / "plenoptic_vs_stereo.yaml"
@@ -63,23 +67,59 @@ def test_a_study_takes_it_too_as_it_takes_the_same_text() -> None:
     assert found == pytest.approx(expected, rel=1e-9)
 
 
-def test_joint_draws_are_written_and_read_as_a_file(tmp_path: Path) -> None:
+def test_joint_draws_are_a_calibration_as_their_file_is(tmp_path: Path) -> None:
     """Whole rows are drawn: the variance is that of the sample."""
     draws = pd.DataFrame(np.random.default_rng(5).multivariate_normal([0.0, 0.0], covariance(0.8), 4000), columns=NAMES)
     draws.to_csv(tmp_path / "draws.csv", index=False)
-    none = {"calibration.errors.yaw": None, "calibration.errors.baseline": None}
-    read = rig().replace({"calibration.posterior": {"file": str(tmp_path / "draws.csv")}, **none})
-    found = float(read.depth_uncertainty(DISTANCE, errors="calibration"))
-    assert found == pytest.approx(min(by_hand(0.8), by_hand(-0.8)), rel=0.03)
+    forms = ({"posterior": {"file": str(tmp_path / "draws.csv")}}, draws, draws.to_records(index=False))
+    found = [
+        float(
+            rig()
+            .replace({"calibration.errors": None})
+            .replace({"calibration": form})
+            .depth_uncertainty(DISTANCE, errors="calibration")
+        )
+        for form in forms
+    ]
+    assert found[0] == pytest.approx(min(by_hand(0.8), by_hand(-0.8)), rel=0.03)
+    assert found == pytest.approx([found[0]] * 3, rel=1e-12)
+
+
+def test_joint_draws_calibrate_cameras_and_studies_made_in_python() -> None:
+    draws = pd.DataFrame(np.random.default_rng(5).multivariate_normal([0.0, 0.0], covariance(0.8), 2000), columns=NAMES)
+    values = {key: value for key, value in RIG.items() if key != "kind"} | {"calibration": draws}
+    alone, study = (
+        tradestudy.camera("stereo", **values),
+        tradestudy.load({**SMALL, "cameras": {"rig": {**RIG, **values}}}),
+    )
+    assert pickle.loads(pickle.dumps(study)) == study == tradestudy.load(io.StringIO(study.to_yaml()))
+    found = [float(one.depth_uncertainty(DISTANCE, errors="calibration")) for one in (alone, study.cameras["rig"])]
+    gradient = np.array([DISTANCE**2 / RIG["baseline"], -DISTANCE / RIG["baseline"]])
+    spread = [float(np.std(draws.to_numpy() @ (gradient * [sign, 1.0]))) for sign in (1.0, -1.0)]
+    assert found == [pytest.approx(found[0], rel=1e-12)] * 2
+    assert min(abs(found[0] / one - 1.0) for one in spread) < 0.02
+
+
+def test_rows_of_a_covariance_may_have_another_order() -> None:
+    ordered = covariance(0.8) * np.array([[1.0, 2.0], [2.0, 4.0]])
+    found = [
+        float(rig().replace({"calibration": form}).depth_uncertainty(DISTANCE, errors="calibration"))
+        for form in (ordered, ordered.loc[::-1])
+    ]
+    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (pd.DataFrame(np.zeros((500, 2)), columns=NAMES), "no covariance .*500 rows, columns yaw, baseline.*to_csv"),
-        (covariance(0.8).loc[::-1], "in one order"),
+        (
+            pd.DataFrame(np.zeros((2, 2)), columns=NAMES),
+            "neither a covariance nor joint draws .*2 rows, columns yaw, baseline",
+        ),
+        (covariance(0.8).set_axis(["yaw", "roll"]), "the same names for rows and columns"),
         (covariance(1.5), "positive semidefinite"),
         (covariance(0.8).rename({"yaw": "jaw"}).rename(columns={"yaw": "jaw"}), "jaw.*yaw"),
+        (pd.DataFrame(np.random.default_rng(5).normal(size=(500, 1)), columns=["jaw"]), "jaw.*yaw"),
     ],
 )
 def test_what_is_no_covariance_of_its_errors_is_refused(given: pd.DataFrame, message: str) -> None:

@@ -35,6 +35,7 @@ class Place(NamedTuple):
 OUTSIDE = Place("--set", 1, 1)
 # Place of a study that Python gives as a dictionary.
 DICTIONARY = Place("--dictionary", 1, 1)
+OF_PYTHON = (OUTSIDE.file, DICTIONARY.file)
 
 _FOUND = re.compile(r"\d+\.\d{10,}")  # a number from a fit; nobody writes so many decimals
 

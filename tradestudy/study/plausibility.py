@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,7 +16,7 @@ from tradestudy.cameras.camera import Contradiction, digitiser_contradictions
 from tradestudy.cameras.declaration import CalibratedCameraPart, DepthCameraDeclaration, SensorPart
 from tradestudy.cameras.imported import FITTED_LENS, NOMINAL_PITCH, PICTURE_SIZE
 from tradestudy.effects import OFF
-from tradestudy.errors import Problem
+from tradestudy.errors import ImplausibleValueWarning, Problem
 from tradestudy.imaging.models import mean_electrons
 from tradestudy.study.camera_files.libpleno import IGNORED
 from tradestudy.study.camera_files.pairs import (
@@ -29,7 +31,7 @@ from tradestudy.study.camera_files.pairs import (
     off_centre,
 )
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import OUTSIDE, Document, Path, ScalarEntry, dotted, text_of, walk
+from tradestudy.study.document import DICTIONARY, OUTSIDE, Document, Path, ScalarEntry, dotted, text_of, walk
 from tradestudy.study.varying import question_ends
 from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.units import (
@@ -199,18 +201,33 @@ def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
         keys = [step for step in path if isinstance(step, str)]
         if not isinstance(entry, ScalarEntry) or entry.value is None or _has_basis(definition.document, path):
             continue
-        for usual in _USUAL:
-            if usual.key not in keys[-1:] or (usual.below and usual.below not in keys):
-                continue
-            try:
-                value = parse(entry.text, usual.dimension)
-            except UnitError:
-                continue
-            if not usual.low <= value <= usual.high:
-                ends = f"{pretty(usual.low, usual.dimension)} to {pretty(usual.high, usual.dimension)}"
-                what = f"{pretty(value, usual.dimension)} is unusual ({ends} is common){_meant(entry.text, usual)}"
-                yield definition.document.problem(path, what + _SILENCED)
-            break
+        if what := unusual(keys, entry.text):
+            yield definition.document.problem(path, what)
+
+
+def unusual(keys: Sequence[str], text: str) -> str:
+    """Why a value is unusual for its key, the last one; empty if it is not."""
+    for usual in _USUAL:
+        if usual.key not in keys[-1:] or (usual.below and usual.below not in keys):
+            continue
+        try:
+            value = parse(text, usual.dimension)
+        except UnitError:
+            continue
+        if usual.low <= value <= usual.high:
+            return ""
+        ends = f"{pretty(usual.low, usual.dimension)} to {pretty(usual.high, usual.dimension)}"
+        return f"{pretty(value, usual.dimension)} is unusual ({ends} is common){_meant(text, usual)}{_SILENCED}"
+    return ""
+
+
+def warn(*messages: str) -> None:
+    """Warn users of Python, at their own line: the first one outside this program."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("tradestudy."):
+        frame, level = frame.f_back, level + 1
+    for message in messages:
+        warnings.warn(message, ImplausibleValueWarning, stacklevel=level)
 
 
 def _meant(text: str, usual: _Range) -> str:
@@ -369,6 +386,7 @@ def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
     for path, entry in walk(definition.document.root, ()):
         relative = path[:1] == ("accuracy",) and path[-1] != "time_limit"
         relative |= path[-1:] in (("below_relative",), ("relative_uncertainty",)) or path[:1] + path[2:] == _OF_QUESTION
+        relative &= entry.place.file != DICTIONARY.file  # whose numbers are fractions
         if relative and isinstance(entry, ScalarEntry) and not _has_basis(definition.document, path):
             yield from (definition.document.problem(path, what + _SILENCED) for what in _large(entry.text))
     if definition.tolerance is not None:

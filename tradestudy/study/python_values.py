@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import io
+import tempfile
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -17,12 +22,13 @@ def plain_value(value: Any) -> Value:
     """A value of Python as plain text, number, list or mapping.
 
     Quantities of pint, and arrays of xarray whose attribute ``units`` names a unit, become text with that unit. A
-    DataFrame with the covariance of errors becomes a calibration that declares these errors and their correlations.
+    DataFrame with the covariance of errors becomes a calibration that declares these errors and their correlations; one
+    with joint draws, or an array with named fields, becomes a calibration by these draws.
 
     Raises
     ------
     OutOfRangeError
-        If a DataFrame is not a covariance.
+        If a DataFrame is neither a covariance nor joint draws.
     """
     if isinstance(value, str | bool | int | float) and not isinstance(value, np.generic):
         return value
@@ -30,6 +36,8 @@ def plain_value(value: Any) -> Value:
         return {key: plain_value(item) for key, item in value.items()}
     if hasattr(value, "columns") and hasattr(value, "to_numpy"):
         return _calibration(value)
+    if names := getattr(getattr(value, "dtype", None), "names", None):
+        return _posterior(names, np.stack([value[name] for name in names], axis=-1))
     if isinstance(value, list | tuple | range):
         return [plain_value(item) for item in value]
     unit, numbers = _unit_and_numbers(value)
@@ -56,19 +64,24 @@ def new_value(path: str, value: Any, old: Any) -> Value:
     return plain
 
 
-def _calibration(covariance: Any) -> Value:
-    """Jointly normal errors with mean 0 [SI] from their covariance, with the same names for rows and columns."""
+def _calibration(table: Any) -> Value:
+    """The calibration that a table of joint draws has, or jointly normal errors with mean 0 [SI] from their covariance.
+
+    Rows of a covariance have the names of its columns, in any order; rows of draws have none.
+    """
     from tradestudy.uncertainty.joint import JointNormal  # reading a study does not need it
     from tradestudy.uncertainty.sources import ErrorClass
 
-    names = tuple(map(str, covariance.columns))
-    if names != tuple(map(str, covariance.index)):
+    names, rows = tuple(map(str, table.columns)), tuple(map(str, table.index))
+    if not any(isinstance(row, str) for row in table.index) and len(rows) > len(names):
+        return _posterior(names, table.to_numpy())
+    if sorted(names) != sorted(rows):
         raise OutOfRangeError(
-            "this DataFrame is no covariance of errors",
-            value=f"{covariance.shape[0]} rows, columns {', '.join(names)}",
-            limit="the same names for rows and columns, in one order",
-            remedy="write joint draws by to_csv(path, index=False), and give this path as calibration.posterior.file",
+            "this DataFrame is neither a covariance nor joint draws of errors",
+            value=f"{len(rows)} rows, columns {', '.join(names)}",
+            limit="a covariance with the same names for rows and columns, or more draws than columns, without names",
         )
+    covariance = table.set_axis(rows, axis=0).set_axis(names, axis=1).loc[list(names)]
     joint = JointNormal(
         name="errors",
         parameters=names,
@@ -86,6 +99,21 @@ def _calibration(covariance: Any) -> Value:
             if np.any(tied[i, i + 1 :])
         },
     }
+
+
+def _posterior(names: Sequence[str], draws: FloatArray) -> Value:
+    """A posterior in a file that lasts as long as this process, named after its content."""
+    text = io.StringIO()
+    np.savetxt(text, draws, fmt="%.17g", delimiter=",", header=",".join(names), comments="")
+    content = text.getvalue().encode()
+    path = Path(_folder().name) / f"draws-{hashlib.sha256(content).hexdigest()[:12]}.csv"
+    path.write_bytes(content)
+    return {"posterior": {"file": str(path)}}
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="tradestudy-")
 
 
 def in_metres(distance: Any) -> FloatArray:

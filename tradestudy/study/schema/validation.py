@@ -15,8 +15,7 @@ from pydantic import BaseModel, ValidationError
 from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.errors import Problem, StudyError, escaped, nearest
 from tradestudy.study.document import (
-    DICTIONARY,
-    OUTSIDE,
+    OF_PYTHON,
     Document,
     Entry,
     ListEntry,
@@ -38,7 +37,6 @@ _LABEL = re.compile(
     re.DOTALL,
 )
 _KEY = "[key]"
-_PYTHON = (OUTSIDE.file, DICTIONARY.file)
 
 
 def key_names(model: type[BaseModel]) -> list[str]:
@@ -210,7 +208,7 @@ def _lacks_unit(details: Any) -> bool:
 
 def is_of_python(entry: Entry | None) -> TypeGuard[ScalarEntry]:
     """Whether an entry is a number that is in no file."""
-    return isinstance(entry, ScalarEntry) and type(entry.value) in (int, float) and entry.place.file in _PYTHON
+    return isinstance(entry, ScalarEntry) and type(entry.value) in (int, float) and entry.place.file in OF_PYTHON
 
 
 def _is_same(found: Problem, reported: Problem) -> bool:
