@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema
@@ -37,6 +38,7 @@ from tradestudy.units import (
 _SMALLEST, _LARGEST = 1e-30, 1e30
 
 Annotations = tuple[BeforeValidator, WithJsonSchema]
+_Read = TypeVar("_Read")
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 
 
@@ -93,7 +95,13 @@ def quantity(
             raise UnitError(f"'{value}' is not a plausible {known.name}; {check}{ends} is expected")
         return number
 
-    return BeforeValidator(read), WithJsonSchema(_json_schema(dimension, limits, infinite=infinite))
+    return BeforeValidator(_remembered(read)), WithJsonSchema(_json_schema(dimension, limits, infinite=infinite))
+
+
+def _remembered(read: Callable[[object], _Read]) -> Callable[[object], _Read]:
+    """The function, which remembers texts: solvers validate a camera again and again with all values but one."""
+    known = lru_cache(maxsize=64)(read)
+    return lambda value: known(value) if isinstance(value, str) else read(value)
 
 
 def _limits(dimension: Dimension, *, above: float, at_least: float, at_most: float) -> str:
@@ -160,7 +168,7 @@ def _or_pixels(
 
     schema = length[1].json_schema or {}
     return (
-        PlainValidator(read),
+        PlainValidator(_remembered(read)),
         PlainSerializer(lambda one: f"{one.pixels!r} px" if isinstance(one, InPixels) else one),
         WithJsonSchema({**schema, "title": f"{schema['title']}, or a number of pixels", "examples": list(examples)}),
     )
