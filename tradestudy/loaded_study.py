@@ -329,7 +329,7 @@ class Study:
             )
         entry = self.definition.document.entry
         given = {
-            path: new_value(path, value, None if (old := entry(path)) is None else plain(old))
+            path: new_value(path, value, plain(old) if isinstance(path, str) and (old := entry(path)) else None)
             for path, value in values.items()
         }
         changed = Study(with_questions_checked(self.definition.with_values(given, numbers_in_si=True)))
