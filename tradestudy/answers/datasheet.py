@@ -39,8 +39,8 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
             "subpixel_rms": np.where(camera.images(places) & seen, disparity_error_at(camera, places), np.nan),
             "plane_fit_rms": np.where(seen, depth_uncertainty(camera, places, "noise"), np.nan),
             "fill_rate": np.where(usable, np.nan_to_num(shared * measured), 0.0),
-            "field_width": places * (_slope(left) + _slope(right)),
-            "field_height": places * (_slope(top) + _slope(bottom)),
+            "field_width": camera.from_pupil(places) * (_slope(left) + _slope(right)),
+            "field_height": camera.from_pupil(places) * (_slope(top) + _slope(bottom)),
             "usable": usable.astype(np.float64),
         }.items():
             columns.setdefault(key, []).append(values)

@@ -11,7 +11,6 @@ from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import AttributesPart
 from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus
 from tradestudy.errors import Problem, StudyError
-from tradestudy.optics.thin_lens import image_distance
 from tradestudy.optics.triangulation import foreshortening_ratio, hidden_strip_width
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.schema.requirements import DERIVED as DIMENSIONS
@@ -142,9 +141,9 @@ def _data_volume(camera: Camera, part: AttributesPart, relief: Relief) -> Attrib
 def _depth_map_samples(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     """Number of independent lateral samples in one all-in-focus image at the middle of the scene."""
     lens = camera.gathering_lens
-    b = float(image_distance(relief.middle, lens.focal_length))
+    object_scale = (float(camera.from_pupil(relief.middle)) - lens.front_focus) / lens.focal_length
     resolved = float(camera.focus.lateral_resolution(relief.middle, relief.sharp.wavelength).size)
-    field = camera.sensor.width * camera.sensor.height * (relief.middle / b) ** 2
+    field = camera.sensor.width * camera.sensor.height * object_scale**2
     count = field / resolved**2
     size, unit = next(pair for pair in ((1e6, " M"), (1e3, " k"), (1.0, "")) if count >= pair[0] or pair[0] == 1.0)
     return Attribute(text=significant(count / size) + unit, number=count)
@@ -158,8 +157,8 @@ def _aperture(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute
 
 def _light(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     """Solid angle of the light that one exposure gathers from the middle of the scene, over all lenses."""
-    half = camera.gathering_lens.pupil_diameter / 2.0
-    solid_angle = 2.0 * math.pi * (1.0 - relief.middle / math.hypot(relief.middle, half)) * camera.lens_count
+    half, away = camera.gathering_lens.pupil_diameter / 2.0, float(camera.from_pupil(relief.middle))
+    solid_angle = 2.0 * math.pi * (1.0 - away / math.hypot(away, half)) * camera.lens_count
     return Attribute(text=f"{solid_angle * 1e6:.3g} µsr", number=solid_angle)
 
 
@@ -167,22 +166,24 @@ def _size(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:
     envelope = part.envelope
     if envelope is not None:
         return Attribute(text=" × ".join(pretty(side, LENGTH) for side in envelope), basis="")
-    width = max(camera.sensor.diagonal, camera.gathering_lens.pupil_diameter)
-    across = width + camera.separation
-    return Attribute(text=f"{pretty(camera.depth_behind_lens(relief.near), LENGTH)} × {pretty(across, LENGTH)}")
+    lens = camera.gathering_lens
+    across = max(camera.sensor.diagonal, lens.pupil_diameter) + camera.separation
+    along = (lens.housing_front or 0.0) + lens.principal_separation + camera.depth_behind_lens(relief.near)
+    return Attribute(text=f"{pretty(along, LENGTH)} × {pretty(across, LENGTH)}")
 
 
 def _hidden_strip(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     if not camera.makes_depth_map:
         return Attribute(text="a single view")
-    width = float(hidden_strip_width(relief.step_height, relief.middle, camera.view_baseline))
+    width = float(hidden_strip_width(relief.step_height, camera.from_pupil(relief.middle), camera.view_baseline))
     return Attribute(text=pretty(width, LENGTH), number=width)
 
 
 def _foreshortening(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     if not camera.makes_depth_map:
         return Attribute(text="a single view")
-    ratio = float(foreshortening_ratio(relief.surface_tilt, relief.middle, camera.view_baseline))
+    away = camera.from_pupil(relief.middle)
+    ratio = float(foreshortening_ratio(relief.surface_tilt, away, camera.view_baseline))
     return Attribute(text=pretty(ratio, NUMBER), number=ratio)
 
 
@@ -219,8 +220,8 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="size",
-        says="declared, or a lower bound: distance from principal plane to sensor × (wider of lens and sensor, plus "
-        "baseline)",
+        says="declared, or a lower bound: distance from principal plane or front of the housing to sensor × (wider of "
+        "lens and sensor, plus baseline)",
         of=_size,
         path="attributes.envelope",
     ),

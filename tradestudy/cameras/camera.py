@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_measurement import Environment, Errors
 from tradestudy.cameras.focus import Focus
@@ -53,15 +54,21 @@ class Contradiction:
 
 
 def lens_contradictions(
-    lens: Lens, sensor: Sensor, stated: StatedPart | None, views: tuple[float, float] | None = None
+    lens: Lens,
+    sensor: Sensor,
+    stated: StatedPart | None,
+    views: tuple[float, float] | None = None,
+    part: str = "lens",
 ) -> list[Contradiction]:
-    """Check stated field of view, hyperfocal distance and sensitivity against focal length, aperture and sensor.
+    """Check both pupils, and stated field of view, hyperfocal distance and sensitivity against lens and sensor.
 
-    ``views`` are the fields of view across and on the diagonal [rad] of a lens that is no pinhole.
+    ``views`` are the fields of view across and on the diagonal [rad] of a lens that is no pinhole; ``part`` is the key
+    of the lens.
     """
+    found = _pupil_contradictions(lens, part)
     if stated is None:
-        return []
-    found = _sensitivity_contradictions(sensor, stated.absolute_sensitivity_threshold)
+        return found
+    found += _sensitivity_contradictions(sensor, stated.absolute_sensitivity_threshold)
     if stated.field_of_view is not None:
         across, diagonal = views or (lens.field_of_view(sensor.width), lens.field_of_view(sensor.diagonal))
         if not any(math.isclose(stated.field_of_view, angle, rel_tol=_ANGLE_TOLERANCE) for angle in (across, diagonal)):
@@ -87,6 +94,25 @@ def lens_contradictions(
                 )
             )
     return found
+
+
+def _pupil_contradictions(lens: Lens, part: str) -> list[Contradiction]:
+    """Check that the exit pupil is the image of the entrance pupil, by the entrance pupil whose image it is."""
+    leaving, f = lens.stated_exit_pupil, lens.focal_length
+    if leaving is None:
+        return []
+    entering = leaving / (1.0 - leaving / f) if math.isfinite(leaving) else -f
+    if math.isclose(entering, lens.entrance_pupil, rel_tol=PRINTED_TOLERANCE):
+        return []
+    return [
+        Contradiction(
+            what="exit pupil against entrance pupil and focal length",
+            stated=f"{show(leaving, LENGTH)} behind the second principal plane",
+            implied=f"{show(lens.exit_pupil, LENGTH)}, the image of the entrance pupil",
+            used="the implied value",
+            path=(part, "exit_pupil"),
+        )
+    ]
 
 
 def digitiser_contradictions(sensor: Sensor, full_well: float, bits: int) -> list[Contradiction]:
@@ -174,6 +200,24 @@ class Camera(ABC):
         """The lens whose pupil gathers the light."""
 
     @property
+    def principal_plane(self) -> float:
+        """How far the first principal plane lies in front of the point from which distances count [m].
+
+        That point is the centre of projection: the entrance pupil.
+        """
+        return self.gathering_lens.entrance_pupil
+
+    def from_pupil(self, distance: ArrayLike) -> FloatArray:
+        """Distances from the entrance pupil of distances as they count for this camera [m]."""
+        return np.asarray(distance, dtype=np.float64) - self.principal_plane + self.gathering_lens.entrance_pupil
+
+    @property
+    def nearest_imaged(self) -> float:
+        """Distance beyond which an object has a real image and lies in front of the entrance pupil [m]."""
+        lens = self.gathering_lens
+        return max(lens.focal_length, -lens.entrance_pupil) + self.principal_plane
+
+    @property
     @abstractmethod
     def focus(self) -> Focus:
         """The focus, which decides what is sharp."""
@@ -188,16 +232,48 @@ class Camera(ABC):
 
     @abstractmethod
     def depth_behind_lens(self, nearest: float) -> float:
-        """Distance from principal plane to sensor [m] when focused as near as the scene requires (``nearest`` [m])."""
+        """Distance from the second principal plane to the sensor [m], focused as near as the scene requires.
+
+        ``nearest`` is the distance of its nearest object [m].
+        """
 
     def edge_angles(self, nearest: float) -> tuple[float, float, float, float]:
         """Angles [rad] from the axis to the left, right, upper and lower edge of the picture.
 
         It is focused as near as the scene requires (``nearest`` [m]).
         """
-        twice = 2.0 * self.depth_behind_lens(nearest)
+        twice = 2.0 * self.gathering_lens.principal_distance(self.depth_behind_lens(nearest))
         across, down = math.atan(self.sensor.width / twice), math.atan(self.sensor.height / twice)
         return across, across, down, down
+
+    @property
+    def front(self) -> float:
+        """How far in front of the point from which distances count the front of the housing lies [m]; NaN if unknown.
+
+        A working distance, from the front, is shorter by this length.
+        """
+        front = self.gathering_lens.housing_front
+        return math.nan if front is None else front + self.principal_plane
+
+    @property
+    def origin(self) -> str:
+        """The point from which its distances count, in words."""
+        return "entrance pupil" if self.gathering_lens.entrance_pupil else "principal plane"
+
+    def lens_places(self) -> Properties:
+        """Where distances count from, principal planes, pupils and front; none for a thin lens without a housing."""
+        lens, rows = self.gathering_lens, dict[str, float]()
+        if lens.entrance_pupil or lens.principal_separation:
+            rows = {
+                "separation of the principal planes": lens.principal_separation,
+                "entrance pupil, behind the first principal plane": lens.entrance_pupil,
+                "exit pupil, behind the second principal plane": lens.exit_pupil,
+                "diameter of the exit pupil": lens.exit_pupil_diameter,
+            }
+        if not math.isnan(self.front):
+            rows["front of the housing, in front of the point from which distances count"] = self.front
+        counted = [("distances count from", f"the {self.origin}")] if rows else []
+        return (*counted, *((name, DerivedValue(value, LENGTH)) for name, value in rows.items()))
 
     @property
     def makes_depth_map(self) -> bool:

@@ -26,6 +26,8 @@ from tradestudy.declarations.quantities import (
     FNumber,
     FocalLengthOrPixels,
     InPixels,
+    Length,
+    LengthOrInfinity,
     NonNegativeElectrons,
     PixelPitch,
     Pixels,
@@ -68,7 +70,45 @@ class LensPart(Part):
         validate_default=True,
         description="Whether field_of_view spans the width or the diagonal of the sensor.",
     )
-    f_number: FNumber = Field(description="F-number: focal length divided by pupil diameter.")
+    f_number: FNumber | None = Field(
+        default=None, description="F-number: focal length divided by the diameter of the entrance pupil."
+    )
+    entrance_pupil_diameter: PositiveLength | None = Field(
+        default=None, description="Instead of f_number: diameter of the entrance pupil."
+    )
+    principal_separation: Length = Field(
+        default=0.0,
+        description="Distance from the first (object-side) to the second principal plane, of either sign. Distances to "
+        "objects and to the array or sensor count from these planes, unless a key says otherwise.",
+    )
+    entrance_pupil: Length | None = Field(
+        default=None,
+        description="Position of the entrance pupil, counted from the first principal plane, positive towards the "
+        "sensor. All distances of a stereo rig or a conventional camera count from it, because it is the centre of "
+        "projection; those of a plenoptic camera count from the first principal plane. Default: in that plane, as in a "
+        "thin lens, or where exit_pupil places it.",
+    )
+    exit_pupil: LengthOrInfinity | None = Field(
+        default=None,
+        description="Position of the exit pupil, counted from the second principal plane, positive towards the sensor; "
+        "infinity for a lens that is telecentric in image space. It is the image of the entrance pupil: give one of "
+        "them, or both to check them against each other.",
+    )
+    housing_front: Length | None = Field(
+        default=None,
+        description="Distance from the first principal plane to the front of the housing, positive towards the scene. "
+        "With it, results also give working distances, which count from that front.",
+    )
+
+    @model_validator(mode="after")
+    def _one_aperture(self) -> Self:
+        by_diameter = self.entrance_pupil_diameter is not None
+        by_number = self.f_number is not None and not (by_diameter and "f_number" not in self.model_fields_set)
+        if by_diameter == by_number:
+            raise MistakeAt(
+                (), "give exactly one of f_number and entrance_pupil_diameter (null removes an inherited one)"
+            )
+        return self
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -83,8 +123,10 @@ class LensPart(Part):
         return self
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
-        """As for every part, but `across` is an assumption only if a field of view is given."""
-        yield from (one for one in super().assumed() if one[0] != ("across",) or self.field_of_view is not None)
+        """As for every part, but `across` is an assumption only with a field of view, f_number only if it is used."""
+        unused = [("across",)] if self.field_of_view is None else []
+        unused += [("f_number",)] if self.entrance_pupil_diameter is not None else []
+        yield from (one for one in super().assumed() if one[0] not in unused)
 
     def lens(self, sensor: Sensor) -> Lens:
         """The lens in SI, with its focal length as given or from the field of view on a sensor."""
@@ -95,7 +137,37 @@ class LensPart(Part):
             assert self.field_of_view is not None  # one of the two is given
             extent = sensor.diagonal if self.across == "diagonal" else sensor.width
             focal_length = focal_length_of_field_of_view(self.field_of_view, extent)
-        return Lens(focal_length=focal_length, f_number=self.f_number)
+        return self.of_focal_length(focal_length)
+
+    def of_focal_length(self, focal_length: float) -> Lens:
+        """The lens in SI with a focal length [m] from elsewhere; the position of one pupil gives that of the other.
+
+        Raises
+        ------
+        OutOfRangeError
+            The exit pupil lies in the rear focal plane, so that the entrance pupil is at infinity.
+        """
+        number, entrance, leaving = self.f_number, self.entrance_pupil or 0.0, self.exit_pupil
+        if self.entrance_pupil_diameter is not None:
+            number = focal_length / self.entrance_pupil_diameter
+        assert number is not None  # the validator ensures it
+        if leaving == focal_length:
+            raise OutOfRangeError(
+                "exit_pupil in the rear focal plane; lenses that are telecentric in object space are not modelled",
+                value=f"{leaving * 1e3:g} mm",
+                limit=f"other than the focal length, {focal_length * 1e3:g} mm",
+                remedy="correct exit_pupil, or remove it",
+            )
+        if self.entrance_pupil is None and leaving is not None:
+            entrance = leaving / (1.0 - leaving / focal_length) if math.isfinite(leaving) else -focal_length
+        return Lens(
+            focal_length=focal_length,
+            f_number=number,
+            principal_separation=self.principal_separation,
+            entrance_pupil=entrance,
+            stated_exit_pupil=leaving,
+            housing_front=self.housing_front,
+        )
 
 
 class SensorPart(Part):

@@ -322,8 +322,8 @@ class DepthCamera(Camera):
         return np.asarray(distance, dtype=np.float64)
 
     def images(self, distance: ArrayLike) -> BoolArray:
-        """Whether an object lies beyond the focal length, so that a real image of it is formed."""
-        return np.asarray(self.modelled_distance(distance) > self.gathering_lens.focal_length)
+        """Whether an object lies beyond the front focal point, so that a real image of it is formed."""
+        return np.asarray(self.modelled_distance(distance) > self.nearest_imaged)
 
     def disparity_px(self, distance: ArrayLike) -> FloatArray:
         """The signed disparity that the estimator uses [samples]."""
@@ -347,7 +347,7 @@ class DepthCamera(Camera):
         """The geometric conditions of the usable range that the criteria bound, at distances [m]."""
         a = np.asarray(distance, dtype=np.float64)
         imaged = self.modelled_distance(a)
-        found = {"real_image": Limit(value=imaged, bound=self.gathering_lens.focal_length, met=self.images(a))}
+        found = {"real_image": Limit(value=imaged, bound=self.nearest_imaged, met=self.images(a))}
         found |= self.limits_of_kind(a, criteria)
         if criteria.blur_px is not None:
             value = self.estimator_blur_px(a)

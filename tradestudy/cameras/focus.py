@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -111,7 +111,7 @@ def sharp_range(names: tuple[str, ...], parts: Sequence[DepthOfField], reason: s
 
 
 class Focus(Protocol):
-    """The focus of a camera along its optical axis; all distances are measured from the principal plane of its lens."""
+    """The focus of a camera along its optical axis; distances count as all distances of the camera do."""
 
     @property
     def mechanisms(self) -> int:
@@ -139,31 +139,60 @@ class Focus(Protocol):
         ...
 
 
-def require_focus(focus_distance: float, focal_length: float) -> None:
-    """Refuse a focus within the focal length."""
-    if not focus_distance > focal_length:
+def require_focus(focus_distance: float, lens: Lens, what: str = "lens") -> None:
+    """Refuse a focus [m] from the entrance pupil that is not in front of the lens and beyond its front focal point."""
+    nearest = max(lens.front_focus, 0.0)
+    if not focus_distance > nearest:
+        limit = "beyond the front focal point" if lens.entrance_pupil else "beyond the focal length"
         raise OutOfRangeError(
-            "the lens cannot focus that close",
+            f"the {what} cannot focus that close",
             value=f"{focus_distance * 1e3:g} mm",
-            limit=f"beyond the focal length, {focal_length * 1e3:g} mm",
+            limit=f"{limit}, {nearest * 1e3:g} mm",
             remedy="increase the focus distance",
         )
 
 
+def require_refocusing(lens: Lens) -> None:
+    """Refuse a lens that refocuses and has its entrance pupil in front of its front focal point."""
+    if lens.front_focus < 0.0:
+        raise OutOfRangeError(
+            "entrance_pupil of a lens that refocuses lies in front of the front focal point",
+            value=f"{lens.entrance_pupil * 1e3:g} mm",
+            limit=f"{-lens.focal_length * 1e3:g} mm or more",
+            remedy="give the camera one fixed focus distance, or correct the pupil",
+        )
+
+
+def refocusing(lens: Lens, blur: float) -> dict[str, float]:
+    """The thin lens, by the arguments of `images_needed`, whose stack has the focus distances of a lens with its pupil.
+
+    For distances Z from the entrance pupil, blur on the sensor is A f |Z − Z₀|/(Z (Z₀ − F)): f/F times that of the thin
+    lens of focal length F = f + e. For a pupil in the front focal point, F is replaced by a millionth of f.
+    """
+    front = max(lens.front_focus, 1e-6 * lens.focal_length)
+    return {
+        "focal_length": front,
+        "pupil_diameter": lens.pupil_diameter,
+        "blur_diameter": blur * (front / lens.focal_length),
+    }
+
+
 @dataclass(frozen=True, kw_only=True)
 class SingleLensFocus:
-    """A lens with fixed focus.
+    """A thin lens with fixed focus.
 
     Parameters
     ----------
     lens
-        The lens.
+        The lens; see `Lens.thin` for others.
     focus_distance
-        Focus distance a₀ [m] from its principal plane; infinity is allowed.
+        Focus distance a₀ [m] from it; infinity is allowed.
     sample_pitch
         The pixel pitch [m].
     name
         Name of its only slice.
+    lens_behind
+        How far behind the point from which the distances of the results count the lens lies [m].
 
     Raises
     ------
@@ -175,12 +204,13 @@ class SingleLensFocus:
     focus_distance: float
     sample_pitch: float
     name: str = "one image"
+    lens_behind: float = 0.0
 
     mechanisms = 0
 
     def __post_init__(self) -> None:
         require_positive("pixel pitch", self.sample_pitch)
-        require_focus(self.focus_distance, self.lens.focal_length)
+        require_focus(self.focus_distance, self.lens)
 
     @property
     def working_f_number(self) -> float:
@@ -193,7 +223,7 @@ class SingleLensFocus:
         limits = depth_of_field(
             self.focus_distance, self.lens.focal_length, self.lens.pupil_diameter, allowance.geometric_diameter
         )
-        return sharp_range((self.name,), [limits], allowance.reason)
+        return sharp_range((self.name,), [self._counted(limits)], allowance.reason)
 
     def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
         """From ``a₀ (1 − r/A)`` to the nearest of ``a₀ (1 + r/A)``, ``r b₀/p`` and ``r A/(1.22 λ)``.
@@ -208,7 +238,10 @@ class SingleLensFocus:
             sample_pitch=self.sample_pitch,
             wavelength=wavelength,
         )
-        return sharp_range((self.name,), [limits])
+        return sharp_range((self.name,), [self._counted(limits)])
+
+    def _counted(self, limits: DepthOfField) -> DepthOfField:
+        return replace(limits, near=limits.near - self.lens_behind, far=limits.far - self.lens_behind)
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
         """Always one."""
@@ -217,7 +250,7 @@ class SingleLensFocus:
     def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
         """``p a/b₀``, ``A |a − a₀|/a₀`` and ``1.22 λ a/A`` [m]; see `lateral_resolution`."""
         return lateral_resolution(
-            distance,
+            np.asarray(distance) + self.lens_behind,
             focus_distance=self.focus_distance,
             focal_length=self.lens.focal_length,
             pupil_diameter=self.lens.pupil_diameter,
@@ -229,7 +262,7 @@ class SingleLensFocus:
         """Width of the diffraction spot on the sensor, times a/b₀ [m]."""
         b0 = float(image_distance(self.focus_distance, self.lens.focal_length))
         spot = diffraction_diameter(wavelength, self.working_f_number, measure)
-        return np.asarray(spot * (np.asarray(distance, dtype=np.float64) / b0))
+        return np.asarray(spot * ((np.asarray(distance, dtype=np.float64) + self.lens_behind) / b0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,11 +272,16 @@ class EveryObjectFocus:
     Parameters
     ----------
     lens
-        One of the lenses.
+        One of the lenses; distances count from its entrance pupil.
     sample_pitch
         The pixel pitch [m].
     mechanisms
         Number of moving lenses.
+
+    Raises
+    ------
+    OutOfRangeError
+        The entrance pupil lies in front of the front focal point.
     """
 
     lens: Lens
@@ -252,56 +290,57 @@ class EveryObjectFocus:
 
     def __post_init__(self) -> None:
         require_positive("pixel pitch", self.sample_pitch)
+        require_refocusing(self.lens)
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
-        """Everything beyond the focal length, one focus after another, unless diffraction alone exceeds the criterion.
+        """Everything beyond the front focal point, unless diffraction alone exceeds the criterion.
 
-        The diffraction spot at a is ``d∞ b(a)/f`` wide. It meets the criterion from the distance where ``b = f c/d∞``.
+        The lens is focused on one object after another. The diffraction spot at a is ``d∞ a/(a − F)`` wide, with F the
+        distance of that point.
         """
-        f = self.lens.focal_length
+        front = self.lens.front_focus
         at_infinity = criterion.allowance(self.sample_pitch, self.lens.f_number)
         if bool(at_infinity.exceeded):
             nothing = DepthOfField(near=np.asarray(np.nan), far=np.asarray(np.nan))
             return sharp_range(("refocused",), [nothing], at_infinity.reason)
         spot = float(diffraction_diameter(criterion.wavelength, self.lens.f_number, criterion.measure))
         widest = criterion.blur_px * self.sample_pitch
-        # b − f = f (c/d∞ − 1) is the largest focus shift that is still sharp.
-        near = f + f * spot / (widest - spot) if widest > spot else math.inf
+        near = front + front * spot / (widest - spot) if widest > spot else math.inf
         return sharp_range(("refocused",), [DepthOfField(near=np.asarray(near), far=np.asarray(math.inf))])
 
     def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
-        """From the focal length to the nearer of ``p (a − f)/f = r`` and ``1.22 λ a/A = r``."""
-        f = self.lens.focal_length
+        """From the front focal point F to the nearer of ``p (a − F)/f = r`` and ``1.22 λ a/A = r``."""
+        f, front = self.lens.focal_length, self.lens.front_focus
         diffraction = resolution / float(airy_radius(1.0, self.lens.pupil_diameter, wavelength))
-        far = min(f + f * (resolution / self.sample_pitch), diffraction)
-        if far < f:
+        far = min(front + f * (resolution / self.sample_pitch), diffraction)
+        if far < front:
             nothing = DepthOfField(near=np.asarray(np.nan), far=np.asarray(np.nan))
             return sharp_range(("refocused",), [nothing], "diffraction is coarser at every distance")
-        return sharp_range(("refocused",), [DepthOfField(near=np.asarray(f), far=np.asarray(far))])
+        return sharp_range(("refocused",), [DepthOfField(near=np.asarray(front), far=np.asarray(far))])
 
     def images(self, criterion: BlurCriterion, near: float, far: float) -> int:
         """Number of depths of field that cover the scene; 0 if diffraction exceeds the criterion at its near end."""
-        f = self.lens.focal_length
-        if not near > f:
+        if not near > self.lens.front_focus:
             return 0
-        f_number = image_distance(near, f) / self.lens.pupil_diameter
+        thin = self.lens.thin(near)
+        f_number = image_distance(near, thin.focal_length) / thin.pupil_diameter
         blur = float(criterion.allowance(self.sample_pitch, f_number).geometric_diameter)
         if not blur > 0.0:
             return 0
-        return images_needed(near, far, focal_length=f, pupil_diameter=self.lens.pupil_diameter, blur_diameter=blur)
+        return images_needed(near, far, **refocusing(self.lens, blur))
 
     def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
-        """``p (a − f)/f``, size of a pixel on an object in focus, no blur, and ``1.22 λ a/A`` [m]."""
-        a, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
-        real = np.where(a > f, 1.0, np.nan)
+        """``p (a − F)/f``, size of a pixel on an object in focus, no blur, and ``1.22 λ a/A`` [m]."""
+        a, f, front = np.asarray(distance, dtype=np.float64), self.lens.focal_length, self.lens.front_focus
+        real = np.where(a > front, 1.0, np.nan)
         return LateralResolution(
-            sampling=np.asarray(real * self.sample_pitch * ((a - f) / f)),
+            sampling=np.asarray(real * self.sample_pitch * ((a - front) / f)),
             blur=np.asarray(0.0 * real),
             diffraction=np.asarray(real * airy_radius(a, self.lens.pupil_diameter, wavelength)),
         )
 
     def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
         """Width ``∝ λ a/A`` [m] of the diffraction spot on an object in focus; on the sensor it is ``∝ λ b/A``."""
-        a, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
+        a = np.asarray(distance, dtype=np.float64)
         spot = diffraction_diameter(wavelength, 1.0 / self.lens.pupil_diameter, measure)
-        return np.asarray(np.where(a > f, spot * a, np.nan))
+        return np.asarray(np.where(a > self.lens.front_focus, spot * a, np.nan))

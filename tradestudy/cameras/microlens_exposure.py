@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE, Environment, Errors, value_of
 from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, Pose, Stop
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_model import Rational
 from tradestudy.optics.microlens_coverage import LATTICES
@@ -58,6 +59,9 @@ class ArrayGeometry:
         Distance from the axis to the corner of the sensor [m].
     field_curvature
         How much farther from the main lens its image is known to lie in the corner than on the axis [m].
+    entrance_pupil
+        Distance e of the entrance pupil behind the first principal plane, from which objects count [m]; z and f_M count
+        from the second one. Errors leave both pupils where they are, but for `pupil_distance`.
     """
 
     focal_length: float
@@ -66,6 +70,43 @@ class ArrayGeometry:
     pitch: float
     corner: float
     field_curvature: float
+    entrance_pupil: float = 0.0
+
+    @property
+    def pupil_ratio(self) -> float:
+        """g = 1 + e/f_M, the diameter of the entrance pupil over that of the exit pupil; see `Lens`."""
+        return 1.0 + self.entrance_pupil / self.focal_length
+
+    def pupil_distance(self, errors: Errors, distance: ArrayLike) -> FloatArray:
+        """g z_p [m], with z_p the distance of the exit pupil from an array that is z behind the main lens.
+
+        It is finite and positive for every pupil, and z for a thin lens: ``g (z + error) − e``.
+
+        Raises
+        ------
+        OutOfRangeError
+            For an error of a pupil at infinity.
+        """
+        if self.pupil_ratio == 0.0 and "pupil_distance" in errors:
+            raise OutOfRangeError(
+                "pupil_distance, the error of the distance of an exit pupil at infinity",
+                value="given",
+                limit="none",
+                remedy="remove it, or give a finite exit_pupil",
+            )
+        z = np.asarray(distance, dtype=np.float64) + value_of(errors, "pupil_distance")
+        return np.asarray(self.pupil_ratio * z - self.entrance_pupil)
+
+    def image_spread(self, errors: Errors) -> FloatArray:
+        """b_L/z_p [1]: by this fraction, the centres of micro-images lie farther from the axis than their microlenses.
+
+        Only errors of the pupil and of the distance of the array enter.
+        """
+        return (
+            self.gap
+            * self.pupil_ratio
+            / self.pupil_distance(errors, self.mla_distance + value_of(errors, "mla_distance"))
+        )
 
     def changed(self, errors: Errors, environment: Environment | None) -> Errors:
         """Changes since the calibration, due to the surroundings and the colour of the object, as errors.
@@ -95,10 +136,10 @@ class ArrayGeometry:
         return 1.0 + value_of(errors, "microlens_pitch") / self.pitch
 
     def place_of(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> PlaceOnArray:
-        """The position where the ray from a point [m] through the centre of the main lens meets the array."""
-        a = np.asarray(z, dtype=np.float64)
+        """The position where the ray from a point [m] through the centre of the pupil meets the array."""
+        a = np.asarray(z, dtype=np.float64) + self.entrance_pupil
         slopes = _distortion(errors).image(x, y, a)
-        distance = self.mla_distance + value_of(errors, "mla_distance")
+        distance = self.pupil_distance({}, self.mla_distance + value_of(errors, "mla_distance"))
         return PlaceOnArray(geometry=self, errors=errors, x=slopes[0] * distance, y=slopes[1] * distance)
 
     def place_seen(self, errors: Errors, x: FloatArray, y: FloatArray) -> PlaceOnArray:
@@ -184,7 +225,8 @@ class PlaceOnArray:
     def valid(self) -> BoolArray:
         """Whether the lengths are positive and the distortion has an inverse."""
         valid = (self.geometry.focal_length_with(self.errors) > 0.0) & (self.gap > 0.0) & (self.distance > 0.0)
-        return np.asarray(valid & _distortion(self.errors).has_ray(self.x / self.distance, self.y / self.distance))
+        away = self.geometry.pupil_distance({}, self.distance)
+        return np.asarray(valid & _distortion(self.errors).has_ray(self.x / away, self.y / away))
 
 
 Indices = NDArray[np.intp]
@@ -257,12 +299,14 @@ class MicrolensExposure:
     def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:
         """One cone for each pixel and each microlens that can send it light from the pupil."""
         place = np.stack([x, y]) - self._offset[:, np.newaxis]
-        over = (self.geometry.gap + self._error("microlens_gap")) / (
-            self.geometry.mla_distance + self._error("mla_distance") + self._error("pupil_distance")
+        z = self.geometry.mla_distance + self._error("mla_distance")
+        narrower = (self.geometry.gap + self._error("microlens_gap")) / float(
+            self.geometry.pupil_distance(self.errors, z)
         )
+        over = narrower * self.geometry.pupil_ratio
         near = (place + self._axis[:, np.newaxis] * over) / (1.0 + over)
         first, second = np.rint(np.linalg.inv(self._basis) @ near).astype(np.intp)
-        steps = self._steps_within(self._reach(over, beyond) + _FARTHEST)
+        steps = self._steps_within(self._reach(over, narrower, beyond) + _FARTHEST)
         parts = [self._through(place, first + i, second + j, beyond) for i, j in steps]
         pixel, start, slope, meets, numbers, types = (
             np.concatenate([part[k] for part in parts], axis=-1) for k in range(6)
@@ -288,11 +332,14 @@ class MicrolensExposure:
             lens_type=types,
         )
 
-    def _reach(self, over: float, beyond: float) -> float:
-        """Largest distance from the centre of its micro-image to which a microlens sends light, in array pitches."""
+    def _reach(self, over: float, narrower: float, beyond: float) -> float:
+        """Largest distance from the centre of its micro-image to which a microlens sends light, in array pitches.
+
+        Micro-images of the pupil are ``narrower`` than the entrance pupil by this factor.
+        """
         array, gap = self.microlenses, self.geometry.gap
         blur = max(abs(gap / one - over - 1.0) for one in array.focal_lengths) * array.aperture_diameter / 2.0
-        reach = self.main_lens.pupil_diameter / 2.0 * over + blur + self.sensor.pixel_pitch + beyond
+        reach = self.main_lens.pupil_diameter / 2.0 * narrower + blur + self.sensor.pixel_pitch + beyond
         return reach / (1.0 + over) / array.pitch
 
     def _steps_within(self, reach: float) -> list[tuple[int, int]]:
@@ -312,7 +359,8 @@ class MicrolensExposure:
         """Cones of pixels through one microlens each, at positions in the array's plane; only those that light passes.
 
         Behind the main lens the frame is rotated by 180° about the axis, so that pictures are upright: a point u' there
-        is −u' in the plane of the lens.
+        is −u' in the plane of the lens. Rays start in the first principal plane. The stop is the exit pupil, in the
+        scale of the entrance pupil, where it is finite for a pupil at infinity too.
         """
         centre = self.centres(first, second) - self._axis[:, np.newaxis]
         s = place - self._axis[:, np.newaxis]
@@ -320,10 +368,11 @@ class MicrolensExposure:
         gap, z = array.gap, array.distance
         types = (first - second) % 3 if self.microlenses.types == 3 else np.zeros_like(first)
         bend = 1.0 / gap - 1.0 / np.asarray(self.microlenses.focal_lengths)[types]
-        to_pupil = z + self._error("pupil_distance")
+        g, e = self.geometry.pupil_ratio, self.geometry.entrance_pupil
+        to_pupil = self.geometry.pupil_distance(self.errors, z)
         slope = (centre - s) / gap
-        meets = centre + to_pupil * slope
-        widest = self.main_lens.pupil_diameter / 2.0 + np.abs(1.0 + to_pupil * bend) * (
+        meets = g * centre + to_pupil * slope
+        widest = self.main_lens.pupil_diameter / 2.0 + np.abs(g + to_pupil * bend) * (
             self.microlenses.aperture_diameter / 2.0
         )
         widest = widest + to_pupil / gap * (self.sensor.pixel_pitch * math.sqrt(0.5) + beyond)
@@ -335,18 +384,23 @@ class MicrolensExposure:
         seen = on_lens / f - slope
         k1, k2 = self._error("distortion_k1"), self._error("distortion_k2")
         if k1 or k2:
-            chief = seen - on_lens / self.reference_distance
-            seen = seen + np.stack(Rational(k1=k1, k2=k2).ray(chief[0], chief[1])[:2]) - chief
+            farther = 1.0 + e / self.reference_distance
+            chief = (seen - on_lens / self.reference_distance) / farther
+            seen = seen + (np.stack(Rational(k1=k1, k2=k2).ray(chief[0], chief[1])[:2]) - chief) * farther
         turned = 1.0 + z * bend
         numbers = np.stack(
             [
                 -turned,
                 turned / f - bend,
-                1.0 + to_pupil * bend,
+                g + to_pupil * bend,
                 z / gap,
                 (1.0 - z / f) / gap,
                 -to_pupil / gap,
-                np.square(self.microlenses.aperture_diameter / gap / (1.0 + np.sum(np.square(centre / z), axis=0))),
+                np.square(
+                    self.microlenses.aperture_diameter
+                    / gap
+                    / (1.0 + np.sum(np.square(g * centre / (g * z - e)), axis=0))
+                ),
                 gap,
             ]
         )
@@ -363,12 +417,15 @@ class MicrolensExposure:
     def description(self) -> Description:
         """Distances, lattice and types of the array, including errors."""
         geometry, errors = self.geometry, self.errors
+        to_pupil = float(geometry.pupil_distance(errors, geometry.mla_distance + self._error("mla_distance")))
+        pupil_to_array = to_pupil / geometry.pupil_ratio if geometry.pupil_ratio else math.inf
         return {
             "focal_length": float(geometry.focal_length_with(errors)),
             "pupil_diameter": self.main_lens.pupil_diameter,
             "main_lens_to_array": geometry.mla_distance + self._error("mla_distance"),
             "array_to_sensor": geometry.gap + self._error("microlens_gap"),
-            "pupil_to_array": geometry.mla_distance + self._error("mla_distance") + self._error("pupil_distance"),
+            "pupil_to_array": pupil_to_array if math.isfinite(pupil_to_array) else "infinity",
+            **({"entrance_pupil": geometry.entrance_pupil} if geometry.entrance_pupil else {}),
             "microlens_layout": self.microlenses.layout,
             "microlens_focal_lengths": list(self.microlenses.focal_lengths),
             "microlens_aperture_diameter": self.microlenses.aperture_diameter,

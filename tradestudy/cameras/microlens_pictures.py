@@ -86,7 +86,7 @@ def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
         for grid in np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1), indexing="ij")
     )
     middle = np.array([[sensor.columns], [sensor.rows]]) / 2.0 - 0.5
-    over = geometry.gap / geometry.mla_distance
+    over = float(geometry.image_spread({}))
     on_array = exposure.centres(first, second) / sensor.pixel_pitch
     seen = on_array * (1.0 + over) + middle
     radius = array.pitch * (1.0 + over) / 2.0 / sensor.pixel_pitch

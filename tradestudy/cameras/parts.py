@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
 
 Layout = Literal["hexagonal", "square"]
 
@@ -74,18 +78,33 @@ class Sensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Lens:
-    """A thin lens.
+    """A lens in air, with its principal planes H and H' and its pupils; by default a thin lens, where all coincide.
+
+    Conjugates count from the principal planes: 1/a + 1/b = 1/f with a in front of H and b behind H'. Rays enter through
+    the entrance pupil and leave through its image, the exit pupil.
 
     Parameters
     ----------
     focal_length
         Focal length f [m].
     f_number
-        N = f / A with A the pupil diameter.
+        N = f / A with A the diameter of the entrance pupil.
+    principal_separation
+        Distance from H to H' along the light [m], of either sign.
+    entrance_pupil
+        Distance e of the entrance pupil behind H [m]; negative in front of it.
+    stated_exit_pupil
+        Distance of the exit pupil behind H' [m] that is stated besides e, to check; None if it is not stated.
+    housing_front
+        Distance of the front of the housing in front of H [m]; None if unknown.
     """
 
     focal_length: float
     f_number: float
+    principal_separation: float = 0.0
+    entrance_pupil: float = 0.0
+    stated_exit_pupil: float | None = None
+    housing_front: float | None = None
 
     def __post_init__(self) -> None:
         require_positive("focal length", self.focal_length)
@@ -93,8 +112,53 @@ class Lens:
 
     @property
     def pupil_diameter(self) -> float:
-        """A = f / N [m]."""
+        """A = f / N [m], of the entrance pupil."""
         return self.focal_length / self.f_number
+
+    @property
+    def pupil_ratio(self) -> float:
+        """g = A/A' = 1 + e/f, the diameter of the entrance pupil over that of the exit pupil; 0 for one at infinity."""
+        return 1.0 + self.entrance_pupil / self.focal_length
+
+    @property
+    def exit_pupil(self) -> float:
+        """Distance e' = e/g of the exit pupil behind H' [m], from 1/e' = 1/e + 1/f; infinity is allowed."""
+        return self.entrance_pupil / self.pupil_ratio if self.pupil_ratio else math.inf
+
+    @property
+    def exit_pupil_diameter(self) -> float:
+        """A' = A/|g| [m]."""
+        return self.pupil_diameter / abs(self.pupil_ratio) if self.pupil_ratio else math.inf
+
+    @property
+    def front_focus(self) -> float:
+        """F = f + e [m], how far in front of the entrance pupil the front focal point lies."""
+        return self.focal_length + self.entrance_pupil
+
+    @overload
+    def principal_distance(self, image_distance: float) -> float: ...
+    @overload
+    def principal_distance(self, image_distance: FloatArray) -> FloatArray: ...
+    def principal_distance(self, image_distance: float | FloatArray) -> float | FloatArray:
+        """c = g b − e [m] of a plane b behind H': an object in focus at slope t from the entrance pupil appears at c t.
+
+        It is g times the distance from the exit pupil, so that the f-number on the image side is c/A.
+        """
+        return self.pupil_ratio * image_distance - self.entrance_pupil
+
+    def thin_focal_length(self, focus: ArrayLike) -> FloatArray:
+        """f Z₀/(Z₀ − e) [m]: focal length of the thin lens in place of the entrance pupil that images like this lens.
+
+        Both are focused at Z₀ [m] from the pupil. Blur, scale and f-number then agree at all distances.
+        """
+        return np.asarray(self.focal_length / (1.0 - self.entrance_pupil / np.asarray(focus, dtype=np.float64)))
+
+    def thin(self, focus: float) -> Lens:
+        """The thin lens of `thin_focal_length`."""
+        if self.entrance_pupil == 0.0:
+            return self
+        focal_length = float(self.thin_focal_length(focus))
+        return Lens(focal_length=focal_length, f_number=focal_length / self.pupil_diameter)
 
     def field_of_view(self, extent: float) -> float:
         """Full angle [rad] that corresponds to an extent [m] in the focal plane: ``2 atan(extent / 2f)``."""

@@ -87,8 +87,9 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "pupil_distance": ErrorParameter(
         unit="m",
         part=INTERIOR,
-        meaning="Distance from the microlens array to the exit pupil, minus that to the main lens; 0 by design. It "
-        "changes how far the centres of the micro-images of a white scene lie from the centres of the microlenses.",
+        meaning="Distance from the microlens array to the exit pupil, minus that by design. In a thin lens, the pupil "
+        "lies in the lens. The error changes how far the centres of the micro-images of a white scene lie from the "
+        "centres of the microlenses.",
     ),
     "principal_point_x": ErrorParameter(
         unit="m",
@@ -156,7 +157,8 @@ class PlenopticCamera(DepthCamera):
     Parameters
     ----------
     main_lens, microlenses
-        The lens and the array.
+        The lens and the array. Distances to objects count from the first principal plane of the lens, that to the array
+        from the second one.
     field_curvature
         How much farther from the main lens its image is known to lie in the corner of the sensor than on the axis [m];
         the error of the same name is the unknown part.
@@ -169,13 +171,40 @@ class PlenopticCamera(DepthCamera):
     microlenses: MicrolensArray
     field_curvature: float = 0.0
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        lens = self.main_lens
+        if lens.entrance_pupil and not (self.principal_distance > 0.0 and self.geometry.mla_distance > 0.0):
+            raise OutOfRangeError(
+                "entrance_pupil of the main lens",
+                value=f"{lens.entrance_pupil * 1e3:g} mm",
+                limit="an exit pupil that the microlens array can see, and objects in focus in front of the entrance "
+                "pupil",
+                remedy="correct entrance_pupil or exit_pupil",
+            )
+
     @property
     def gathering_lens(self) -> Lens:
         """The main lens."""
         return self.main_lens
 
+    @property
+    def principal_plane(self) -> float:
+        """Distances count from the first principal plane, because depth follows from conjugates."""
+        return 0.0
+
+    @property
+    def origin(self) -> str:
+        """See `Camera.origin`."""
+        return "first principal plane of the main lens"
+
+    @property
+    def principal_distance(self) -> float:
+        """Principal distance c of the array [m], so that c/A is the f-number on the image side; z for a thin lens."""
+        return self.main_lens.principal_distance(self.geometry.mla_distance)
+
     def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - nothing moves
-        """Distance from main lens to sensor [m]."""
+        """Distance from the second principal plane of the main lens to the sensor [m]."""
         return self.geometry.mla_distance + self.microlenses.gap
 
     @property
@@ -192,6 +221,7 @@ class PlenopticCamera(DepthCamera):
             pitch=self.microlenses.pitch,
             corner=self.sensor.diagonal / 2.0,
             field_curvature=self.field_curvature,
+            entrance_pupil=self.main_lens.entrance_pupil,
         )
 
     @abstractmethod
@@ -223,9 +253,9 @@ class PlenopticCamera(DepthCamera):
         """
 
     def field_angle(self, field: float) -> float:
-        """Angle [rad] of a position on the sensor's diagonal, seen from the main lens at the distance of the array."""
+        """Angle [rad] of a position on the sensor's diagonal, seen from the pupil at the distance of the array."""
         require_field(field)
-        return math.atan(field * self.sensor.diagonal / 2.0 / self.geometry.mla_distance)
+        return math.atan(field * self.sensor.diagonal / 2.0 / self.principal_distance)
 
     def read(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
@@ -247,10 +277,10 @@ class PlenopticCamera(DepthCamera):
     def _points(self, distance: FloatArray, field: Field) -> Points:
         """Points [m] at distances [m] that the design pictures at field positions."""
         right, down = (
-            share * extent / 2.0 / self.geometry.mla_distance
+            share * extent / 2.0 / self.principal_distance
             for share, extent in zip(shares_of(field), (self.sensor.width, self.sensor.height), strict=True)
         )
-        return right * distance, down * distance, distance
+        return right * self.from_pupil(distance), down * self.from_pupil(distance), distance
 
     def light_chain(self) -> MicrolensCamera:
         """The camera in the form that `tradestudy.optics.microlens_image` expects.
@@ -259,7 +289,20 @@ class PlenopticCamera(DepthCamera):
         their phase, or adds aberrations. A table of focal lengths models
         field curvature: it moves images near the array as in the design. Positions are those of the light, upside
         down compared with the picture.
+
+        Raises
+        ------
+        OutOfRangeError
+            The entrance pupil lies outside the principal planes.
         """
+        if self.main_lens.entrance_pupil:
+            raise OutOfRangeError(
+                "light behind microlenses is computed for a pupil in the principal planes of the main lens only: "
+                "entrance_pupil",
+                value=f"{self.main_lens.entrance_pupil * 1e3:g} mm",
+                limit="0 mm",
+                remedy="use geometric optics, or leave entrance_pupil and exit_pupil out",
+            )
         # Reading a study does not need them.
         from tradestudy.optics.microlens_camera import MicrolensCamera
         from tradestudy.optics.propagation.lens import FocalLengths
@@ -332,7 +375,7 @@ class PlenopticCamera(DepthCamera):
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - none of depth
         """Contradictions of the main lens and of the array."""
         array = array_contradictions(self.main_lens, self.microlenses, self.geometry.mla_distance, stated)
-        return [*lens_contradictions(self.main_lens, self.sensor, stated), *array]
+        return [*lens_contradictions(self.main_lens, self.sensor, stated, part="main_lens"), *array]
 
 
 def fill_properties(array: MicrolensArray) -> Properties:
@@ -365,7 +408,7 @@ def array_contradictions(
         for what, key, value, used in pairs
         if value is not None and not math.isclose(value, used, rel_tol=PRINTED_TOLERANCE)
     ]
-    micro, main = array.gap / array.pitch, mla_distance / lens.pupil_diameter
+    micro, main = array.gap / array.pitch, lens.principal_distance(mla_distance) / lens.pupil_diameter
     if not math.isclose(micro, main, rel_tol=_MATCHING_TOLERANCE):
         found.append(
             Contradiction(

@@ -54,7 +54,7 @@ def scale_across(lens: LensModel, slope: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class SingleLensExposure:
-    """A thin lens focused at one distance, and a sensor behind it.
+    """A lens focused at one distance, and a sensor behind it; distances count from its entrance pupil.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ class SingleLensExposure:
 
     @property
     def image_distance(self) -> float:
-        """Distance from lens to sensor [m], which determines the light on the sensor."""
-        return float(image_distance(self.focus_distance, self.lens.focal_length))
+        """Principal distance of the sensor [m], which determines the light on it; see `Lens.thin`."""
+        return float(image_distance(self.focus_distance, self.lens.thin(self.focus_distance).focal_length))
 
     @property
     def scales(self) -> FloatArray:
@@ -152,11 +152,13 @@ class SingleLensExposure:
 
     def description(self) -> Description:
         """Lens, focus and interior orientation."""
+        pupil = self.lens.entrance_pupil
         return {
             "focal_length": self.lens.focal_length,
             "pupil_diameter": self.lens.pupil_diameter,
             "focus_distance": self.focus_distance,
-            "lens_to_sensor": self.image_distance,
+            "lens_to_sensor": float(image_distance(self.focus_distance - pupil, self.lens.focal_length)),
+            **({"entrance_pupil": pupil} if pupil else {}),
             "principal_distance": float(self.scales[0]),
             "principal_distance_vertical": float(self.scales[1]),
             "principal_point": list(self.principal_point),
@@ -168,13 +170,13 @@ class SingleLensExposure:
 def picture_through_lens(distance: FloatArray, lens: Lens, sensor: Sensor, focus: FloatArray) -> PictureGeometry:
     """The picture of objects at distances [m] through a lens focused at ``focus`` [m] for each; NaN without one.
 
-    The largest window is the whole sensor.
+    Distances count from the entrance pupil. The largest window is the whole sensor.
     """
-    f, pupil = lens.focal_length, lens.pupil_diameter
+    f, pupil = np.where(np.isnan(focus), lens.focal_length, lens.thin_focal_length(focus)), lens.pupil_diameter
     to_sensor = image_distance(focus, f)
     stage = LensStage(
         aperture_diameter=pupil,
-        focal_length=np.full_like(distance, f),
+        focal_length=f,
         object_distance=distance,
         plane_distance=to_sensor,
         blur_diameter=blur_diameter(distance, focus, f, pupil),

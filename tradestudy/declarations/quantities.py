@@ -130,6 +130,7 @@ def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[s
 
 
 Length = Annotated[float, *quantity(units.LENGTH)]
+LengthOrInfinity = Annotated[float, *quantity(units.LENGTH, infinite=True)]
 PositiveLength = Annotated[float, *quantity(units.LENGTH, above=0.0)]
 NonNegativeLength = Annotated[float, *quantity(units.LENGTH, at_least=0.0)]
 # A wavelength outside these limits has a wrong unit ("550 mm").

@@ -157,6 +157,7 @@ def focused_plenoptic_lateral_resolution(
     pixel_pitch: ArrayLike,
     pupil_diameter: ArrayLike,
     wavelength: ArrayLike,
+    entrance_pupil: float = 0.0,
 ) -> LateralResolution:
     """Lateral resolution on the object for one type of microlens: sample, blur and Airy radius.
 
@@ -174,6 +175,8 @@ def focused_plenoptic_lateral_resolution(
         A of the main lens [m].
     wavelength
         λ > 0 [m].
+    entrance_pupil
+        Distance e of the entrance pupil behind the principal plane from which a counts [m].
 
     Returns
     -------
@@ -181,7 +184,7 @@ def focused_plenoptic_lateral_resolution(
     is |v| times smaller than the main lens's image; the blur D |1/v − 1/v₀| is projected back with it. For an image on
     the array itself, a microlens resolves only its own aperture, D. The Airy disc is that of the part of the main
     lens's pupil through which a microlens sees the object, D b/|a_L| wide. Where that part would be wider than the
-    pupil A, the pupil diffracts instead: 1.22 λ a/A.
+    pupil A, the pupil diffracts instead: 1.22 λ (a + e)/A.
 
     Raises
     ------
@@ -205,7 +208,9 @@ def focused_plenoptic_lateral_resolution(
     return _broadcast(
         sampling=p * np.abs(v) * enlarged,
         blur=D * np.abs(1 - v * w0) * enlarged,
-        diffraction=np.maximum(through_microlens * np.abs(v) * enlarged, airy_radius(a, A, wavelength)),
+        diffraction=np.maximum(
+            through_microlens * np.abs(v) * enlarged, airy_radius(a + entrance_pupil, A, wavelength)
+        ),
     )
 
 
@@ -221,11 +226,12 @@ def focused_plenoptic_depth_of_field_at_resolution(
     pupil_diameter: ArrayLike,
     wavelength: ArrayLike,
     keplerian: bool,
+    entrance_pupil: float = 0.0,
 ) -> DepthOfField:
     """Where `focused_plenoptic_lateral_resolution` is at most r, on one side of the array.
 
     All conditions are linear in the focus shift s: q f |z − f − s| ≤ r b_L s with q the larger of pixel pitch and Airy
-    radius 1.22 λ b_L/D, D f |1 − (z − f − s)/(b_L v₀)| ≤ r s, and 1.22 λ (f + f²/s)/A ≤ r.
+    radius 1.22 λ b_L/D, D f |1 − (z − f − s)/(b_L v₀)| ≤ r s, and 1.22 λ (f + e + f²/s)/A ≤ r.
 
     Parameters
     ----------
@@ -233,7 +239,7 @@ def focused_plenoptic_depth_of_field_at_resolution(
         r > 0, size on the object [m].
     mla_distance, microlens_gap, focal_length, inverse_focus_virtual_depth, microlens_aperture, pixel_pitch
         As in `focused_plenoptic_lateral_resolution`.
-    pupil_diameter, wavelength
+    pupil_diameter, wavelength, entrance_pupil
         As in `focused_plenoptic_lateral_resolution`.
     keplerian
         Whether the main lens's image is used in front of the array.
@@ -269,7 +275,7 @@ def focused_plenoptic_depth_of_field_at_resolution(
         (allowed / coarser - 1, -array_shift),  # and behind it
         (allowed / D + slope, offset),  # the blur
         (allowed / D - slope, -offset),
-        (r / airy_radius(1.0, A, wavelength) - f, f * f),  # the pupil of the main lens
+        (r / airy_radius(1.0, A, wavelength) - f - entrance_pupil, f * f),  # the pupil of the main lens
         (-side, -side * array_shift),
     )
     empty = (low > high) | ~(high > 0)

@@ -121,8 +121,9 @@ def projected_radius_over_pitch(
     mla_distance: ArrayLike,
     pupil_diameter: ArrayLike,
     microlens_pitch: ArrayLike,
+    pupil_ratio: float = 1.0,
 ) -> FloatArray:
-    """Radius of the disc of light on the array, over the pitch: |a_L| A / (2 b p) with b = z − a_L.
+    """Radius of the disc of light on the array, over the pitch: |a_L| A / (2 p (z − g a_L)).
 
     Parameters
     ----------
@@ -130,34 +131,37 @@ def projected_radius_over_pitch(
         Signed distance a_L from the main lens's image to the array [m]: positive for an image in front of the array
         (Keplerian), negative for one behind it (Galilean), −∞ for an object in the main lens's front focal plane.
     mla_distance
-        Main lens to array, z > 0 [m].
+        Exit pupil to array, times g, z > 0 [m]; main lens to array for a thin lens.
     pupil_diameter
-        Diameter A of the main lens's pupil, in the plane of the lens [m].
+        Diameter A of the main lens's entrance pupil [m].
     microlens_pitch
         Distance between neighbouring lenses, p > 0 [m].
+    pupil_ratio
+        g, the diameter of the entrance pupil over that of the exit pupil: 1 for a thin lens, 0 for an exit pupil at
+        infinity.
 
     Returns
     -------
     Radius over pitch [1], broadcast; |v| z / (2 b) when the f-numbers match as b_L/p = z/A. It is 0 for an
-    image on the array and A/(2p) for one at infinity behind it.
+    image on the array and A/(2 g p) for one at infinity behind it.
 
     Raises
     ------
     OutOfRangeError
-        For an image that is not behind the main lens (a_L ≥ z), and for lengths that are not positive.
+        For an image that is not behind the exit pupil (g a_L ≥ z), and for lengths that are not positive.
     """
     a_L = np.asarray(microlens_object_distance, dtype=np.float64)
     z, A, p = _positive(mla_distance, pupil_diameter, microlens_pitch)
-    if not np.all(a_L < z):
+    if not np.all(np.where(a_L > 0.0, pupil_ratio * a_L, 0.0) < z):
         raise OutOfRangeError(
             "image of the main lens relative to the array",
             value=f"{np.max(a_L):g} m in front of the array",
             limit="less than the distance from main lens to array",
             remedy="move the object beyond the front focal point of the main lens",
         )
-    # a_L/(z − a_L) written so that an image at infinity behind the array gives its limit −1.
+    # a_L/(z − g a_L) written so that an image at infinity behind the array gives its limit −1/g.
     with np.errstate(divide="ignore"):
-        ratio = np.where(a_L == 0, 0.0, 1 / (z / a_L - 1))
+        ratio = np.where(a_L == 0, 0.0, 1 / (z / a_L - pupil_ratio))
     return np.asarray(np.abs(ratio) * A / (2 * p))
 
 
@@ -168,12 +172,13 @@ def covering_microlens_object_distance(
     mla_distance: ArrayLike,
     pupil_diameter: ArrayLike,
     microlens_pitch: ArrayLike,
+    pupil_ratio: float = 1.0,
 ) -> FloatArray:
-    """Signed a_L at which the disc of light has a given radius: a_L = ±2 r z / (A ± 2 r), the total covering plane.
+    """Signed a_L at which the disc of light has a given radius: a_L = ±2 r p z / (A ± 2 r p g).
 
     The inverse of `projected_radius_over_pitch` for one sign of the relay. With the radius `PAIR_COVERING_RADIUS`,
-    it is the plane beyond which two lenses see every point: images farther in front of the array for a Keplerian relay,
-    farther behind it for a Galilean one.
+    it is the total covering plane, beyond which two lenses see every point: images farther in front of the array for a
+    Keplerian relay, farther behind it for a Galilean one.
 
     Parameters
     ----------
@@ -181,12 +186,12 @@ def covering_microlens_object_distance(
         Radius of the disc over the pitch [1].
     keplerian
         Whether the image lies in front of the array.
-    mla_distance, pupil_diameter, microlens_pitch
-        As in `projected_radius_over_pitch` [m].
+    mla_distance, pupil_diameter, microlens_pitch, pupil_ratio
+        As in `projected_radius_over_pitch`.
 
     Returns
     -------
-    Signed distance [m], broadcast; −∞ for a Galilean relay where 2 r p reaches the pupil diameter exactly.
+    Signed distance [m], broadcast; −∞ for a Galilean relay where 2 r p reaches the diameter of the exit pupil exactly.
 
     Raises
     ------
@@ -195,17 +200,18 @@ def covering_microlens_object_distance(
     """
     z, A, p = _positive(mla_distance, pupil_diameter, microlens_pitch)
     disc = 2 * np.asarray(radius_over_pitch, dtype=np.float64) * p
+    wider = pupil_ratio * disc
     if keplerian:
-        return np.asarray(disc * z / (A + disc))
-    if np.any(disc > A):
+        return np.asarray(disc * z / (A + wider))
+    if np.any(wider > A):
         raise OutOfRangeError(
             "diameter of the disc of light on the array",
             value=f"{np.max(disc):g} m",
-            limit=f"≤ {np.min(A):g} m, the pupil diameter, for a Galilean relay",
+            limit=f"≤ {np.min(A) / pupil_ratio:g} m, the diameter of the exit pupil, for a Galilean relay",
             remedy="open the aperture or take a smaller microlens pitch",
         )
     with np.errstate(divide="ignore"):  # an image at infinity is a valid limit
-        return np.asarray(-disc * z / (A - disc))
+        return np.asarray(-disc * z / (A - wider))
 
 
 def _positive(*lengths: ArrayLike) -> tuple[FloatArray, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -23,10 +24,7 @@ from tradestudy.declarations.quantities import (
     PositiveCount,
     PositiveDuration,
 )
-from tradestudy.optics.depth_of_field import (
-    object_distance_of_magnification,
-    object_distance_of_working_distance,
-)
+from tradestudy.optics.depth_of_field import object_distance_of_magnification
 
 
 class ReferenceScalePart(Part):
@@ -66,7 +64,9 @@ class ConventionalFocusPart(Part):
     exactly_one = (("distance", "image_scale", "working_distance"),)
 
     distance: ObjectDistanceOrInfinity | None = Field(
-        default=None, description="Distance from the object in focus to the principal plane of the lens."
+        default=None,
+        description="Distance from the object in focus to the entrance pupil of the lens, which lies in the principal "
+        "plane unless the lens says otherwise.",
     )
     image_scale: DetailSize | None = Field(
         default=None, description="Instead of `distance`: width that one pixel covers on an object in focus."
@@ -74,35 +74,19 @@ class ConventionalFocusPart(Part):
     working_distance: ObjectDistance | None = Field(
         default=None,
         description="Instead of `distance`: distance from the object in focus to the front of the lens; needs "
-        "`reference`.",
+        "`reference`, or housing_front of the lens.",
     )
     reference: ReferenceScalePart | None = None
     stack: FocusStackPart | None = Field(default=None, description="A focus stack instead of a single picture.")
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if self.working_distance is not None and self.reference is None:
-            raise MistakeAt(
-                ("working_distance",),
-                "is measured from the front of the lens; give a reference (working_distance and image_scale of one "
-                "focus setting)",
-            )
-        return self
-
-    def resolved(self, by_scale: Callable[[float], float]) -> float:
-        """Focus distance from the principal plane [m], however it is declared."""
+    def resolved(self, lens: Lens, by_scale: Callable[[float], float]) -> float:
+        """Focus distance from the entrance pupil [m], however it is declared; the lens knows where its front is."""
         if self.distance is not None:
             return self.distance
         if self.image_scale is not None:
             return by_scale(self.image_scale)
-        assert self.working_distance is not None and self.reference is not None  # noqa: PT018 - the schema's promise, for the type checker
-        return float(
-            object_distance_of_working_distance(
-                self.working_distance,
-                reference_working_distance=self.reference.working_distance,
-                reference_object_distance=by_scale(self.reference.image_scale),
-            )
-        )
+        assert self.working_distance is not None and lens.housing_front is not None  # noqa: PT018 - the schema's promise, for the type checker
+        return self.working_distance + lens.housing_front + lens.entrance_pupil
 
 
 class ConventionalLensPart(LensPart):
@@ -110,8 +94,8 @@ class ConventionalLensPart(LensPart):
 
     counts_given: ClassVar[tuple[int, ...]] = (0, 1)
 
-    f_number: FNumber = Field(
-        default="2.8", validate_default=True, description="F-number: focal length divided by pupil diameter."
+    f_number: FNumber | None = Field(
+        default="2.8", validate_default=True, description=LensPart.model_fields["f_number"].description
     )
 
 
@@ -138,6 +122,14 @@ class ConventionalDeclaration(CameraDeclaration):
 
     @model_validator(mode="after")
     def _one_focal_length(self) -> Self:
+        if self.focus.working_distance is not None and self.focus.reference is None and self.lens.housing_front is None:
+            raise MistakeAt(
+                ("focus", "working_distance"),
+                "is measured from the front of the lens; give a reference (working_distance and image_scale of one "
+                "focus setting), or housing_front of the lens",
+            )
+        if self.focus.reference is not None and self.lens.housing_front is not None:
+            raise MistakeAt(("focus", "reference"), "housing_front of the lens says where its front is; remove this")
         given = [name for name in ("focal_length", "field_of_view") if getattr(self.lens, name) is not None]
         if self.geometry is None and not given:
             raise MistakeAt(("lens",), "give exactly one of focal_length and field_of_view")
@@ -170,8 +162,9 @@ class ConventionalDeclaration(CameraDeclaration):
 
         A calibrated geometry gives the mean of its focal lengths, times the scale of its lens model on the axis.
 
-        The image scale s for a pixel pitch p gives the magnification p/s, and thus the distance of the principal plane.
-        At the reference, this gives the position of that plane behind the front of the lens, which is assumed constant.
+        The image scale s for a pixel pitch p gives the magnification p/s, and thus the distance a of the principal
+        plane. At the reference, this gives the position of that plane behind the front of the lens, which is assumed
+        constant. The entrance pupil lies e behind the plane: Z = a + e.
         """
         sensor = self.sensor.sensor()
         geometry = self.geometry
@@ -180,25 +173,25 @@ class ConventionalDeclaration(CameraDeclaration):
         else:
             in_pixels = sum(geometry.focal_length) / 2.0 * geometry.lens_model().scale_on_axis
             focal_length = in_pixels * sensor.pixel_pitch
-            lens = Lens(focal_length=focal_length, f_number=self.lens.f_number)
+            lens = self.lens.of_focal_length(focal_length)
         focus = self.focus
 
         def by_scale(image_scale: float) -> float:
-            return float(object_distance_of_magnification(lens.focal_length, sensor.pixel_pitch / image_scale))
+            from_plane = float(object_distance_of_magnification(lens.focal_length, sensor.pixel_pitch / image_scale))
+            return from_plane + lens.entrance_pupil
 
-        behind_front = None
         if focus.reference is not None:
-            behind_front = by_scale(focus.reference.image_scale) - focus.reference.working_distance
+            in_focus = by_scale(focus.reference.image_scale) - lens.entrance_pupil
+            lens = replace(lens, housing_front=in_focus - focus.reference.working_distance)
         stack = focus.stack
         return ConventionalCamera(
             lens=lens,
             sensor=sensor,
-            focus_distance=focus.resolved(by_scale),
+            focus_distance=focus.resolved(lens, by_scale),
             stack=None
             if stack is None
             else FocusStackPlan(
                 near=stack.start, far=stack.stop, most_images=stack.images, time_per_image=stack.time_per_image
             ),
-            front_to_principal_plane=behind_front,
             calibrated=None if geometry is None else geometry.calibrated,
         )

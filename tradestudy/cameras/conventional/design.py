@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike
 from tradestudy.cameras.calibrated_pair import CalibratedCamera
 from tradestudy.cameras.camera import Camera, Contradiction, DerivedValue, Properties, lens_contradictions, show
 from tradestudy.cameras.depth_measurement import Environment, Errors
-from tradestudy.cameras.focus import BlurCriterion, SharpRange, SingleLensFocus, require_focus, sharp_range
+from tradestudy.cameras.focus import (
+    BlurCriterion,
+    SharpRange,
+    SingleLensFocus,
+    refocusing,
+    require_focus,
+    require_refocusing,
+    sharp_range,
+)
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.single_lens import SingleLensExposure, edge_angle, properties_of_lens
 from tradestudy.errors import OutOfRangeError
@@ -37,7 +45,7 @@ class ImageStackFocus:
     Parameters
     ----------
     lens
-        The lens; focusing moves it as a whole.
+        The lens; focusing moves it as a whole. Distances count from its entrance pupil.
     sample_pitch
         The pixel pitch [m].
     near, far
@@ -48,7 +56,8 @@ class ImageStackFocus:
     Raises
     ------
     OutOfRangeError
-        For an empty range, one that reaches into the focal length, or no images.
+        For an empty range, one that reaches into the focal length, or no images; or the entrance pupil lies in front
+        of the front focal point.
     """
 
     lens: Lens
@@ -61,7 +70,8 @@ class ImageStackFocus:
 
     def __post_init__(self) -> None:
         require_positive("pixel pitch", self.sample_pitch)
-        require_focus(self.near, self.lens.focal_length)
+        require_refocusing(self.lens)
+        require_focus(self.near, self.lens)
         if not self.near < self.far:
             raise OutOfRangeError(
                 "range of a focus stack",
@@ -74,7 +84,8 @@ class ImageStackFocus:
 
     def _planning_blur(self, criterion: BlurCriterion) -> tuple[float, str]:
         """The blur [m] left for defocus at the near end, where diffraction is widest, and the reason if it is zero."""
-        f_number = image_distance(self.near, self.lens.focal_length) / self.lens.pupil_diameter
+        thin = self.lens.thin(self.near)
+        f_number = image_distance(self.near, thin.focal_length) / thin.pupil_diameter
         allowance = criterion.allowance(self.sample_pitch, f_number)
         return float(allowance.geometric_diameter), allowance.reason
 
@@ -83,16 +94,16 @@ class ImageStackFocus:
         blur, _ = self._planning_blur(criterion)
         if not blur > 0.0:
             return np.empty(0)
-        lens = {"focal_length": self.lens.focal_length, "pupil_diameter": self.lens.pupil_diameter}
-        count = min(images_needed(self.near, self.far, **lens, blur_diameter=blur), self.most_images)
-        if blur >= self.lens.pupil_diameter:  # everything is sharp at any focus
+        lens = refocusing(self.lens, blur)
+        count = min(images_needed(self.near, self.far, **lens), self.most_images)
+        if lens["blur_diameter"] >= self.lens.pupil_diameter:  # everything is sharp at any focus
             return np.array([self.near])
-        return plan_focus_stack(self.near, self.far, images=count, **lens, blur_diameter=blur).focus_distances
+        return plan_focus_stack(self.near, self.far, images=count, **lens).focus_distances
 
     def _stack(self, focus_distances: FloatArray) -> list[SingleLensFocus]:
         return [
             SingleLensFocus(
-                lens=self.lens,
+                lens=self.lens.thin(float(distance)),
                 focus_distance=float(distance),
                 sample_pitch=self.sample_pitch,
                 name=f"image {number}",
@@ -116,7 +127,7 @@ class ImageStackFocus:
         # Beyond this distance, a pixel or the Airy radius covers more than the resolution at any focus.
         far = min(
             self.far,
-            self.lens.focal_length * (1.0 + resolution / self.sample_pitch),
+            self.lens.front_focus + self.lens.focal_length * (resolution / self.sample_pitch),
             resolution / float(airy_radius(1.0, self.lens.pupil_diameter, wavelength)),
         )
         share = resolution / self.lens.pupil_diameter
@@ -176,7 +187,7 @@ class FocusStackPlan:
     Parameters
     ----------
     near, far
-        Range of distances to cover [m] from the principal plane; far may be infinite.
+        Range of distances to cover [m] from the entrance pupil; far may be infinite.
     most_images
         Largest number of images in one stack.
     time_per_image
@@ -207,12 +218,9 @@ class ConventionalCamera(Camera):
     lens, sensor
         The lens and the sensor.
     focus_distance
-        Distance in focus of a single image [m] from the principal plane; infinity is allowed.
+        Distance in focus of a single image [m] from the entrance pupil; infinity is allowed.
     stack
         Focus stack instead of a single image; None for a fixed focus.
-    front_to_principal_plane
-        Distance of the principal plane behind the front of the lens [m], from which data sheets measure working
-        distances; None if unknown.
     calibrated
         Calibrated geometry of its picture, if known; focus, blur and light are those of the lens.
 
@@ -228,7 +236,6 @@ class ConventionalCamera(Camera):
     lens: Lens
     focus_distance: float
     stack: FocusStackPlan | None = None
-    front_to_principal_plane: float | None = None
     calibrated: CalibratedCamera | None = None
 
     def __post_init__(self) -> None:
@@ -237,13 +244,17 @@ class ConventionalCamera(Camera):
                 "a focus stack of a camera with a calibrated geometry, which holds for one focus setting",
                 remedy="remove the stack, or remove the geometry (geometry: null) and give lens.focal_length",
             )
-        # Both check their arguments.
-        _ = self.single_image, self.focus
+        require_focus(self.focus_distance, self.lens)
+        _ = self.focus  # checks its arguments
 
     @property
     def single_image(self) -> SingleLensFocus:
         """The focus of one image at `focus_distance`."""
-        return SingleLensFocus(lens=self.lens, focus_distance=self.focus_distance, sample_pitch=self.sensor.pixel_pitch)
+        return SingleLensFocus(
+            lens=self.lens.thin(self.focus_distance),
+            focus_distance=self.focus_distance,
+            sample_pitch=self.sensor.pixel_pitch,
+        )
 
     @property
     def focus(self) -> SingleLensFocus | ImageStackFocus:
@@ -279,9 +290,9 @@ class ConventionalCamera(Camera):
         return None if self.stack is None else self.stack.time_per_image
 
     def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - its own focus, whatever the scene
-        """Distance from lens to sensor [m], at the nearest focus of a stack."""
+        """Distance from the second principal plane to the sensor [m], at the nearest focus of a stack."""
         focus = self.focus_distance if self.stack is None else min(self.focus_distance, self.stack.near)
-        return float(image_distance(focus, self.lens.focal_length))
+        return float(image_distance(focus - self.principal_plane, self.lens.focal_length))
 
     def exposures(
         self,
@@ -337,18 +348,18 @@ class ConventionalCamera(Camera):
         rows: list[tuple[str, DerivedValue | str]] = [
             ("focal length", DerivedValue(lens.focal_length, LENGTH)),
             ("pupil diameter", DerivedValue(lens.pupil_diameter, LENGTH)),
-            ("focus distance, from the principal plane", DerivedValue(self.focus_distance, LENGTH)),
+            (f"focus distance, from the {self.origin}", DerivedValue(self.focus_distance, LENGTH)),
             ("working f-number", DerivedValue(single.working_f_number, NUMBER)),
             (f"horizontal field of view, {views}", DerivedValue(across, ANGLE)),
             (f"diagonal field of view, {views}", DerivedValue(diagonal, ANGLE)),
             *(() if self.calibrated is None else properties_of_lens(self.calibrated.lens, "lens model")),
         ]
         if math.isfinite(self.focus_distance):
-            in_focus = image_distance(self.focus_distance, self.lens.focal_length)
-            scale = self.sensor.pixel_pitch * self.focus_distance / float(in_focus)
+            in_focus = single.working_f_number * lens.pupil_diameter
+            scale = self.sensor.pixel_pitch * self.focus_distance / in_focus
             rows.insert(3, ("image scale in focus, per pixel", DerivedValue(scale, LENGTH)))
-        if self.front_to_principal_plane is not None:
-            working = self.focus_distance - self.front_to_principal_plane
+        if lens.housing_front is not None:
+            working = self.focus_distance - self.principal_plane - lens.housing_front
             rows.insert(3, ("working distance, from the front of the lens", DerivedValue(working, LENGTH)))
         if self.stack is not None:
             rows += [
@@ -356,7 +367,7 @@ class ConventionalCamera(Camera):
                 ("near end of the focus stack", DerivedValue(self.stack.near, LENGTH)),
                 ("far end of the focus stack", DerivedValue(self.stack.far, LENGTH)),
             ]
-        return tuple(rows)
+        return (*rows, *self.lens_places())
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - it measures no depth
         """Contradictions of the lens, and between the stated depth of field and that of the thin lens.

@@ -45,8 +45,8 @@ class MicrolensesPart(Part):
     pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
     gap: LensToSensor | Literal["f-number-matching"] = Field(
         description="Distance from the microlens array to the sensor. With `f-number-matching`, it is pitch × "
-        "(distance from main lens to array) / (pupil diameter), which makes the working f-numbers of main lens "
-        "(distance/diameter) and microlenses (gap/pitch) equal."
+        "(distance from main lens to array) / (pupil diameter), with distance and diameter of the exit pupil, which "
+        "makes the working f-numbers of main lens (distance/diameter) and microlenses (gap/pitch) equal."
     )
     types: Literal[1, 3] = Field(
         default=1,
@@ -84,7 +84,8 @@ class FocusPart(Part):
     exactly_one = (("mla_distance", "total_covering_plane"),)
 
     mla_distance: LensToSensor | None = Field(
-        default=None, description="Distance from the main lens to the microlens array."
+        default=None,
+        description="Distance from the main lens (its second principal plane) to the microlens array.",
     )
     total_covering_plane: ObjectDistanceOrInfinity | None = Field(
         default=None,
@@ -202,7 +203,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
         """The camera in SI; its array is placed so that the declared plane is the total covering plane.
 
         With b_M the image distance of that plane, ``z = b_M ± 2 b_L`` (Keplerian +, Galilean −); with f-number
-        matching, where ``b_L = p z / A``, this is ``z = b_M / (1 ∓ 2p/A)``.
+        matching, where ``b_L = p (g z − e)/A`` (see `Lens`), this is ``z = (b_M ∓ 2pe/A) / (1 ∓ 2pg/A)``.
         """
         sensor = self.sensor.sensor()
         lens = self.main_lens.lens(sensor)
@@ -212,7 +213,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
         sign = -1.0 if self.focus.relay == "galilean" else 1.0
         if self.focus.mla_distance is not None:
             z = self.focus.mla_distance
-            gap = gap_over_z * z if array.gap == "f-number-matching" else array.gap
+            gap = gap_over_z * lens.principal_distance(z) if array.gap == "f-number-matching" else array.gap
             sign = math.copysign(1.0, z - lens.focal_length)
         else:
             plane = self.focus.total_covering_plane
@@ -225,8 +226,9 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
                 )
             b = float(image_distance(plane, lens.focal_length))
             if array.gap == "f-number-matching":
-                z = b / (1.0 - sign * COVERING_VIRTUAL_DEPTH * gap_over_z)
-                gap = gap_over_z * z
+                twice = sign * COVERING_VIRTUAL_DEPTH * gap_over_z
+                z = (b - twice * lens.entrance_pupil) / (1.0 - twice * lens.pupil_ratio)
+                gap = gap_over_z * lens.principal_distance(z)
             else:
                 gap = array.gap
                 z = b + sign * COVERING_VIRTUAL_DEPTH * gap

@@ -75,8 +75,8 @@ class RawPictureSynthesis:
 
     @property
     def _over(self) -> float:
-        """Ratio b_L/z of array gap to array distance."""
-        return self.camera.microlenses.gap / self.camera.mla_distance
+        """Ratio b_L/z of array gap to the distance of the pupil."""
+        return float(self.camera.geometry.image_spread({}))
 
     @cached_property
     def _middle(self) -> Samples:
@@ -187,7 +187,8 @@ class RawPictureSynthesis:
         grid, at = self._grid, self._places
         values = np.where(self.picture.pure, self.picture.values, np.float32(np.nan))
         turn = (inverse_virtual_depth - self._over).ravel()
-        shift = np.array(place)[:, np.newaxis] * self._over / self.camera.sensor.pixel_pitch
+        narrower = self.camera.microlenses.gap / self.camera.principal_distance
+        shift = np.array(place)[:, np.newaxis] * narrower / self.camera.sensor.pixel_pitch
         first, second = np.rint(np.linalg.solve(grid.basis, at - self._middle)).astype(np.intp)
         pitch = float(np.linalg.norm(grid.basis[:, 0]))
         span = int(np.ceil(1.2 * (reach / pitch + 1.0)))
@@ -259,7 +260,7 @@ class RawPictureReader(DepthReader):
         array = camera.microlenses
         same_type = camera.lenses == "sharpest-type" and array.types > 1
         least = float(np.min(np.abs(self._inverse_virtual_depths)))
-        reach = 2.0 * grid.radius / max(least - camera.microlenses.gap / camera.mla_distance, 1e-9)
+        reach = 2.0 * grid.radius / max(least - float(camera.geometry.image_spread({})), 1e-9)
         if camera.estimator in ("adjacent-pair", "same-type-pair"):
             reach = neighbour_distance(camera.estimator, array) / camera.sensor.pixel_pitch * (1.0 + 1e-6)
         span = math.ceil(2.0 * reach / np.linalg.norm(grid.basis[:, 0]))
@@ -399,9 +400,9 @@ class RawPictureReader(DepthReader):
         ratios = []
         for f in array.focal_lengths:
             # The pupil, projected from the pixel onto the microlens.
-            scale = 1.0 + camera.mla_distance * (1.0 / array.gap - 1.0 / f)
+            scale = camera.main_lens.pupil_ratio + camera.principal_distance * (1.0 / array.gap - 1.0 / f)
             scale = math.copysign(max(abs(scale), 1e-6), scale)
-            apart = radius * pixel * camera.mla_distance / array.gap / scale
+            apart = radius * pixel * camera.principal_distance / array.gap / scale
             middle = centroid_of_common_part(
                 np.abs(apart), array.aperture_diameter / 2.0, camera.main_lens.pupil_diameter / 2.0 / abs(scale)
             )

@@ -112,14 +112,15 @@ def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scali
     """
     found = []
     for keplerian in (False, True):
-        if not keplerian and 2.0 * PAIR_COVERING_RADIUS * array.pitch > lens.pupil_diameter:
+        if not keplerian and 2.0 * PAIR_COVERING_RADIUS * array.pitch * lens.pupil_ratio > lens.pupil_diameter:
             continue
         a_L = float(
             covering_microlens_object_distance(
                 PAIR_COVERING_RADIUS,
-                mla_distance=mla_distance,
+                mla_distance=lens.principal_distance(mla_distance),
                 pupil_diameter=lens.pupil_diameter,
                 microlens_pitch=array.pitch,
+                pupil_ratio=lens.pupil_ratio,
                 keplerian=keplerian,
             )
         )
@@ -135,8 +136,8 @@ def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scali
 
 def _grid_scale(geometry: ArrayGeometry, errors: Errors) -> FloatArray:
     """Ratio of actual to designed distance of microlens centres, from the pitch and the pupil that locates them."""
-    z, gap = geometry.mla_distance, geometry.gap
-    through_pupil = (1.0 + gap / z) / (1.0 + gap / (z + value_of(errors, "pupil_distance")))
+    moved = {name: error for name, error in errors.items() if name == "pupil_distance"}
+    through_pupil = (1.0 + geometry.image_spread({})) / (1.0 + geometry.image_spread(moved))
     return geometry.pitch_scale(errors) * through_pupil
 
 
@@ -232,12 +233,13 @@ class FocusedPlenoptic(PlenopticCamera):
         NaN for objects inside the focal length, which have no image behind the main lens.
         """
         a_L = self.microlens_object_distance(distance)
-        real = a_L < self.mla_distance
+        real = (a_L < self.mla_distance) & (self.from_pupil(self.modelled_distance(distance)) > 0.0)
         radius = projected_radius_over_pitch(
             microlens_object_distance=np.where(real, a_L, 0.0),
-            mla_distance=self.mla_distance,
+            mla_distance=self.principal_distance,
             pupil_diameter=self.main_lens.pupil_diameter,
             microlens_pitch=self.microlenses.pitch,
+            pupil_ratio=self.main_lens.pupil_ratio,
         )
         return np.asarray(np.where(real, radius, np.nan))
 
@@ -334,10 +336,11 @@ class FocusedPlenoptic(PlenopticCamera):
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
         used, modelled = self.least_sharp_type(a), self.modelled_distance(a)
-        array, pixel, z = self.microlenses, self.sensor.pixel_pitch, self.mla_distance
-        f, pupil = self.main_lens.focal_length, self.main_lens.pupil_diameter
-        image = image_distance(modelled, f)
-        relayed = np.asarray(microlens_object_distance(modelled, z, f))
+        array, pixel, lens = self.microlenses, self.sensor.pixel_pitch, self.main_lens
+        z, f, pupil = self.principal_distance, lens.focal_length, lens.pupil_diameter
+        image = lens.principal_distance(image_distance(modelled, f))
+        from_pupil = self.from_pupil(modelled)
+        relayed = np.asarray(microlens_object_distance(modelled, self.mla_distance, f))
         # An image on the array is magnified infinitely: there is no picture.
         relayed = np.where(relayed == 0.0, np.nan, relayed)
         relay = array.gap / np.abs(relayed)
@@ -353,7 +356,7 @@ class FocusedPlenoptic(PlenopticCamera):
         micro_image = min(array.pitch, pupil * array.gap / z)
         found = PictureGeometry(
             distance=modelled,
-            magnification=image / modelled * relay,
+            magnification=image / from_pupil * relay,
             sample_pitch=pixel,
             sample_width=pixel,
             sample_shape="square",
@@ -370,8 +373,8 @@ class FocusedPlenoptic(PlenopticCamera):
             pupil_diameter=pupil,
             main_lens=LensStage(
                 aperture_diameter=pupil,
-                focal_length=np.full_like(modelled, f),
-                object_distance=modelled,
+                focal_length=np.where(np.isnan(modelled), f, lens.thin_focal_length(from_pupil)),
+                object_distance=from_pupil,
                 plane_distance=image,
                 blur_diameter=np.zeros_like(modelled),
                 relay=relay,
@@ -498,6 +501,7 @@ class FocusedPlenoptic(PlenopticCamera):
                 (f"microlens focal length, f_L{type_}", DerivedValue(focal_length, LENGTH))
                 for type_, focal_length in zip(types, array.focal_lengths, strict=True)
             ),
+            *self.lens_places(),
             ("pupil diameter", DerivedValue(lens.pupil_diameter, LENGTH)),
             ("microlens f-number, gap/pitch", DerivedValue(array.gap / array.pitch, NUMBER)),
             ("pixels per microlens", DerivedValue(array.pitch / sensor.pixel_pitch, NUMBER)),

@@ -220,6 +220,7 @@ class MicrolensTypesFocus:
                 pupil_diameter=self.main_lens.pupil_diameter,
                 wavelength=wavelength,
                 keplerian=keplerian,
+                entrance_pupil=self.main_lens.entrance_pupil,
             )
             for inverse, keplerian in zip(self._inverse_focus, self.keplerian, strict=True)
         ]
@@ -249,6 +250,7 @@ class MicrolensTypesFocus:
                 pixel_pitch=self.sample_pitch,
                 pupil_diameter=self.main_lens.pupil_diameter,
                 wavelength=wavelength,
+                entrance_pupil=self.main_lens.entrance_pupil,
             )
             for inverse in self._inverse_focus
         ]
@@ -269,7 +271,8 @@ class MicrolensTypesFocus:
         real = a > f
         v = virtual_depth(np.where(real, a, 2.0 * f), self.mla_distance, array.gap, f)
         spot = diffraction_diameter(wavelength, array.gap / array.aperture_diameter, measure)
-        of_pupil = diffraction_diameter(wavelength, 1.0 / self.main_lens.pupil_diameter, measure) * a
+        from_pupil = a + self.main_lens.entrance_pupil
+        of_pupil = diffraction_diameter(wavelength, 1.0 / self.main_lens.pupil_diameter, measure) * from_pupil
         width = np.maximum(spot * np.abs(v) * ((a - f) / f), of_pupil) * self._wider(distance, a)
         return np.asarray(np.where(real, width, np.nan))
 

@@ -30,7 +30,6 @@ from tradestudy.cameras.imported import (
     camera_stated,
     conventions_stated,
 )
-from tradestudy.cameras.parts import Lens
 from tradestudy.cameras.single_lens import edge_angle
 from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
@@ -186,8 +185,8 @@ class StereoLensPart(LensPart):
 
     counts_given: ClassVar[tuple[int, ...]] = (0, 1)
 
-    f_number: FNumber = Field(
-        default="2.8", validate_default=True, description="F-number: focal length divided by pupil diameter."
+    f_number: FNumber | None = Field(
+        default="2.8", validate_default=True, description=LensPart.model_fields["f_number"].description
     )
 
 
@@ -357,7 +356,7 @@ class StereoDeclaration(DepthCameraDeclaration):
             distortion = IDEAL if self.distortion is None else self.distortion.lens_model()
         else:
             focal_length = geometry.focal_length_px * sensor.pixel_pitch
-            lens, baseline = Lens(focal_length=focal_length, f_number=self.lenses.f_number), geometry.baseline
+            lens, baseline = self.lenses.of_focal_length(focal_length), geometry.baseline
             distortion, angle = calibrated.lenses[0], geometry.convergence_angle
             half = sensor.width / 2.0 / focal_length
             view = edge_angle(distortion, -half, 0.0) + edge_angle(distortion, half, 0.0)

@@ -27,7 +27,7 @@ from tradestudy.cameras.depth_measurement import (
     value_of,
     warmed,
 )
-from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
+from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus, require_focus, require_refocusing
 from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
@@ -107,11 +107,12 @@ class StereoRig(DepthCamera):
     lens, sensor
         The lens and the sensor of each camera.
     focus_distance
-        Distance in focus [m]; infinity is allowed; None if the lenses refocus on every object.
+        Distance in focus [m]; infinity is allowed; None if the lenses refocus on every object. As all distances, it
+        counts from the centres of projection, the entrance pupils.
     principal_distance_rule
         Distance of the sensor behind the centre of projection. ``focal_length``: the focal length, exact for lenses
-        focused at infinity and for a focal length from a calibration in pixels. ``focused``: the thin-lens image
-        distance for the focus distance a, ``c = f a/(a − f)``; the lens moves as a whole.
+        focused at infinity and for a focal length from a calibration in pixels. ``focused``:
+        ``c = f Z₀/(Z₀ − F)`` for the focus distance Z₀, with F = f for a thin lens; the lens moves as a whole.
     baseline
         Distance B between the two centres of projection [m].
     convergence_angle
@@ -166,13 +167,10 @@ class StereoRig(DepthCamera):
                 value=f"{math.degrees(self.convergence_angle):g}°",
                 limit="below 180°",
             )
-        if self.focus_distance is not None and not self.focus_distance > self.lens.focal_length:
-            raise OutOfRangeError(
-                "the lenses cannot focus that close",
-                value=f"{self.focus_distance * 1e3:g} mm",
-                limit=f"beyond the focal length, {self.lens.focal_length * 1e3:g} mm",
-                remedy="increase the focus distance",
-            )
+        if self.focus_distance is None:
+            require_refocusing(self.lens)
+        else:
+            require_focus(self.focus_distance, self.lens, "lenses")
         if self.focus_distance is not None and self._magnification > _LARGEST_MAGNIFICATION:
             raise OutOfRangeError(
                 f"focused at {self.focus_distance * 1e3:.9g} mm, just beyond the focal length, the lenses magnify",
@@ -191,20 +189,23 @@ class StereoRig(DepthCamera):
 
     @property
     def _magnification(self) -> float:
-        """Magnification at the focus distance a, ``f/(a − f)``."""
+        """Magnification ``f/(Z₀ − F)`` at the focus distance Z₀, with F the distance of the front focal point."""
         assert self.focus_distance is not None
-        return self.lens.focal_length / (self.focus_distance - self.lens.focal_length)
+        return self.lens.focal_length / (self.focus_distance - self.lens.front_focus)
 
     @property
     def principal_distance(self) -> float:
         """Distance c from the centre of projection to the sensor [m], by the declared rule."""
         if self.principal_distance_rule == "focal_length" or self.focus_distance is None:
             return self.lens.focal_length
-        return self.sensor_distance(self.focus_distance)
+        return self.lens.principal_distance(self.sensor_distance(self.focus_distance))
 
     def sensor_distance(self, focus_distance: float) -> float:
-        """Distance from lens to sensor [m] for a thin lens focused at a distance [m]: ``f a/(a − f)``."""
-        return float(image_distance(focus_distance, self.lens.focal_length))
+        """Distance from the second principal plane to the sensor [m] for lenses focused at a distance [m].
+
+        It is ``f a/(a − f)``, with a the distance from the first principal plane.
+        """
+        return float(image_distance(focus_distance - self.principal_plane, self.lens.focal_length))
 
     @property
     def focus(self) -> SingleLensFocus | EveryObjectFocus:
@@ -212,7 +213,7 @@ class StereoRig(DepthCamera):
         if self.focus_distance is None:
             return EveryObjectFocus(lens=self.lens, sample_pitch=self.sensor.pixel_pitch, mechanisms=2)
         return SingleLensFocus(
-            lens=self.lens,
+            lens=self.lens.thin(self.focus_distance),
             focus_distance=self.focus_distance,
             sample_pitch=self.sensor.pixel_pitch,
             name="both lenses",
@@ -279,7 +280,10 @@ class StereoRig(DepthCamera):
         return self.baseline
 
     def depth_behind_lens(self, nearest: float) -> float:
-        """Distance from lens to sensor [m], focused as declared or, if the lenses refocus, on the nearest distance."""
+        """Distance from the second principal plane to the sensor [m], focused as declared.
+
+        Lenses that refocus are focused on the nearest distance.
+        """
         return self.sensor_distance(nearest if self.focus_distance is None else self.focus_distance)
 
     @property
@@ -388,7 +392,7 @@ class StereoRig(DepthCamera):
         z = np.asarray(distance, dtype=np.float64)
         if self.focus_distance is None:
             return np.zeros_like(z)
-        f, pupil = self.lens.focal_length, self.lens.pupil_diameter
+        f, pupil = self.lens.thin(self.focus_distance).focal_length, self.lens.pupil_diameter
         return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
@@ -542,6 +546,7 @@ class StereoRig(DepthCamera):
             ),
             ("baseline", DerivedValue(self.baseline, LENGTH)),
             *(row for lens, what in lenses for row in properties_of_lens(lens, what)),
+            *self.lens_places(),
         )
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:
@@ -550,13 +555,13 @@ class StereoRig(DepthCamera):
         The two differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its noise.
         """
         views = (self.field_of_view, self._diagonal_view)
-        found = lens_contradictions(self.lens, self.sensor, stated, views)
+        found = lens_contradictions(self.lens, self.sensor, stated, views, "lenses")
         focus = self.focus_distance
         if self.principal_distance_rule != "focal_length" or focus is None or math.isinf(focus):
             return found
         if self.calibrated_pair is not None:
             return found  # the calibration gives the principal distance itself
-        f, focused = self.lens.focal_length, self.sensor_distance(focus)
+        f, focused = self.lens.focal_length, self.lens.principal_distance(self.sensor_distance(focus))
         magnification = focused / focus
         if magnification <= tolerance:
             return found

@@ -39,8 +39,9 @@ class UnfocusedMicrolensesPart(Part):
     )
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
         description="Focal length of a microlens, which is also its distance from the sensor. With "
-        "`f-number-matching`, it is pitch × (distance from main lens to array) / (pupil diameter), which makes the "
-        "working f-numbers of main lens (distance/diameter) and microlenses (focal length/pitch) equal."
+        "`f-number-matching`, it is pitch × (distance from main lens to array) / (pupil diameter), with distance and "
+        "diameter of the exit pupil, which makes the working f-numbers of main lens (distance/diameter) and "
+        "microlenses (focal length/pitch) equal."
     )
     aperture_diameter: MicrolensPitch | None = Field(
         default=None, description="Diameter of each microlens; default: the pitch."
@@ -110,7 +111,7 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
 
     def design(self, picture_law: DisparityErrorLaw | None) -> UnfocusedPlenoptic:
-        """The camera in SI; with f-number matching ``f_L = p z/A``."""
+        """The camera in SI; with f-number matching ``f_L = p c/A``, where c/A is the f-number on the image side."""
         sensor = self.sensor.sensor()
         lens = self.main_lens.lens(sensor)
         array = self.microlenses
@@ -122,8 +123,8 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
                 remedy="increase the focus distance",
             )
         z = float(image_distance(self.focus.distance, lens.focal_length))
-        matching = array.focal_length == "f-number-matching"
-        focal_length = array.pitch * z / lens.pupil_diameter if matching else float(array.focal_length)
+        matched = array.pitch * lens.principal_distance(z) / lens.pupil_diameter
+        focal_length = matched if array.focal_length == "f-number-matching" else float(array.focal_length)
         aperture = array.aperture_diameter or (focal_length / array.f_number if array.f_number else array.pitch)
         return UnfocusedPlenoptic(
             main_lens=lens,

@@ -93,7 +93,7 @@ class ViewsReader(DepthReader):
     def _view(self, picture: FlatPicture, place: Samples) -> Samples:
         """The view through a position (2,) on the pupil [m], on the regular grid; NaN where missing."""
         camera, grid = self.camera, self._grid
-        pixel = place * camera.microlenses.gap / camera.mla_distance / camera.sensor.pixel_pitch
+        pixel = place * camera.microlenses.gap / camera.principal_distance / camera.sensor.pixel_pitch
         values = np.where(picture.pure, picture.values, np.float32(np.nan))
         row, column, shape = self._places
         found = np.full(shape, np.nan, np.float32)
@@ -136,10 +136,10 @@ class ViewsReader(DepthReader):
         depth = camera.depth_of_disparity(disparity * camera.sample_pitch, self.search.far)
         reason[(reason == Reason.MEASURED) & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
         depth = np.where(reason == Reason.MEASURED, depth, np.nan)
-        rate = camera.sample_pitch / (camera.estimator_baseline * camera.mla_distance)
+        rate = camera.sample_pitch / (camera.estimator_baseline * camera.principal_distance)
         return DepthMap(
             depth=depth,
-            deviation=deviation * rate * np.square(depth),
+            deviation=deviation * rate * np.square(camera.from_pupil(depth)),
             disparity_deviation=deviation,
             reason=reason,
         )

@@ -7,7 +7,8 @@ in two views whose parts are Δu apart shifted by
 
 on the array, by similar triangles from the pupil through the image point. This is exactly a parallel stereo rig with
 baseline Δu and principal distance z whose disparities are relative to the plane of focus. One lateral sample is one
-microlens.
+microlens. If the entrance pupil lies outside the principal planes, a and a₀ count from the pupil in this equation, and
+the principal distance c of the array stands for z; see `Lens`.
 
 With errors in all parameters: The two pixels of a pair of views lie N apart under every microlens, measured from the
 centre of its white image, which is the image of the exit pupil at a distance z_p in front of the array. A pixel at a
@@ -128,11 +129,11 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @cached_property
     def view_pupil_diameter(self) -> float:
-        """B = p_px z/f_L [m]: width of the part of the pupil that a pixel sees, and baseline of neighbouring views."""
+        """B = p_px c/f_L [m]: width of the part of the pupil that a pixel sees, and baseline of neighbouring views."""
         return float(
             view_pupil_diameter(
-                self.focus_distance,
-                focal_length=self.main_lens.focal_length,
+                float(self.from_pupil(self.focus_distance)),
+                focal_length=self._thin.focal_length,
                 pixel_pitch=self.sensor.pixel_pitch,
                 microlens_focal_length=self.microlenses.gap,
             )
@@ -141,7 +142,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
     @property
     def micro_image_diameter(self) -> float:
         """Diameter of the pupil's image under a microlens [m]; it equals the pitch where the f-numbers match."""
-        return self.main_lens.pupil_diameter * self.microlenses.gap / self.mla_distance
+        return self.main_lens.pupil_diameter * self.microlenses.gap / self.principal_distance
 
     @property
     def _micro_image_used(self) -> float:
@@ -150,7 +151,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @cached_property
     def view_positions(self) -> FloatArray:
-        """Centres of the views in the pupil [m], shape (views, 2).
+        """Centres of the views in the entrance pupil [m], shape (views, 2).
 
         There is one view for each pixel whose centre lies in the image of the pupil and in the cell of the microlens.
         The pixel grid is centred on a pixel if the pitch is an odd number of pixels, and between pixels if it is even.
@@ -161,7 +162,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         line = (np.arange(across) - (across - 1) / 2.0) * pixel
         x, y = np.meshgrid(line, line)
         inside = np.hypot(x, y) <= reach
-        scale = self.mla_distance / self.microlenses.gap
+        scale = self.principal_distance / self.microlenses.gap
         return np.stack((x[inside], y[inside]), axis=-1) * scale
 
     @property
@@ -187,47 +188,66 @@ class UnfocusedPlenoptic(PlenopticCamera):
         Its lateral sample is one microlens. An image refocused by computation is the sum of the views, and no sharper
         than each of them.
         """
-        f = self.main_lens.focal_length
+        f = self._thin.focal_length
         return SingleLensFocus(
             lens=Lens(focal_length=f, f_number=f / self.view_pupil_diameter),
-            focus_distance=self.focus_distance,
+            focus_distance=float(self.from_pupil(self.focus_distance)),
             sample_pitch=self.microlenses.pitch,
             name="refocused views",
+            lens_behind=self.main_lens.entrance_pupil,
         )
+
+    @cached_property
+    def _thin(self) -> Lens:
+        """The thin lens in place of the entrance pupil that images as the main lens does, for views and their blur."""
+        return self.main_lens.thin(float(self.from_pupil(self.focus_distance)))
 
     def refocus_distance(self, shift: ArrayLike) -> FloatArray:
         """Distance in focus [m] for a shift between neighbouring views [microlenses]; see `refocus_distance`."""
-        return refocus_distance(
+        from_pupil = refocus_distance(
             shift,
-            self.focus_distance,
-            focal_length=self.main_lens.focal_length,
+            float(self.from_pupil(self.focus_distance)),
+            focal_length=self._thin.focal_length,
             view_pupil_diameter=self.view_pupil_diameter,
             microlens_pitch=self.microlenses.pitch,
         )
+        return np.asarray(from_pupil - self.main_lens.entrance_pupil)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
-        """``d = Δu z (1/a − 1/a₀)`` [m on the array]: 0 in the plane of focus, negative beyond."""
-        inverse = 1.0 / np.asarray(distance, dtype=np.float64)
-        return np.asarray(self.estimator_baseline * self.mla_distance * (inverse - 1.0 / self.focus_distance))
+        """``d = Δu c (1/a − 1/a₀)`` [m on the array], from the pupil: 0 in the plane of focus, negative beyond."""
+        return np.asarray(self.estimator_baseline * self.principal_distance * self._beyond_focus(distance))
+
+    def _beyond_focus(self, distance: ArrayLike) -> FloatArray:
+        """``1/a − 1/a₀`` [1/m], of distances from the entrance pupil."""
+        return np.asarray(1.0 / self.from_pupil(distance) - 1.0 / self.from_pupil(self.focus_distance))
 
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        """``−Δu z/a₀`` [m]."""
+        """``−Δu c/a₀`` [m]."""
         return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
 
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
-        """``1/a = 1/a₀ + d/(Δu z)`` [m]; infinite at and beyond the disparity of infinity."""
-        reach = self.estimator_baseline * self.mla_distance
-        return depth_of_inverse(1.0 / self.focus_distance + np.asarray(disparity) / reach)
+        """``1/a = 1/a₀ + d/(Δu c)`` [m], from the pupil; infinite at and beyond the disparity of infinity."""
+        reach = self.estimator_baseline * self.principal_distance
+        found = depth_of_inverse(1.0 / self.from_pupil(self.focus_distance) + np.asarray(disparity) / reach)
+        return np.asarray(found - self.main_lens.entrance_pupil)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
-        """Baseline ``Δu z/f`` [m] of the equally precise stereo rig with this focal length and disparity error."""
-        return np.full(np.shape(distance), self.estimator_baseline * self.mla_distance / self.main_lens.focal_length)
+        """Baseline ``Δu c/f`` [m] of the equally precise stereo rig with this focal length and disparity error.
+
+        The rig stands where distances count from, by ``(Z/a)²`` farther from the object than the pupil.
+        """
+        there = np.asarray(distance, dtype=np.float64)
+        nearer = np.where(np.isinf(there), 1.0, there / self.from_pupil(there))
+        return np.asarray(
+            self.estimator_baseline * self.principal_distance / self.main_lens.focal_length * np.square(nearer)
+        )
 
     def blur_px(self, distance: ArrayLike) -> FloatArray:
         """Geometric blur of one view on the array, in microlenses."""
-        a, f = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length
-        real = a > f
-        blur = blur_diameter(np.where(real, a, 2.0 * f), self.focus_distance, f, self.view_pupil_diameter)
+        real = self.images(distance)
+        a = np.where(real, self.from_pupil(distance), 2.0 * self.focus_distance)
+        focus = self.from_pupil(self.focus_distance)
+        blur = blur_diameter(a, focus, self._thin.focal_length, self.view_pupil_diameter)
         return np.asarray(np.where(real, blur / self.microlenses.pitch, np.inf))
 
     def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
@@ -241,18 +261,19 @@ class UnfocusedPlenoptic(PlenopticCamera):
         """
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
-        array, f, z, view = self.microlenses, self.main_lens.focal_length, self.mla_distance, self.view_pupil_diameter
+        array, f, z, view = self.microlenses, self._thin.focal_length, self.principal_distance, self.view_pupil_diameter
+        from_pupil = self.from_pupil(a)
         stage = LensStage(
             aperture_diameter=view,
             focal_length=np.full_like(a, f),
-            object_distance=a,
+            object_distance=from_pupil,
             plane_distance=np.full_like(a, z),
-            blur_diameter=blur_diameter(a, self.focus_distance, f, view),
+            blur_diameter=blur_diameter(from_pupil, self.from_pupil(self.focus_distance), f, view),
             relay=np.ones_like(a),
         )
         return PictureGeometry(
             distance=a,
-            magnification=z / a,
+            magnification=z / from_pupil,
             sample_pitch=array.pitch,
             sample_width=array.aperture_diameter,
             sample_shape="disc",
@@ -271,9 +292,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     def _shared_side(self, distance: FloatArray) -> FloatArray:
         """Side of the largest square that both outermost views show [microlenses]: the sensor minus their disparity."""
-        apart = np.abs(
-            np.ptp(self.view_positions[:, 0]) * self.mla_distance * (1.0 / distance - 1.0 / self.focus_distance)
-        )
+        apart = np.abs(np.ptp(self.view_positions[:, 0]) * self.principal_distance * self._beyond_focus(distance))
         along = np.maximum(self.sensor.width - apart, 0.0)
         return np.asarray(np.minimum(along, self.sensor.height) / self.microlenses.pitch)
 
@@ -284,8 +303,8 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @property
     def pixels_apart(self) -> float:
-        """Distance between the pixels of the estimator's two views under a microlens [m]: ``Δu b_L/z``."""
-        return self.estimator_baseline * self.microlenses.gap / self.mla_distance
+        """Distance between the pixels of the estimator's two views under a microlens [m]: ``Δu b_L/c``."""
+        return self.estimator_baseline * self.microlenses.gap / self.principal_distance
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
         """Disparity of a point, in microlenses of the design, and its position on the sensor.
@@ -296,22 +315,23 @@ class UnfocusedPlenoptic(PlenopticCamera):
         geometry = self.geometry
         place = geometry.place_of(errors, x, y, z)
         a_L = geometry.microlens_object_distance(errors, place, z)
-        shift = -self.pixels_apart * a_L / (place.gap * (1.0 - a_L / _pupil_distance(errors, place)))
+        shift = -self.pixels_apart * a_L / (place.gap * (1.0 - a_L * _pupil_vergence(errors, place)))
         return shift / geometry.pitch_scale(errors), *place.on_sensor
 
     def rescaled(self, seen: Observation, changed: Errors, scale: FloatArray) -> Observation:
         """See `PlenopticCamera.rescaled`; disparities are relative to the true, then to the calibrated centres.
 
         A pixel chosen by the centre c that was calibrated for its microlens lies ``o = (c + o₀) s − c m`` from the true
-        centre, where ``c = x (1 + b_L/z)``, s and m are the factors of pixels and array, and b_L/z is unchanged. With
-        ``r = m/s`` and N as calibrated, two views through one image are therefore ``d = g/(r + (1 − r)(1 + b_L/z)
-        g/N)`` apart, where g is the disparity between the true centres, in pitches that have grown with the array.
+        centre, where ``c = x (1 + b_L/z_p)``, s and m are the factors of pixels and array, and b_L/z_p is unchanged.
+        With ``r = m/s`` and N as calibrated, two views through one image are therefore
+        ``d = g/(r + (1 − r)(1 + b_L/z_p) g/N)`` apart, where g is the disparity between the true centres, in pitches
+        that have grown with the array.
         """
         shift, x, y = seen
         geometry = self.geometry
         array = geometry.pitch_scale(changed)
         g, r = shift * array, array / scale
-        kept = g / (r + (1.0 - r) * (1.0 + geometry.gap / geometry.mla_distance) * g / self.pixels_apart)
+        kept = g / (r + (1.0 - r) * (1.0 + geometry.image_spread({})) * g / self.pixels_apart)
         return kept, x / scale, y / scale
 
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:  # noqa: ARG002 - the same views at every distance
@@ -326,8 +346,8 @@ class UnfocusedPlenoptic(PlenopticCamera):
         place = geometry.place_seen(errors, seen_x, seen_y)
         turned = geometry.pitch_scale(errors) * np.cos(value_of(errors, "array_rotation"))
         d = shift * turned + disparity_error(errors)
-        pupil = _pupil_distance(errors, place)
-        opening = self.pixels_apart / place.gap - d / pupil
+        pupil = geometry.pupil_distance(errors, place.distance)
+        opening = self.pixels_apart / place.gap - d * _pupil_vergence(errors, place)
         image_times_opening = place.flat_distance * opening + place.stretch * d
         meet = ~(image_times_opening <= 0.0)
         inverse = 1.0 / geometry.focal_length_with(errors) - opening / np.where(meet, image_times_opening, np.nan)
@@ -351,7 +371,10 @@ class UnfocusedPlenoptic(PlenopticCamera):
             ("microlens focal length, f_L", DerivedValue(array.gap, LENGTH)),
             ("pupil diameter", DerivedValue(lens.pupil_diameter, LENGTH)),
             ("microlens f-number, gap/pitch", DerivedValue(array.gap / array.pitch, NUMBER)),
-            ("image-side f-number of the main lens", DerivedValue(self.mla_distance / lens.pupil_diameter, NUMBER)),
+            (
+                "image-side f-number of the main lens",
+                DerivedValue(self.principal_distance / lens.pupil_diameter, NUMBER),
+            ),
             ("pixels per microlens", DerivedValue(array.pitch / sensor.pixel_pitch, NUMBER)),
             *fill_properties(array),
             ("diameter of the micro-image of the pupil", DerivedValue(self.micro_image_diameter, LENGTH)),
@@ -371,9 +394,10 @@ class UnfocusedPlenoptic(PlenopticCamera):
                 "diagonal field of view, focused at infinity",
                 DerivedValue(lens.field_of_view(sensor.diagonal), ANGLE),
             ),
+            *self.lens_places(),
         )
 
 
-def _pupil_distance(errors: Errors, place: PlaceOnArray) -> FloatArray:
-    """Distance z_p from the exit pupil to the array [m]; by design the pupil lies in the main lens."""
-    return place.distance + value_of(errors, "pupil_distance")
+def _pupil_vergence(errors: Errors, place: PlaceOnArray) -> FloatArray:
+    """1/z_p [1/m] of the distance z_p from the exit pupil to the array; 0 for a pupil at infinity."""
+    return place.geometry.pupil_ratio / place.geometry.pupil_distance(errors, place.distance)
