@@ -119,6 +119,29 @@ def test_planes_are_measured_within_the_predicted_errors(
         assert 0.8 < (high - low) / 2.0 < 1.4
 
 
+@pytest.mark.parametrize("pupil", ["entrance_pupil=9 mm", "exit_pupil=-6 mm", "exit_pupil=infinity"])
+@pytest.mark.parametrize(
+    ("camera", "length"), [("pair", "1 mm"), ("plenoptic", "1 mm"), ("views", "3 mm"), ("stack", "1 mm")]
+)
+@pytest.mark.slow
+def test_planes_are_measured_through_lenses_with_distant_pupils(
+    tmp_path: Path, camera: str, length: str, pupil: str
+) -> None:
+    if camera == "pair":
+        pytest.importorskip("cv2")
+    part = {"pair": "lenses", "stack": "lens"}.get(camera, "main_lens")
+    overrides = [f"cameras.{camera}.{part}.{pupil}", f"cameras.{camera}.{part}.principal_separation=-3 mm"]
+    if camera == "views":
+        overrides += [f"cameras.views.microlenses.{key}" for key in ("focal_length=f-number-matching", "f_number=null")]
+    # A pupil at infinity lights fewer microlenses, of which pairs of one type see enough only of farther planes.
+    distance = 190 if camera == "plenoptic" else 145
+    score, maps = mapped(tmp_path, camera, PLANE.format(distance), overrides, length=length)
+    assert score.measured > 0.6 * score.seen > 300
+    both = np.isfinite(maps[""]) & (maps["_measurable"] > 0)
+    assert np.median(maps[""][both]) == pytest.approx(distance * 1e-3, rel=4e-3)
+    assert abs(score.relative_bias) < 0.5 or camera == "stack"
+
+
 @pytest.mark.parametrize("camera", ["pair", "converging", "plenoptic", "views"])
 def test_a_plane_at_the_end_of_the_distances_is_measured(tmp_path: Path, camera: str) -> None:
     """In single precision, 150 mm lies beyond the search range that ends there."""

@@ -168,7 +168,7 @@ def _size(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:
         return Attribute(text=" × ".join(pretty(side, LENGTH) for side in envelope), basis="")
     lens = camera.gathering_lens
     across = max(camera.sensor.diagonal, lens.pupil_diameter) + camera.separation
-    along = (lens.housing_front or 0.0) + lens.principal_separation + camera.depth_behind_lens(relief.near)
+    along = lens.principal_separation + camera.depth_behind_lens(relief.near)
     return Attribute(text=f"{pretty(along, LENGTH)} × {pretty(across, LENGTH)}")
 
 
@@ -220,8 +220,8 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="size",
-        says="declared, or a lower bound: distance from principal plane or front of the housing to sensor × (wider of "
-        "lens and sensor, plus baseline)",
+        says="declared, or a lower bound: distance from principal plane to sensor × (wider of lens and sensor, plus "
+        "baseline)",
         of=_size,
         path="attributes.envelope",
     ),

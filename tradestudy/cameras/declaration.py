@@ -170,6 +170,16 @@ class LensPart(Part):
         )
 
 
+class ProjectingLensPart(LensPart):
+    """The lens of a conventional camera, or of both cameras of a rig; ``geometry`` may determine its focal length."""
+
+    counts_given: ClassVar[tuple[int, ...]] = (0, 1)
+
+    f_number: FNumber | None = Field(
+        default="2.8", validate_default=True, description=LensPart.model_fields["f_number"].description
+    )
+
+
 class SensorPart(Part):
     """The sensor, an array of pixels."""
 

@@ -150,6 +150,17 @@ _FIELD_PLACES: Final = 101  # in a table; linear interpolation between them miss
 _ANY_COLOUR: Final = 550e-9  # the table is the same for all wavelengths
 
 
+def require_pupil(lens: Lens, mla_distance: float) -> None:
+    """Refuse an entrance pupil in front of the plane in focus on an array, whose exit pupil lies on or behind it."""
+    if lens.entrance_pupil and mla_distance > 0.0 >= lens.principal_distance(mla_distance):
+        raise OutOfRangeError(
+            "entrance_pupil of the main lens",
+            value=f"{lens.entrance_pupil * 1e3:g} mm",
+            limit="one that the objects in focus lie in front of",
+            remedy="correct entrance_pupil or exit_pupil",
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlenopticCamera(DepthCamera):
     """A camera with a main lens, a microlens array and a sensor.
@@ -173,15 +184,7 @@ class PlenopticCamera(DepthCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        lens = self.main_lens
-        if lens.entrance_pupil and not (self.principal_distance > 0.0 and self.geometry.mla_distance > 0.0):
-            raise OutOfRangeError(
-                "entrance_pupil of the main lens",
-                value=f"{lens.entrance_pupil * 1e3:g} mm",
-                limit="an exit pupil that the microlens array can see, and objects in focus in front of the entrance "
-                "pupil",
-                remedy="correct entrance_pupil or exit_pupil",
-            )
+        require_pupil(self.main_lens, self.geometry.mla_distance)
 
     @property
     def gathering_lens(self) -> Lens:

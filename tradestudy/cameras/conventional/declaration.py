@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from tradestudy.cameras.conventional.depth_reading import FocusStackReader
 from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStackPlan
-from tradestudy.cameras.declaration import CalibratedCameraPart, CameraDeclaration, LensPart, SensorPart
+from tradestudy.cameras.declaration import CalibratedCameraPart, CameraDeclaration, ProjectingLensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.imported import Imported, ImportedCamera, Stated, camera_stated, conventions_stated
@@ -18,7 +18,6 @@ from tradestudy.cameras.parts import Lens
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     DetailSize,
-    FNumber,
     ObjectDistance,
     ObjectDistanceOrInfinity,
     PositiveCount,
@@ -89,16 +88,6 @@ class ConventionalFocusPart(Part):
         return self.working_distance + lens.housing_front + lens.entrance_pupil
 
 
-class ConventionalLensPart(LensPart):
-    """The lens of a conventional camera; ``geometry``, if given, determines its focal length."""
-
-    counts_given: ClassVar[tuple[int, ...]] = (0, 1)
-
-    f_number: FNumber | None = Field(
-        default="2.8", validate_default=True, description=LensPart.model_fields["f_number"].description
-    )
-
-
 class ConventionalDeclaration(CameraDeclaration):
     """A conventional camera with fixed focus or with a focus stack.
 
@@ -111,7 +100,7 @@ class ConventionalDeclaration(CameraDeclaration):
     kind: Literal["conventional"]
     imports: ClassVar[tuple[type, ...]] = (ImportedCamera,)
 
-    lens: ConventionalLensPart = Field(default_factory=ConventionalLensPart)
+    lens: ProjectingLensPart = Field(default_factory=ProjectingLensPart)
     sensor: SensorPart
     geometry: CalibratedCameraPart | None = Field(
         default=None,

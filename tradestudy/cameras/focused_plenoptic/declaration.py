@@ -18,6 +18,7 @@ from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, Plen
 from tradestudy.cameras.focused_plenoptic.focus import DepthScaling
 from tradestudy.cameras.imported import Imported, ImportedPlenoptic, Stated, Value, conventions_stated
 from tradestudy.cameras.parts import MicrolensArray
+from tradestudy.cameras.plenoptic import require_pupil
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FocalLength,
@@ -232,6 +233,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             else:
                 gap = array.gap
                 z = b + sign * COVERING_VIRTUAL_DEPTH * gap
+        require_pupil(lens, z)
         if not (z > 0.0 and gap > 0.0):
             raise OutOfRangeError(
                 "the microlens array would lie in front of the main lens",

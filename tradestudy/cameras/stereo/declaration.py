@@ -15,7 +15,7 @@ from tradestudy.cameras.declaration import (
     CalibratedCameraPart,
     DepthCameraDeclaration,
     DisparityPart,
-    LensPart,
+    ProjectingLensPart,
     SensorPart,
 )
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
@@ -38,7 +38,6 @@ from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     Angle,
     Baseline,
-    FNumber,
     Length,
     ObjectDistanceOrInfinity,
     PositivePixels,
@@ -180,16 +179,6 @@ _NEARLY_PARALLEL: Final = 0.05
 """Convergence, as a fraction of the field of view, up to which the design of a calibrated pair is parallel."""
 
 
-class StereoLensPart(LensPart):
-    """The lenses of both cameras; ``geometry``, if given, determines their focal length."""
-
-    counts_given: ClassVar[tuple[int, ...]] = (0, 1)
-
-    f_number: FNumber | None = Field(
-        default="2.8", validate_default=True, description=LensPart.model_fields["f_number"].description
-    )
-
-
 class StereoDepthPart(DisparityPart):
     """How the rig measures depth."""
 
@@ -222,7 +211,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     kind: Literal["stereo"]
     imports: ClassVar[tuple[type, ...]] = (ImportedRig, ImportedCorners)
 
-    lenses: StereoLensPart = Field(default_factory=StereoLensPart)
+    lenses: ProjectingLensPart = Field(default_factory=ProjectingLensPart)
     sensor: SensorPart
     geometry: GeometryPart | None = Field(
         default=None,

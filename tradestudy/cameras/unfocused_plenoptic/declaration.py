@@ -12,6 +12,7 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.parts import MicrolensArray
+from tradestudy.cameras.plenoptic import require_pupil
 from tradestudy.cameras.unfocused_plenoptic.depth_reading import ViewsReader
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.cameras.unfocused_plenoptic.views import ViewEstimator
@@ -123,6 +124,7 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
                 remedy="increase the focus distance",
             )
         z = float(image_distance(self.focus.distance, lens.focal_length))
+        require_pupil(lens, z)
         matched = array.pitch * lens.principal_distance(z) / lens.pupil_diameter
         focal_length = matched if array.focal_length == "f-number-matching" else float(array.focal_length)
         aperture = array.aperture_diameter or (focal_length / array.f_number if array.f_number else array.pitch)
