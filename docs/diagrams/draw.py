@@ -65,6 +65,41 @@ def baseline_within_the_pupil() -> Figure:
     return figure
 
 
+def planes_and_pupils() -> Figure:
+    """Where the distances of a thick lens count from: its principal planes, and its pupils, which are images."""
+    focal_length, object_distance, entrance, front, rear, rim = 2.0, 4.6, 0.5, -0.5, 0.5, 0.95
+    image = rear + image_distance(focal_length, object_distance)
+    leaving = rear + image_distance(focal_length, -entrance)
+    start, pupil = front - object_distance, front + entrance
+    figure, axes = _panel(3.3, (-5.6, 4.9), (-3.5, 2.9))
+    axes.plot([start, image + 0.5], [0.0, 0.0], color=SOFT, linewidth=0.8)
+    for sign in (1.0, -1.0):
+        height = sign * rim * object_distance / (object_distance + entrance)
+        axes.plot([start, front, rear, image], [0.0, height, height, 0.0], color=BLUE, linewidth=1.4)
+        axes.plot([front, pupil], [height, sign * rim], color=BLUE, linewidth=1.0, linestyle=(0, (2, 2)))
+    for x, name in ((front, "H"), (rear, "H′")):
+        axes.plot([x, x], [-1.5, 1.5], color=INK, linewidth=1.2, linestyle=(0, (4, 2)))
+        _text(axes, x, 1.55, name, side="center", below=False, colour=INK, weight="bold")
+    for x, radius, colour, side, name in (
+        (pupil, rim, RED, "right", "entrance pupil"),
+        (leaving, rim * focal_length / (focal_length + entrance), GOLD, "left", "exit pupil"),
+    ):
+        for sign in (1.0, -1.0):
+            axes.plot([x, x], [sign * radius, sign * 1.4], color=colour, linewidth=2.4)
+        axes.plot([x, x], [1.4, 2.3], color=colour, linewidth=0.8)
+        _text(axes, x, 2.35, name, side=side, below=False, colour=colour)
+    axes.plot([image, image], [-1.0, 1.0], color=INK, linewidth=2.0)
+    _text(axes, image, 1.1, "array", side="center", below=False)
+    for left, right, y, words in (
+        (start, front, -1.9, "distances of a plenoptic camera"),
+        (start, pupil, -2.7, "distances of any other camera"),
+        (rear, image, -1.9, "to the array"),
+    ):
+        _arrow(axes, (left, y), (right, y))
+        _text(axes, (left + right) / 2.0, y - 0.08, words, side="center")
+    return figure
+
+
 def keplerian_and_galilean() -> Figure:
     """The image of the main lens lies before the microlenses, or would lie behind them."""
     figure = _sheet(4.5)
@@ -218,6 +253,7 @@ def overlap_and_occlusion() -> Figure:
 
 DIAGRAMS: Final[dict[str, Callable[[], Figure]]] = {
     "baseline-within-the-pupil": baseline_within_the_pupil,
+    "planes-and-pupils": planes_and_pupils,
     "keplerian-and-galilean": keplerian_and_galilean,
     "total-covering-plane": total_covering_plane,
     "yaw-pitch-roll": yaw_pitch_roll,

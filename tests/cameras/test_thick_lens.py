@@ -20,6 +20,7 @@ from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStac
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.two_apertures import Stop, TwoApertures
 
 Ray = tuple[float, float, float]
 """Position along the axis and height [m], and slope, the tangent of the angle to the axis."""
@@ -329,6 +330,15 @@ def test_stack_covers_its_range(glass: Glass) -> None:
     fewer = replace(camera, stack=replace(plan, most_images=needed - 1))
     ends = fewer.focus.sharp_range(criterion).union
     assert not ends.complete or ends.covered[0, 0] > 0.3 or ends.covered[-1, 1] < 0.6
+
+
+def test_waves_pass_the_image_of_a_stop_as_they_pass_the_stop() -> None:
+    """Rendered waves take the exit pupil in the scale of the entrance pupil, which changes no light."""
+    stop = Stop(scale=-10.9, reach=14.2e-3, radius=1.64e-3)
+    image = Stop(scale=0.3 * stop.scale, reach=0.3 * stop.reach, radius=0.3 * stop.radius)
+    offsets = np.array([0.0, 0.9e-3, 1.7e-3, 2.6e-3])
+    passed, by_image = (TwoApertures(wavelength=550e-9, radius=63e-6, stop=one) for one in (stop, image))
+    assert by_image.passed_share(0.3 * offsets) == pytest.approx(passed.passed_share(offsets), rel=1e-6, abs=1e-9)
 
 
 def test_waves_are_refused() -> None:

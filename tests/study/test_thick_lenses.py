@@ -15,6 +15,11 @@ from tests.study.test_python_studies import RIG
 from tradestudy.cameras.conventional.design import ConventionalCamera
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.errors import StudyError
+from tradestudy.report.document import Table
+from tradestudy.report.sections.depth_numbers import describe_datasheet
+from tradestudy.results.views.groups import origin_words
+from tradestudy.results.views.terminal import terminal_lines
+from tradestudy.wording import distance
 
 MAIN = PLENOPTIC["main_lens"]
 VIEWS = {
@@ -113,3 +118,33 @@ def test_depth_of_401_distances_in_a_tenth_of_a_second(camera: dict[str, Any]) -
         found.depth_uncertainty(distance + shift)
         times.append(time.process_time() - start)
     assert min(times) < 0.1
+
+
+def test_results_say_what_distances_count_from() -> None:
+    """In the terminal and the report, with working distances where the front is declared."""
+    plain = tradestudy.load({**SMALL, "cameras": {"rig": RIG, "plenoptic": PLENOPTIC}})
+    assert origin_words(plain.run().data) == []
+    changes = {
+        "cameras.plenoptic.main_lens.exit_pupil": -0.02,
+        "cameras.plenoptic.main_lens.housing_front": 0.025,
+        "cameras.rig.lenses.entrance_pupil": 0.003,
+        "cameras.rig.lenses.housing_front": -0.01,
+    }
+    result = plain.with_values(changes).run()
+    cameras = result.data["cameras"].to_dataset()
+    assert cameras["front"].values == pytest.approx([-0.007, 0.025], rel=1e-12)
+    lines = [
+        line.replace("\N{NO-BREAK SPACE}", " ")
+        for line in terminal_lines(result.data)
+        if line.startswith("Distances of")
+    ]
+    assert len(lines) == 2
+    assert lines[0].endswith("count from the entrance pupil; working distances, from the front, are 7 mm longer")
+    assert lines[1].endswith(
+        "count from the first principal plane; working distances, from the front, are 25 mm shorter"
+    )
+    sheets = [block for block in describe_datasheet(result.data) if isinstance(block, Table)]
+    first = [table.rows[0] for table in sheets]
+    assert all(row[0] == "Working distance, from the front" for row in first)
+    near = float(result.data["datasheet"]["sheet_distance"][0])
+    assert first[1][1] == distance(near - 0.025)

@@ -54,6 +54,8 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
             "focal_length": [camera.gathering_lens.focal_length for camera in cameras.values()],
             "f_number": [camera.gathering_lens.f_number for camera in cameras.values()],
             "baseline": [camera.view_baseline or math.nan for camera in cameras.values()],
+            "distance_origin": [camera.origin for camera in cameras.values()],
+            "front": [camera.front for camera in cameras.values()],
             "pixels_across": [float(camera.sensor.columns) for camera in cameras.values()],
             "pixels_down": [float(camera.sensor.rows) for camera in cameras.values()],
             "pixel_pitch": [camera.sensor.pixel_pitch for camera in cameras.values()],

@@ -257,13 +257,13 @@ class Camera(ABC):
 
     @property
     def origin(self) -> str:
-        """The point from which its distances count, in words."""
-        return "entrance pupil" if self.gathering_lens.entrance_pupil else "principal plane"
+        """The point from which its distances count, in words; see `principal_plane`."""
+        return "entrance pupil" if self.gathering_lens.is_thick else "principal plane"
 
     def lens_places(self) -> Properties:
         """Where distances count from, principal planes, pupils and front; none for a thin lens without a housing."""
         lens, rows = self.gathering_lens, dict[str, float]()
-        if lens.entrance_pupil or lens.principal_separation:
+        if lens.is_thick:
             rows = {
                 "separation of the principal planes": lens.principal_separation,
                 "entrance pupil, behind the first principal plane": lens.entrance_pupil,

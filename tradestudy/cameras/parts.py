@@ -111,6 +111,11 @@ class Lens:
         require_positive("f-number", self.f_number, "")
 
     @property
+    def is_thick(self) -> bool:
+        """Whether principal planes and pupils do not all coincide."""
+        return self.entrance_pupil != 0.0 or self.principal_separation != 0.0
+
+    @property
     def pupil_diameter(self) -> float:
         """A = f / N [m], of the entrance pupil."""
         return self.focal_length / self.f_number

@@ -199,7 +199,7 @@ class PlenopticCamera(DepthCamera):
     @property
     def origin(self) -> str:
         """See `Camera.origin`."""
-        return "first principal plane of the main lens"
+        return "first principal plane" if self.main_lens.is_thick else "principal plane"
 
     @property
     def principal_distance(self) -> float:

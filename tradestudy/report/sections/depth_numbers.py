@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -60,7 +60,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
                 Column(title="Value", weight=3),
                 *(Column(title=f"At {distance(place)}", align="right", weight=2) for place in places),
             ),
-            rows=tuple(_rows(one)),
+            rows=(*_working(tree, key, places), *_rows(one)),
         )
     if further := data.sizes["camera"] - len(shown):
         where = "`tables/datasheet_by_camera.csv` and `tables/datasheet_by_camera_sheet_distance.csv`"
@@ -73,6 +73,13 @@ def _of_matching(tree: xr.DataTree) -> str:
     if declared_matchers(tree):
         text += " Declared pixel locking is not temporal noise: it is the same in every repeated measurement."
     return f" {text.strip()}" if text else ""
+
+
+def _working(tree: xr.DataTree, key: str, places: Sequence[float]) -> Iterator[tuple[Text, ...]]:
+    """The distances as counted from the front of the housing, if it is declared."""
+    front = float(group(tree, "cameras")["front"].sel(camera=key)) if has(tree, "cameras", "front") else math.nan
+    if math.isfinite(front):
+        yield "Working distance, from the front", *(distance(place - front) for place in places)
 
 
 def _rows(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:

@@ -28,7 +28,7 @@ from tradestudy.results import PAPER
 from tradestudy.results.storage import CHECKSUM, PICTURES
 from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.designs import BY_UNIT
-from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
+from tradestudy.results.views.groups import camera_families, camera_titles, group, has, origin_words, records
 from tradestudy.results.views.requirement_conclusions import ALL, ANY, VERDICTS, requirement_conclusions
 from tradestudy.units import ANGLE, NUMBER, pretty, significant
 from tradestudy.wording import distance, in_words, listed, span
@@ -70,6 +70,8 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
         columns=tuple(column for column, _ in columns),
         rows=tuple(tuple(cell(row) for _, cell in columns) for row in rows),
     )
+    if origins := origin_words(tree):
+        yield Paragraph(f"{'. '.join(origins)}.")
 
 
 def _camera_notes(tree: xr.DataTree) -> Iterator[Block]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+
+from tradestudy.wording import distance, few
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -57,6 +60,22 @@ def camera_titles(tree: xr.DataTree) -> dict[str, str]:
 def camera_families(tree: xr.DataTree) -> dict[str, str]:
     """Get the families of all cameras by their keys."""
     return _by_key(tree, "family")
+
+
+def origin_words(tree: xr.DataTree) -> list[str]:
+    """From where the distances of cameras with distant pupils or a declared front count, and how long working ones are.
+
+    Each a clause without a full stop; thin lenses without a front are left out.
+    """
+    found: dict[str, list[str]] = {}
+    for row in records(tree, "cameras", "camera"):
+        front, origin = float(row.get("front", math.nan)), str(row.get("distance_origin", ""))
+        if math.isnan(front) and origin in ("", "principal plane"):
+            continue
+        shorter = "" if math.isnan(front) else f"; working distances, from the front, are {distance(abs(front))} "
+        words = f"count from the {origin}{shorter}{'' if not shorter else 'shorter' if front >= 0.0 else 'longer'}"
+        found.setdefault(words, []).append(str(row["title"]))
+    return [f"Distances of {few(titles)} {words}" for words, titles in found.items()]
 
 
 def titles_in(tree: xr.DataTree, name: str) -> dict[str, str]:

@@ -23,7 +23,15 @@ from tradestudy.results.views.conclusions import (
 from tradestudy.results.views.decision import solved_questions
 from tradestudy.results.views.depth import measured_numbers, measured_words, off_axis_words, offset_words
 from tradestudy.results.views.designs import feasible_designs, feasible_words
-from tradestudy.results.views.groups import camera_titles, consequences, has, perfectly_calibrated, records, unconverged
+from tradestudy.results.views.groups import (
+    camera_titles,
+    consequences,
+    has,
+    origin_words,
+    perfectly_calibrated,
+    records,
+    unconverged,
+)
 from tradestudy.results.views.headline import headline
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
@@ -114,6 +122,7 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         last.append(f"Not converged: the calibration of {few(failed)}")
     if perfect := perfectly_calibrated(tree):
         last.append(f"Assumed perfect: the calibration of {few(perfect)}")
+    last += origin_words(tree)
     last += [f"Contradictory inputs of {one}" for one in consequences(tree)]
     if ranges:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
