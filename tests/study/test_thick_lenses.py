@@ -69,12 +69,16 @@ def test_pupils_that_contradict_each_other_are_reported(camera: dict[str, Any]) 
     assert f"{part}.exit_pupil" in str(warning)
 
 
+DRIFTING = {**PLENOPTIC, "calibration": {"errors": {"pupil_distance": {"standard_deviation": 1e-5}}}}
+
+
 @pytest.mark.parametrize(
     ("camera", "lens", "message"),
     [
         (PLENOPTIC, {"entrance_pupil_diameter": 3e-3}, "exactly one of f_number and entrance_pupil_diameter"),
         (PLENOPTIC, {"f_number": None}, "exactly one of f_number and entrance_pupil_diameter"),
         (RIG, {"f_number": 4, "entrance_pupil_diameter": 3e-3}, "exactly one of f_number and entrance_pupil_diameter"),
+        (DRIFTING, {"exit_pupil": math.inf}, "errors.pupil_distance: the exit pupil lies at infinity"),
         (PLENOPTIC, {"exit_pupil": 0.0125}, "telecentric in object space"),
         (PLENOPTIC, {"entrance_pupil": -0.3}, "entrance_pupil of the main lens"),
         (VIEWS, {"entrance_pupil": -0.6}, "entrance_pupil of the main lens"),

@@ -410,6 +410,20 @@ class DepthCameraDeclaration(CameraDeclaration):
     calibration: CalibrationPart
     """The calibration part of its kind; see `calibration_part`."""
 
+    @model_validator(mode="after")
+    def _pupil_at_infinity_has_no_error(self) -> Self:
+        lens = getattr(self, "main_lens", None)
+        if not isinstance(lens, LensPart) or lens.exit_pupil != math.inf or lens.entrance_pupil is not None:
+            return self
+        errors, stability = self.calibration.errors, self.calibration.stability
+        for where, part in ((("errors",), errors), (("stability", "ageing"), stability.ageing)):
+            if "pupil_distance" in part.given():
+                raise MistakeAt(
+                    ("calibration", *where, "pupil_distance"),
+                    "the exit pupil lies at infinity; remove this error, or give a finite exit_pupil",
+                )
+        return self
+
     @abstractmethod
     def design(self, picture_law: DisparityErrorLaw | None) -> DepthCamera:
         """The camera in SI, without its calibration; see `CameraDeclaration.design`."""

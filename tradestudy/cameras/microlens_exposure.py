@@ -90,8 +90,8 @@ class ArrayGeometry:
         if self.pupil_ratio == 0.0 and "pupil_distance" in errors:
             raise OutOfRangeError(
                 "pupil_distance, the error of the distance of an exit pupil at infinity",
-                value="given",
-                limit="none",
+                value=f"{float(np.max(np.abs(errors['pupil_distance']))) * 1e3:g} mm",
+                limit="not given",
                 remedy="remove it, or give a finite exit_pupil",
             )
         z = np.asarray(distance, dtype=np.float64) + value_of(errors, "pupil_distance")
