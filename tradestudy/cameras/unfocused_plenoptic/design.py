@@ -59,6 +59,8 @@ METHOD: Final = Method(
             alt="d equals delta u times z times the quantity one over a minus one over a zero. One over a equals one "
             "over f M minus one over z plus d over delta u z.",
         ),
+        "If the entrance pupil lies outside the principal planes, *a* and *a*~0~ count from the pupil in this equation, "
+        "and the principal distance of the array stands for *z*.",
     ),
 )
 
@@ -315,7 +317,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         geometry = self.geometry
         place = geometry.place_of(errors, x, y, z)
         a_L = geometry.microlens_object_distance(errors, place, z)
-        shift = -self.pixels_apart * a_L / (place.gap * (1.0 - a_L * _pupil_vergence(errors, place)))
+        shift = -self.pixels_apart * a_L / (place.gap * (1.0 - _over_pupil_distance(a_L, errors, place)))
         return shift / geometry.pitch_scale(errors), *place.on_sensor
 
     def rescaled(self, seen: Observation, changed: Errors, scale: FloatArray) -> Observation:
@@ -347,7 +349,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         turned = geometry.pitch_scale(errors) * np.cos(value_of(errors, "array_rotation"))
         d = shift * turned + disparity_error(errors)
         pupil = geometry.pupil_distance(errors, place.distance)
-        opening = self.pixels_apart / place.gap - d * _pupil_vergence(errors, place)
+        opening = self.pixels_apart / place.gap - _over_pupil_distance(d, errors, place)
         image_times_opening = place.flat_distance * opening + place.stretch * d
         meet = ~(image_times_opening <= 0.0)
         inverse = 1.0 / geometry.focal_length_with(errors) - opening / np.where(meet, image_times_opening, np.nan)
@@ -398,6 +400,6 @@ class UnfocusedPlenoptic(PlenopticCamera):
         )
 
 
-def _pupil_vergence(errors: Errors, place: PlaceOnArray) -> FloatArray:
-    """1/z_p [1/m] of the distance z_p from the exit pupil to the array; 0 for a pupil at infinity."""
-    return place.geometry.pupil_ratio / place.geometry.pupil_distance(errors, place.distance)
+def _over_pupil_distance(length: FloatArray, errors: Errors, place: PlaceOnArray) -> FloatArray:
+    """A length over the distance z_p from the exit pupil to the array [1]; 0 for a pupil at infinity."""
+    return length * place.geometry.pupil_ratio / place.geometry.pupil_distance(errors, place.distance)
