@@ -59,8 +59,8 @@ METHOD: Final = Method(
             alt="d equals delta u times z times the quantity one over a minus one over a zero. One over a equals one "
             "over f M minus one over z plus d over delta u z.",
         ),
-        "If the entrance pupil lies outside the principal planes, *a* and *a*~0~ count from the pupil in this equation, and "
-        "the principal distance of the array stands for *z*.",
+        "If the entrance pupil lies outside the principal planes, *a* and *a*~0~ count from the pupil in this "
+        "equation, and the principal distance of the array stands for *z*.",
     ),
 )
 
