@@ -154,6 +154,33 @@ def test_a_plane_at_the_end_of_the_distances_is_measured(tmp_path: Path, camera:
     assert at_end.filled == pytest.approx(inside.filled, abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("camera", "values"),
+    [
+        ("plenoptic", {"array_tilt_x": "0.3 deg", "principal_point_y": "0.2 mm", "array_offset_x": "50 um"}),
+        ("plenoptic", {"depth_distortion_d1": "40 um", "array_rotation": "3 deg", "distortion_k1": "-3"}),
+        ("views", {"array_tilt_y": "0.3 deg", "depth_distortion_d1": "-40 um", "array_offset_y": "30 um"}),
+    ],
+)
+def test_known_values_act_in_the_picture_and_in_depth_read_from_it(
+    tmp_path: Path, camera: str, values: dict[str, str]
+) -> None:
+    """They would make a plane slope by 3.5 mm or more over the picture; at most a fifth of that remains, with noise."""
+    said = {"length": "1 mm" if camera == "plenoptic" else "1.5 mm", "contrast": "30 %"}
+    precise = [f"cameras.{camera}.depth.estimator=least-squares"]
+    overrides = [f"cameras.{camera}.calibration.known.{name}={value}" for name, value in values.items()]
+    plain, _ = mapped(tmp_path, camera, PLANE.format(150), precise, **said)
+    score, maps = mapped(tmp_path, camera, PLANE.format(150), [*precise, *overrides], **said)
+    assert score.measured > 0.9 * plain.measured
+    assert score.within > plain.within - 0.05
+    both = np.isfinite(maps[""]) & (maps["_measurable"] > 0)
+    row, column = np.nonzero(both)
+    base = np.stack([np.ones(row.size), column / both.shape[1] - 0.5, row / both.shape[0] - 0.5], axis=-1)
+    error = (maps[""] - maps["_true"])[both]
+    coefficients = np.linalg.lstsq(base, error, rcond=None)[0]
+    assert np.abs(coefficients).max() < 0.7e-3, coefficients
+
+
 @pytest.mark.parametrize("distance", [0.7, 1.03, 1.4])
 def test_a_plane_at_the_nearest_distance_is_measured(tmp_path: Path, distance: float) -> None:
     pytest.importorskip("cv2")

@@ -270,7 +270,12 @@ def test_plenoptic_reading_in_forty_digits():
         behind = (gap + e["microlens_gap"] - tilt) * grid / sigma
         image = z + e["mla_distance"] + tilt - behind * (1 + e["depth_distortion"] * square)
         image -= (m(known) + e["field_curvature"]) * square
-        expected = 1 / (f + e["focal_length"]) - 1 / image
+        at = square / (z + e["mla_distance"] + tilt) ** 2  # ρ² over the square of the image distance
+        d0, d1, d2 = (e[f"depth_distortion_d{k}"] for k in range(3))
+        undistorted = mpmath.findroot(
+            lambda b: b + (1 + d0 * b / z) * (d1 * at * b**2 + d2 * at**2 * b**4) - image, image
+        )
+        expected = 1 / (f + e["focal_length"]) - 1 / undistorted
     assert found.inverse_depth[0, 0] == pytest.approx(float(expected), rel=1e-9)
 
 

@@ -146,6 +146,11 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
             raise OutOfRangeError(
                 f"{name} cannot measure depth in its pictures", remedy="leave it out of depth_loop.cameras"
             )
+        if not np.array_equal(camera.modelled_distance(distance), distance):
+            raise OutOfRangeError(
+                f"{name} corrects measured depth (depth.scaling), which would count as an error in its pictures",
+                remedy="leave it out of depth_loop.cameras, or depth.scaling out of the camera",
+            )
         scale = 1.0 if part.texture_scaled_from is None else distance / part.texture_scaled_from
         texture = Texture(contrast=contrast, correlation_length=picture.texture.correlation_length * scale)
         declared = picture.settings(scene.wavelength, camera.sensor)
@@ -302,10 +307,11 @@ def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
     # Parity is preserved, so that pixels keep their positions.
     columns = min(sensor.columns, across + 2 * shift + (sensor.columns - across) % 2)
     rows = min(sensor.rows, down + 2 * shift_down + (sensor.rows - down) % 2)
-    changes: dict[str, Any] = {"sensor": replace(sensor, columns=columns, rows=rows)}
+    cropped = camera.cropped(columns, rows)
     if (measurement := camera.calibration.measurement) is not None:
-        changes["calibration"] = replace(camera.calibration, measurement=measurement.cropped(columns, rows))
-    return replace(camera, **changes)
+        changed = replace(camera.calibration, measurement=measurement.cropped(columns, rows))
+        cropped = replace(cropped, calibration=changed)
+    return cropped
 
 
 def _shifts_of_middles(camera: DepthCamera, distance: float) -> tuple[int, int]:

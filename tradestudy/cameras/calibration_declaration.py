@@ -29,6 +29,7 @@ from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.declarations.quantities import (
     Angle,
     Length,
+    Number,
     ObjectDistance,
     PositiveAngle,
     PositiveLength,
@@ -185,6 +186,7 @@ Correlation = Annotated[float, *quantity(units.NUMBER, at_least=-1.0, at_most=1.
 SquareSizeUncertainty = Annotated[float, *quantity(units.FRACTION, at_least=0.0, at_most=0.1)]
 
 _OF_UNIT: Final = {"m": LengthDistribution, "rad": AngleDistribution, "1": NumberDistribution}
+_KNOWN_OF_UNIT: Final = {"m": Length, "rad": Angle, "1": Number}
 _SOURCES: Final[tuple[SourceName, ...]] = ("corners", "target", "posterior")
 _ROUNDING: Final = 1e-9  # of correlations that are written with nine digits, as in files of draws
 
@@ -198,6 +200,14 @@ class ErrorsPart(Part):
     def given(self) -> dict[str, AnyDistribution]:
         """The declared errors by name."""
         return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
+
+
+class KnownPart(Part):
+    """Values of parameters that the calibration found. Each key names a parameter; those left out are zero.
+
+    The values act in measured depth, in its uncertainty and in rendered pictures. Errors and changes since the
+    calibration add to them. Blur, coverage, depth of field and lateral resolution are those of a camera without them.
+    """
 
 
 class CalibratedAtPart(Part):
@@ -410,6 +420,12 @@ class CalibrationPart(Part):
             yield ("stability",), "none: no change since the calibration"
 
     @property
+    def known_values(self) -> tuple[tuple[str, float], ...]:
+        """Names and values in SI of the parameters whose value is known and not zero."""
+        part = getattr(self, "known", None)
+        return tuple((name, value) for name in self.camera.known_parameters if (value := getattr(part, name)))
+
+    @property
     def source(self) -> SourceName:
         """The source of the errors' distribution."""
         return next((name for name in _SOURCES if getattr(self, name) is not None), "errors")
@@ -554,12 +570,18 @@ def calibration_part(
     ageing = Field(default_factory=errors, description=StabilityPart.model_fields["ageing"].description)
     changes = create_model(f"{title}Stability", __base__=stability, __doc__=stability.__doc__, ageing=(errors, ageing))
     described = Field(default_factory=errors, description=CalibrationPart.model_fields["errors"].description)
-    made = create_model(
-        f"{title}Calibration",
-        __base__=CalibrationPart,
-        __doc__=CalibrationPart.__doc__,
-        errors=(errors, described),
-        stability=(changes, Field(default_factory=changes)),
-    )
+    parts: dict[str, Any] = {
+        "errors": (errors, described),
+        "stability": (changes, Field(default_factory=changes)),
+    }
+    if camera.known_parameters:
+        values: dict[str, Any] = {
+            name: (_KNOWN_OF_UNIT[parameter.unit], Field(default=0.0, description=parameter.meaning))
+            for name, parameter in camera.error_vocabulary.items()
+            if name in camera.known_parameters
+        }
+        known = create_model(f"{title}Known", __base__=KnownPart, __doc__=KnownPart.__doc__, **values)
+        parts["known"] = (known, Field(default_factory=known))
+    made = create_model(f"{title}Calibration", __base__=CalibrationPart, __doc__=CalibrationPart.__doc__, **parts)
     made.camera, made.kind = camera, kind
     return made

@@ -184,6 +184,8 @@ class DepthCamera(Camera):
     """How depth is measured from its pictures, for readers of a report."""
     error_vocabulary: ClassVar[ErrorVocabulary]
     """Every parameter of its exact model that can be in error, including `PIXEL_NOISE`."""
+    known_parameters: ClassVar[tuple[str, ...]] = ()
+    """Parameters of `error_vocabulary` whose values, not only their errors, a calibration may state."""
     pictured_by_microlenses: ClassVar[bool] = False
     """Whether microlenses blur the matched picture."""
 
@@ -291,6 +293,10 @@ class DepthCamera(Camera):
     def as_pictured(self) -> Self:
         """The camera without calibration, propagation and disparity error, which do not affect its picture."""
         return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)
+
+    def cropped(self, columns: int, rows: int) -> Self:
+        """The camera with only the middle of its sensor, so many pixels wide and high."""
+        return replace(self, sensor=replace(self.sensor, columns=columns, rows=rows))
 
     def measured_depth(
         self, distance: FloatArray, field: Field, values: Mapping[str, FloatArray]

@@ -32,13 +32,17 @@ def disparity_error(errors: Errors) -> FloatArray:
 
 
 _UNDISTORTED: Final = Rational()
+_COEFFICIENTS: Final = ("k1", "k2", "k3", "p1", "p2")
+_DEPTH_COEFFICIENTS: Final = ("depth_distortion_d1", "depth_distortion_d2")
+_STEPS: Final = 6  # of Newton's method, which doubles the digits from about three on
 
 
 def _distortion(errors: Errors) -> Rational:
-    """Radial distortion of the main lens."""
-    if errors.keys().isdisjoint(("distortion_k1", "distortion_k2")):  # a shortcut saves time in every measurement
+    """Lateral distortion of the main lens."""
+    given = [name for name in _COEFFICIENTS if f"distortion_{name}" in errors]
+    if not given:  # a shortcut saves time in every measurement
         return _UNDISTORTED
-    return Rational(k1=value_of(errors, "distortion_k1"), k2=value_of(errors, "distortion_k2"))
+    return Rational(**{name: value_of(errors, f"distortion_{name}") for name in given})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,9 +141,14 @@ class ArrayGeometry:
 
     def place_of(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> PlaceOnArray:
         """The position where the ray from a point [m] through the centre of the pupil meets the array."""
-        a = np.asarray(z, dtype=np.float64) + self.entrance_pupil
-        slopes = _distortion(errors).image(x, y, a)
-        distance = self.pupil_distance({}, self.mla_distance + value_of(errors, "mla_distance"))
+        slopes = _distortion(errors).image(x, y, np.asarray(z, dtype=np.float64) + self.entrance_pupil)
+        distance, fall = self.mla_distance + value_of(errors, "mla_distance"), np.ones(())
+        for slope, axis in zip(slopes, "xy", strict=True):
+            if f"array_tilt_{axis}" in errors:  # a shortcut, as for distortion
+                tilt = value_of(errors, f"array_tilt_{axis}")
+                distance = distance + tilt * value_of(errors, f"principal_point_{axis}")
+                fall = fall - self.pupil_ratio * tilt * slope
+        distance = self.pupil_distance({}, distance) / fall
         return PlaceOnArray(geometry=self, errors=errors, x=slopes[0] * distance, y=slopes[1] * distance)
 
     def place_seen(self, errors: Errors, x: FloatArray, y: FloatArray) -> PlaceOnArray:
@@ -156,7 +165,7 @@ class ArrayGeometry:
         NaN for points that the main lens does not image.
         """
         a, f = np.asarray(distance, dtype=np.float64), self.focal_length_with(errors)
-        image = f + focus_shift(np.where(a > f, a, np.nan), f)
+        image = place.displaced(f + focus_shift(np.where(a > f, a, np.nan), f))[0]
         return (place.flat_distance - image) / place.stretch
 
 
@@ -211,6 +220,43 @@ class PlaceOnArray:
     def stretch(self) -> FloatArray:
         """Factor by which depth distortion stretches a_L [1]."""
         return 1.0 + value_of(self.errors, "depth_distortion") * self._square
+
+    @property
+    def _is_displacing(self) -> bool:
+        return not self.errors.keys().isdisjoint(_DEPTH_COEFFICIENTS)
+
+    def displaced(self, image: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distance b' [m] of the image of the main lens with the distortion ``d0`` to ``d2``, and its derivative.
+
+        ``b' = b + (1 + d₀ b/z)(d₁ ρ² + d₂ ρ⁴)``, where ρ is the distance of the image at b [m] from the axis over that
+        of the corner.
+        """
+        if not self._is_displacing:
+            return image, np.ones(())
+        d0, d1, d2 = (value_of(self.errors, f"depth_distortion_d{k}") for k in range(3))
+        growth, on_array = d0 / self.geometry.mla_distance, self.geometry.pupil_distance({}, self.distance)
+        on_image = self.geometry.pupil_distance({}, image)
+        square = self._square * np.square(on_image / on_array)
+        rise = 2.0 * self._square * self.geometry.pupil_ratio * on_image / np.square(on_array)
+        moved, grown = square * (d1 + d2 * square), 1.0 + growth * image
+        return image + grown * moved, 1.0 + growth * moved + grown * rise * (d1 + 2.0 * d2 * square)
+
+    def undisplacement(self, image: FloatArray) -> FloatArray:
+        """Distance [m] from an image at b' to that at b, by Newton's method; 0 for infinity. See `displaced`."""
+        if not self._is_displacing:
+            return np.zeros(())
+        known = np.where(np.isfinite(image), image, np.nan)
+        found = known
+        for _ in range(_STEPS):
+            seen, slope = self.displaced(found)
+            found = found - (seen - known) / slope
+        return np.where(np.isfinite(image), found - known, 0.0)
+
+    @property
+    def ray(self) -> tuple[FloatArray, FloatArray]:
+        """Slopes of the ray that meets the array here through the centre of the pupil; NaN without one."""
+        distance = self.geometry.pupil_distance({}, self.distance)
+        return _distortion(self.errors).ray(self.x / distance, self.y / distance)[:2]
 
     @cached_property
     def on_sensor(self) -> tuple[FloatArray, FloatArray]:
@@ -275,14 +321,14 @@ class MicrolensExposure:
         return pitch * np.array([[c, skew * c - rise * s], [s, skew * s + rise * c]])
 
     @property
-    def _offset(self) -> FloatArray:
-        """Vector from the middle of the sensor to the middle of the array [m]."""
-        return np.array([self._error("array_offset_x"), self._error("array_offset_y")])
+    def offset(self) -> FloatArray:
+        """Vector from the middle of the sensor to the middle of the array [m], shape (2, 1)."""
+        return np.array([[self._error("array_offset_x")], [self._error("array_offset_y")]])
 
     @property
     def _axis(self) -> FloatArray:
-        """Vector from the middle of the array to the axis of the main lens [m]."""
-        return np.array([self._error("principal_point_x"), self._error("principal_point_y")])
+        """Vector from the middle of the array to the axis of the main lens [m], shape (2, 1)."""
+        return np.array([[self._error("principal_point_x")], [self._error("principal_point_y")]])
 
     def centres(self, first: Indices, second: Indices) -> FloatArray:
         """Centres on the array [m], shape (2, …), of the microlenses with given numbers along both basis vectors."""
@@ -296,15 +342,26 @@ class MicrolensExposure:
             found = found + np.moveaxis(scatter[number % len(scatter)], -1, 0)
         return found
 
+    def place_of(self, centre: FloatArray) -> PlaceOnArray:
+        """Places of microlenses at centres on the array [m], shape (2, …)."""
+        x, y = centre - self._axis
+        return PlaceOnArray(geometry=self.geometry, errors=self.errors, x=x, y=y)
+
+    def image_centres(self, centre: FloatArray) -> FloatArray:
+        """Centres of the micro-images on the sensor [m] of microlenses at centres on the array [m], shape (2, …)."""
+        place = self.place_of(centre)
+        over = place.gap * self.geometry.pupil_ratio / self.geometry.pupil_distance(self.errors, place.distance)
+        return np.asarray(centre * (1.0 + over) - self._axis * over + self.offset)
+
     def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:
         """One cone for each pixel and each microlens that can send it light from the pupil."""
-        place = np.stack([x, y]) - self._offset[:, np.newaxis]
+        place = np.stack([x, y]) - self.offset
         z = self.geometry.mla_distance + self._error("mla_distance")
         narrower = (self.geometry.gap + self._error("microlens_gap")) / float(
             self.geometry.pupil_distance(self.errors, z)
         )
         over = narrower * self.geometry.pupil_ratio
-        near = (place + self._axis[:, np.newaxis] * over) / (1.0 + over)
+        near = (place + self._axis * over) / (1.0 + over)
         first, second = np.rint(np.linalg.inv(self._basis) @ near).astype(np.intp)
         steps = self._steps_within(self._reach(over, narrower, beyond) + _FARTHEST)
         parts = [self._through(place, first + i, second + j, beyond) for i, j in steps]
@@ -362,8 +419,8 @@ class MicrolensExposure:
         is −u' in the plane of the lens. Rays start in the first principal plane. The stop is the exit pupil, in the
         scale of the entrance pupil, where it is finite for a pupil at infinity too.
         """
-        centre = self.centres(first, second) - self._axis[:, np.newaxis]
-        s = place - self._axis[:, np.newaxis]
+        centre = self.centres(first, second) - self._axis
+        s = place - self._axis
         array = PlaceOnArray(geometry=self.geometry, errors=self.errors, x=centre[0], y=centre[1])
         gap, z = array.gap, array.distance
         types = (first - second) % 3 if self.microlenses.types == 3 else np.zeros_like(first)
@@ -382,11 +439,10 @@ class MicrolensExposure:
         f = self._focal_length(centre)
         on_lens = centre + z * slope
         seen = on_lens / f - slope
-        k1, k2 = self._error("distortion_k1"), self._error("distortion_k2")
-        if k1 or k2:
+        if (lens := _distortion(self.errors)) is not _UNDISTORTED:
             farther = 1.0 + e / self.reference_distance
             chief = (seen - on_lens / self.reference_distance) / farther
-            seen = seen + (np.stack(Rational(k1=k1, k2=k2).ray(chief[0], chief[1])[:2]) - chief) * farther
+            seen = seen + (np.stack(lens.ray(chief[0], chief[1])[:2]) - chief) * farther
         turned = 1.0 + z * bend
         numbers = np.stack(
             [
@@ -411,8 +467,9 @@ class MicrolensExposure:
         f = self.geometry.focal_length_with(self.errors)
         place = PlaceOnArray(geometry=self.geometry, errors=self.errors, x=centre[0], y=centre[1])
         b = image_distance(self.reference_distance, f)
-        moved = place.distance - (place.flat_distance - b) / place.stretch - b
-        return np.asarray(f + moved * (f / b) ** 2)
+        # The flat-field lens images the object at b' instead of b, so 1/f' = 1/f − 1/b + 1/b'.
+        seen = place.distance - (place.flat_distance - place.displaced(b)[0]) / place.stretch
+        return np.asarray(f / (1.0 + f * (b - seen) / (b * seen)))
 
     def description(self) -> Description:
         """Distances, lattice and types of the array, including errors."""
@@ -431,8 +488,8 @@ class MicrolensExposure:
             "microlens_aperture_diameter": self.microlenses.aperture_diameter,
             "microlens_basis": self._basis.T.tolist(),
             "microlens_type": "(first − second) modulo the number of types, first and second counting along the basis",
-            "array_centre_on_sensor": self._offset.tolist(),
-            "axis_on_array": self._axis.tolist(),
+            "array_centre_on_sensor": self.offset[:, 0].tolist(),
+            "axis_on_array": self._axis[:, 0].tolist(),
         }
 
 

@@ -30,6 +30,15 @@ class MicrolensGrid:
     centre, image_centre
         Centre of each microlens and of its micro-image on the sensor [px], x and y as columns and rows of pixels, shape
         (2, lenses).
+    pixel_pitch
+        Width of a pixel [m].
+    sensor_middle
+        The middle of the sensor, shape (2, 1) [px].
+    middle, image_middle
+        Centre of the microlens with the numbers 0, 0, and of its micro-image if neither array nor sensor were tilted,
+        shape (2, 1) [px].
+    gap
+        Distance from each microlens to the sensor [m], shape (lenses,).
     radius
         Radius of a micro-image [px].
     index
@@ -44,6 +53,11 @@ class MicrolensGrid:
     second: Indices
     centre: Samples
     image_centre: Samples
+    pixel_pitch: float
+    sensor_middle: Samples
+    middle: Samples
+    image_middle: Samples
+    gap: Samples
     radius: float
     index: Indices
     low: tuple[int, int]
@@ -64,6 +78,10 @@ class MicrolensGrid:
         """Column and row of the first pixel of every square, shape (2, lenses)."""
         return np.asarray(np.rint(self.image_centre).astype(np.intp) - self.half)
 
+    def on_sensor(self, place: Samples) -> Samples:
+        """Positions from the middle of the sensor [m] of positions (2, …) in pixels."""
+        return np.asarray((place - self.sensor_middle) * self.pixel_pitch)
+
     def beside(self, step: tuple[int, int]) -> Indices:
         """Index of the lens one step away from each; −1 for none."""
         return self.numbered(self.first + step[0], self.second + step[1])
@@ -77,8 +95,8 @@ class MicrolensGrid:
 
 
 def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
-    """The grid of a camera as designed."""
-    (exposure,) = camera.exposures(1.0, {}, None, 0.0)  # without errors, the reference distance does not matter
+    """The grid of a camera without errors."""
+    (exposure,) = camera.exposures(1.0, {}, None, 0.0)  # the reference distance does not matter to the array
     array, sensor, geometry = exposure.microlenses, exposure.sensor, exposure.geometry
     rows, columns = lattice_counts(array, sensor)
     first, second = (
@@ -87,8 +105,11 @@ def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
     )
     middle = np.array([[sensor.columns], [sensor.rows]]) / 2.0 - 0.5
     over = float(geometry.image_spread({}))
-    on_array = exposure.centres(first, second) / sensor.pixel_pitch
-    seen = on_array * (1.0 + over) + middle
+    centre = exposure.centres(first, second)
+    on_array = centre / sensor.pixel_pitch
+    seen = exposure.image_centres(centre) / sensor.pixel_pitch + middle
+    zero = np.zeros((2, 1))
+    array_middle = middle + exposure.offset / sensor.pixel_pitch
     radius = array.pitch * (1.0 + over) / 2.0 / sensor.pixel_pitch
     there = np.all((seen > -radius) & (seen < 2.0 * middle + radius), axis=0)
     first, second = first[there], second[there]
@@ -99,8 +120,13 @@ def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
     return MicrolensGrid(
         first=first,
         second=second,
-        centre=on_array[:, there] + middle,
+        centre=on_array[:, there] + array_middle,
         image_centre=seen[:, there],
+        pixel_pitch=sensor.pixel_pitch,
+        sensor_middle=middle,
+        middle=array_middle,
+        image_middle=middle + exposure.image_centres(zero) / sensor.pixel_pitch,
+        gap=np.broadcast_to(exposure.place_of(centre).gap, there.shape)[there],
         radius=radius,
         index=index,
         low=low,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,16 +115,37 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         meaning="Relative change, in the corner of the sensor, of the distance between the microlens array and the "
         "image that the main lens forms. The change grows with the square of the distance from the axis.",
     ),
-    "distortion_k1": ErrorParameter(
+    "depth_distortion_d0": ErrorParameter(
         unit="1",
         part=INTERIOR,
-        meaning="Coefficient of r² in the radial distortion of the main lens, where r is the slope of a ray.",
+        meaning="Relative growth of depth_distortion_d1 and depth_distortion_d2 with the image distance, times the "
+        "declared distance from the main lens to the microlens array.",
     ),
-    "distortion_k2": ErrorParameter(
-        unit="1",
+    "depth_distortion_d1": ErrorParameter(
+        unit="m",
         part=INTERIOR,
-        meaning="Coefficient of r⁴ in the radial distortion of the main lens, where r is the slope of a ray.",
+        meaning="Displacement away from the main lens of an image that lies as far from the axis as the corner of the "
+        "sensor. The displacement grows with the square of the image's own distance from the axis.",
     ),
+    "depth_distortion_d2": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="As depth_distortion_d1, but the displacement grows with the fourth power of the distance.",
+    ),
+    **{
+        f"distortion_{name}": ErrorParameter(
+            unit="1",
+            part=INTERIOR,
+            meaning=f"Coefficient {of} distortion of the main lens{where}.",
+        )
+        for name, of, where in (
+            ("k1", "of r² in the radial", ", where r is the slope of a ray"),
+            ("k2", "of r⁴ in the radial", ", where r is the slope of a ray"),
+            ("k3", "of r⁶ in the radial", ", where r is the slope of a ray"),
+            ("p1", "p1 of the tangential", ": the slopes x and y grow by 2 p1 x y and p1 (r² + 2 y²)"),
+            ("p2", "p2 of the tangential", ": the slopes x and y grow by p2 (r² + 2 x²) and 2 p2 x y"),
+        )
+    },
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
@@ -138,7 +159,15 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
 
 Depth distortion: O. Johannsen et al., "On the calibration of focused plenoptic cameras", 2013. A microlens's own focal
 length changes blur, not geometry, and is therefore not included. The principal point is a position on the array, as
-tilts require; ``array_offset_x`` and ``_y`` move the array on the sensor."""
+tilts require; ``array_offset_x`` and ``_y`` move the array on the sensor. ``depth_distortion_d0`` to ``_d2``: C. Heinze
+et al., "Automated robust metric calibration algorithm for multifocus plenoptic cameras", 2016."""
+KNOWN_VALUES: Final = (
+    *("array_rotation", "array_tilt_x", "array_tilt_y", "array_offset_x", "array_offset_y"),
+    *("principal_point_x", "principal_point_y", "depth_distortion"),
+    *("depth_distortion_d0", "depth_distortion_d1", "depth_distortion_d2"),
+    *("distortion_k1", "distortion_k2", "distortion_k3", "distortion_p1", "distortion_p2"),
+)
+"""Parameters whose values a calibration may state; those of the other lengths are declared with the camera."""
 
 
 # f-number matching is a rule of thumb; a mismatch of a few percent neither wastes pixels nor mixes micro-images.
@@ -173,14 +202,32 @@ class PlenopticCamera(DepthCamera):
     field_curvature
         How much farther from the main lens its image is known to lie in the corner of the sensor than on the axis [m];
         the error of the same name is the unknown part.
+    known
+        Names among `KNOWN_VALUES`, and values in SI. The camera deviates from its design by them, and its calibration
+        contains them: they act in measured depth and in rendered pictures, and errors add to them. Blur, coverage and
+        lateral resolution are those of the design, as on the axis.
     """
 
     family: ClassVar[str] = "plenoptic"
     error_vocabulary: ClassVar[ErrorVocabulary] = PLENOPTIC_ERRORS
+    known_parameters: ClassVar[tuple[str, ...]] = KNOWN_VALUES
 
     main_lens: Lens
     microlenses: MicrolensArray
     field_curvature: float = 0.0
+    known: tuple[tuple[str, float], ...] = ()
+
+    def with_known(self, errors: Errors) -> Errors:
+        """Deviations from the design: the known values and errors."""
+        return {**errors, **{name: value + value_of(errors, name) for name, value in self.known}}
+
+    def cropped(self, columns: int, rows: int) -> Self:
+        """See `DepthCamera.cropped`; what is stated for the corner becomes that of the new corner."""
+        smaller = super().cropped(columns, rows)
+        square = (smaller.sensor.diagonal / self.sensor.diagonal) ** 2
+        of_corner = {"depth_distortion": square, "depth_distortion_d1": square, "depth_distortion_d2": square**2}
+        known = tuple((name, value * of_corner.get(name, 1.0)) for name, value in self.known)
+        return replace(smaller, known=known, field_curvature=self.field_curvature * square)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -255,6 +302,11 @@ class PlenopticCamera(DepthCamera):
         The true distance [m] determines which microlenses or views the estimator uses.
         """
 
+    @property
+    def is_centred(self) -> bool:
+        """Whether depth depends on a disparity alone, and not on its position in the picture."""
+        return not (self.known or self.field_curvature)
+
     def field_angle(self, field: float) -> float:
         """Angle [rad] of a position on the sensor's diagonal, seen from the pupil at the distance of the array."""
         require_field(field)
@@ -277,12 +329,15 @@ class PlenopticCamera(DepthCamera):
             out_of_range=~(valid & self.images(a)),
         )
 
+    def observe_at(self, distance: FloatArray, field: Field) -> Observation:
+        """What the camera without errors observes of points at distances [m] and a field position."""
+        return self.observe({}, *self._points(distance, field))
+
     def _points(self, distance: FloatArray, field: Field) -> Points:
-        """Points [m] at distances [m] that the design pictures at field positions."""
-        right, down = (
-            share * extent / 2.0 / self.principal_distance
-            for share, extent in zip(shares_of(field), (self.sensor.width, self.sensor.height), strict=True)
-        )
+        """Points [m] at distances [m] that the camera pictures at field positions if it has only its known values."""
+        half = (self.sensor.width / 2.0, self.sensor.height / 2.0)
+        x, y = (share * extent for share, extent in zip(shares_of(field), half, strict=True))
+        right, down = self.geometry.place_seen(self.with_known({}), x, y).ray
         return right * self.from_pupil(distance), down * self.from_pupil(distance), distance
 
     def light_chain(self) -> MicrolensCamera:
@@ -296,8 +351,15 @@ class PlenopticCamera(DepthCamera):
         Raises
         ------
         OutOfRangeError
-            The entrance pupil lies outside the principal planes.
+            The entrance pupil lies outside the principal planes, or the camera has known values of a calibration,
+            which light spots do not contain.
         """
+        if self.known:
+            raise OutOfRangeError(
+                "light spots are not computed for a camera with known values of its calibration",
+                value=", ".join(name for name, _ in self.known),
+                remedy="leave calibration.known out of the camera",
+            )
         if self.main_lens.entrance_pupil:
             raise OutOfRangeError(
                 "light behind microlenses is computed for a pupil in the principal planes of the main lens only: "
@@ -356,7 +418,9 @@ class PlenopticCamera(DepthCamera):
                 remedy="remove it",
             )
         changed = self.geometry.changed(errors, environment)
-        moved = {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}
+        moved = self.with_known(
+            {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}
+        )
         return [
             MicrolensExposure(
                 name="raw",
@@ -463,4 +527,4 @@ def _unsharp(lens: Lens, array: MicrolensArray, mla_distance: float) -> Iterator
 @lru_cache(maxsize=8)
 def _observation(camera: PlenopticCamera, distances: bytes, shape: tuple[int, ...], field: Field) -> Observation:
     """What an unchanged camera observes, from which depth is computed many times with different calibration errors."""
-    return camera.observe({}, *camera._points(np.frombuffer(distances).reshape(shape), field))
+    return camera.observe_at(np.frombuffer(distances).reshape(shape), field)

@@ -132,7 +132,7 @@ class PlenopticDepthPart(DisparityPart):
     scaling: DepthScalingPart = Field(
         default_factory=DepthScalingPart,
         description="Calibrated correction of measured depth; default: none. All distances of the study are metric. "
-        "Pictures of scenes cannot be rendered for a camera with a scaling.",
+        "Pictures of scenes are rendered without it and depth maps contain it, so that it appears as a bias there.",
     )
 
     @model_validator(mode="after")
@@ -257,6 +257,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             disparity_error_px=depth.error(picture_law),
             discrimination_step_px=depth.discrimination_step,
             field_curvature=self.field_curvature,
+            known=self.calibration.known_values,
             depth_scaling=depth_scaling,
         )
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -22,8 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.depth_measurement import places_within
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import neighbour_distance
+from tradestudy.cameras.focused_plenoptic.focus import NO_SCALING
 from tradestudy.cameras.microlens_pictures import (
     MARGIN,
     Indices,
@@ -77,12 +79,6 @@ class RawPictureSynthesis:
     def _over(self) -> float:
         """Ratio b_L/z of array gap to the distance of the pupil."""
         return float(self.camera.geometry.image_spread({}))
-
-    @cached_property
-    def _middle(self) -> Samples:
-        """Centre of the sensor [px], shape (2, 1)."""
-        sensor = self.camera.sensor
-        return np.array([[sensor.columns], [sensor.rows]]) / 2.0 - 0.5
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -160,9 +156,8 @@ class RawPictureSynthesis:
         depth = np.asarray(found.depth[rows, columns], np.float64)
         inverse = 1.0 / self.camera.virtual_depth(depth)
         at = np.stack([columns, rows]).astype(float)
-        centre = self._grid.image_centre[:, self._nearest(at, image=True)]
-        on_array = (centre - self._middle) / (1.0 + self._over) + self._middle
-        place = on_array - (at - centre) / (inverse - self._over)
+        grid, lens = self._grid, self._nearest(at, image=True)
+        place = grid.centre[:, lens] - (at - grid.image_centre[:, lens]) / (inverse - self._over)
         x, y = np.rint((place - (SAMPLE_PX - 1) / 2.0) / SAMPLE_PX).astype(np.intp)
         inside = (x >= 0) & (y >= 0) & (x < self.shape[1]) & (y < self.shape[0])
         total, count = np.zeros(self.shape), np.zeros(self.shape)
@@ -176,8 +171,8 @@ class RawPictureSynthesis:
     def _nearest(self, at: Samples, *, image: bool) -> Indices:
         """The microlens (−1: none) nearest to positions on the array or, by its micro-image, on the sensor [px]."""
         grid = self._grid
-        scale = 1.0 + self._over if image else 1.0
-        first, second = np.rint(np.linalg.solve(grid.basis, (at - self._middle) / scale)).astype(np.intp)
+        away = (at - grid.image_middle) / (1.0 + self._over) if image else at - grid.middle
+        first, second = np.rint(np.linalg.solve(grid.basis, away)).astype(np.intp)
         return grid.numbered(first, second)
 
     def _gathered(
@@ -189,7 +184,7 @@ class RawPictureSynthesis:
         turn = (inverse_virtual_depth - self._over).ravel()
         narrower = self.camera.microlenses.gap / self.camera.principal_distance
         shift = np.array(place)[:, np.newaxis] * narrower / self.camera.sensor.pixel_pitch
-        first, second = np.rint(np.linalg.solve(grid.basis, at - self._middle)).astype(np.intp)
+        first, second = np.rint(np.linalg.solve(grid.basis, at - grid.middle)).astype(np.intp)
         pitch = float(np.linalg.norm(grid.basis[:, 0]))
         span = int(np.ceil(1.2 * (reach / pitch + 1.0)))
         total, weight = np.zeros(turn.size), np.zeros(turn.size)
@@ -211,6 +206,7 @@ class RawPictureSynthesis:
 
 
 _LENSES_AT_ONCE: Final = 400  # microlenses, so that one step fits into the cache
+_PIXELS_AT_ONCE: Final = 500_000  # pixels whose depth is computed at once, to save memory
 _LEAST_SHARE: Final = 0.15  # of a window that both micro-images must show
 _LARGEST_DISAGREEMENT: Final = 4.0  # standard deviations by which matches of one point may differ
 _VIEW_SHIFT: Final = 0.25  # of the pupil diameter, by which views are shifted
@@ -232,9 +228,6 @@ class RawPictureReader(DepthReader):
     camera: FocusedPlenoptic
     search: DepthSearch
 
-    def __post_init__(self) -> None:
-        self.camera.exposures(1.0, {}, None, 0.0)  # refuses a camera whose pictures cannot be rendered
-
     @cached_property
     def _grid(self) -> MicrolensGrid:
         return microlens_grid(self.camera)
@@ -252,6 +245,21 @@ class RawPictureReader(DepthReader):
                 remedy="narrow scene.distances, or move the total covering plane",
             )
         return np.asarray(found)
+
+    @cached_property
+    def _rendered(self) -> Samples:
+        """1/v of objects at the searched distances in rendered pictures, which have no depth scaling."""
+        return np.asarray(1.0 / replace(self.camera, depth_scaling=NO_SCALING).virtual_depth(self.search.distances))
+
+    @cached_property
+    def _searched(self) -> Samples:
+        """Smallest and largest 1/v that objects at the searched distances have anywhere in the picture."""
+        ends = np.append(self._inverse_virtual_depths[[0, -1]], self._rendered[[0, -1]])
+        if not self.camera.is_centred:
+            distances = self.search.distances[[0, -1]]
+            apart = np.stack([self.camera.observe_at(distances, place)[0] for place in places_within(1.0)])
+            ends = np.append(ends, apart / self.camera.estimator_baseline(distances) - 1.0)
+        return np.array([np.nanmin(ends), np.nanmax(ends)])
 
     @cached_property
     def _steps(self) -> tuple[Step, ...]:
@@ -352,7 +360,7 @@ class RawPictureReader(DepthReader):
         window = odd_window(self.search.window_px)
         reference = values[lenses, inner, inner]
         base = grid.corner[:, lenses] - grid.corner[:, others] + move[:, np.newaxis] + MARGIN
-        ends = np.sort(length * self._inverse_virtual_depths[[0, -1]])
+        ends = length * self._searched
         steps = range(math.floor(ends[0]) - 2, math.floor(ends[1]) + 4)
 
         place = grid.corner[:, lenses] - grid.image_centre[:, lenses]
@@ -381,9 +389,8 @@ class RawPictureReader(DepthReader):
 
     def _defocus(self, lenses: Indices, inverse_virtual_depth: float) -> Samples:
         """Ratio of a ray's distance from the chief ray on the sensor to its height on the microlens."""
-        array = self.camera.microlenses
-        focal_lengths = np.asarray(array.focal_lengths)[self._types[lenses]]
-        found = 1.0 - array.gap / focal_lengths + inverse_virtual_depth
+        focal_lengths = np.asarray(self.camera.microlenses.focal_lengths)[self._types[lenses]]
+        found = 1.0 - self._grid.gap[lenses] / focal_lengths + inverse_virtual_depth
         return np.asarray(found, np.float32)[:, np.newaxis, np.newaxis]
 
     @cached_property
@@ -515,9 +522,11 @@ class RawPictureReader(DepthReader):
             reasons[less] = Reason.LESS_SHARP
             measured &= ~less
         depth, rate = self._depth(np.where(measured, w, np.nan))
+        if not self.camera.is_centred:
+            row, rows, columns = (one[measured[rows, columns]] for one in (row, rows, columns))
+            depth[rows, columns] = self._depth_at(self._used[row], np.stack([columns, rows]), w[rows, columns])
         baseline = self.camera.estimator_baseline(self.search.distances) / self.camera.sensor.pixel_pitch
-        beyond = measured & ~np.isfinite(depth)
-        reasons[beyond] = Reason.OUT_OF_RANGE
+        reasons[measured & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
         return DepthMap(
             depth=np.where(np.isfinite(depth), depth, np.nan),
             deviation=spread * np.abs(rate),
@@ -554,17 +563,28 @@ class RawPictureReader(DepthReader):
             rate = np.interp(inverse, values, np.gradient(table, values)) * np.square(depth)
         return np.asarray(depth), np.asarray(rate)
 
+    def _depth_at(self, lenses: Indices, at: Samples, inverse: Samples) -> Samples:
+        """Depth [m] by the known values of the calibration, from 1/v at pixels (2, points) behind microlenses."""
+        grid, camera = self._grid, self.camera
+        found = np.full(inverse.shape, np.nan)
+        for begin in range(0, inverse.size, _PIXELS_AT_ONCE):
+            part = slice(begin, begin + _PIXELS_AT_ONCE)
+            w, lens = inverse[part].astype(np.float64), lenses[part]
+            turn = w - float(camera.geometry.image_spread({}))
+            place = grid.on_sensor(grid.centre[:, lens] - (at[:, part] - grid.image_centre[:, lens]) / turn)
+            found[part] = camera.depth_at(w, place, self.search.distances[self._nearest(w)])
+        return found
+
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
         """True depth in the raw picture; measurable where one of the estimator's microlenses sees the same point."""
         depth = np.asarray(depths["raw"], np.float64)
-        shape = depth.shape
-        table, order = self._inverse_virtual_depths, np.argsort(1.0 / self.search.distances)
+        table, order = self._rendered, np.argsort(1.0 / self.search.distances)
         with np.errstate(divide="ignore", invalid="ignore"):
             w = np.interp(1.0 / depth, (1.0 / self.search.distances)[order], table[order], left=np.nan, right=np.nan)
         row, y, x, rows, columns = self._pixels(pure["raw"])
         known_w = np.full((self._used.size, self._grid.side, self._grid.side), np.nan)
         known_w[row, y, x] = w[rows, columns]
-        measurable = np.zeros(shape, bool)
+        measurable = np.zeros(depth.shape, bool)
         known = np.isfinite(w[rows, columns])
         if self._by_type:
             known &= self._sharpest[self._nearest(w[rows, columns])] == self._types[self._used[row]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar, Final
@@ -19,7 +19,7 @@ from tradestudy.cameras.depth_camera import (
     UsableCriteria,
     declared_disparity_error,
 )
-from tradestudy.cameras.depth_measurement import Environment, Errors, value_of
+from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
     MicroImages,
@@ -30,7 +30,7 @@ from tradestudy.cameras.focused_plenoptic.estimator import (
     share_with_a_pair,
 )
 from tradestudy.cameras.focused_plenoptic.focus import NO_SCALING, DepthScaling, MicrolensTypesFocus
-from tradestudy.cameras.microlens_exposure import ArrayGeometry, MicrolensExposure, Observation, disparity_error
+from tradestudy.cameras.microlens_exposure import ArrayGeometry, Observation, disparity_error
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera, fill_properties
@@ -51,7 +51,7 @@ from tradestudy.optics.thin_lens import (
     object_distance_of_virtual_depth,
     virtual_depth,
 )
-from tradestudy.optics.triangulation import plenoptic_depth, plenoptic_focus_shift
+from tradestudy.optics.triangulation import depth_of_inverse, plenoptic_depth, plenoptic_focus_shift
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
 METHOD: Final = Method(
@@ -168,8 +168,8 @@ class FocusedPlenoptic(PlenopticCamera):
         The disparity step [px] of the depth discrimination.
     depth_scaling
         Metric depth M of the depth Z by eq. 8. An object at M is imaged, blurred and seen by as many microlenses as the
-        design images an object at Z = s⁻¹(M); its size on the sensor is that of an object at M. Pictures of scenes are
-        not rendered with a scaling, and `light_chain` has none.
+        design images an object at Z = s⁻¹(M); its size on the sensor is that of an object at M. A scaling corrects
+        readings: rendered pictures and `light_chain` have none, so depth read in rendered pictures of M is s(M).
 
     Raises
     ------
@@ -386,25 +386,6 @@ class FocusedPlenoptic(PlenopticCamera):
             return found
         return replace(found, distance=a, magnification=found.magnification * modelled / a)
 
-    def exposures(
-        self, reference_distance: float, errors: Errors, environment: Environment | None, stop_separation: float
-    ) -> Sequence[MicrolensExposure]:
-        """See `PlenopticCamera.exposures`; refuses a depth scaling, by which eq. 8 misreads exact pictures.
-
-        Raises
-        ------
-        OutOfRangeError
-            The camera has a depth scaling or a second stop.
-        """
-        if not self.depth_scaling.is_identity:
-            raise OutOfRangeError(
-                "pictures cannot be rendered for a camera whose depth is corrected: depth.scaling",
-                value=self.depth_scaling.words,
-                limit="quadratic 0, linear 1, offset 0",
-                remedy="leave the camera out of the pictures, or depth.scaling out of the camera",
-            )
-        return super().exposures(reference_distance, errors, environment, stop_separation)
-
     @property
     def geometry(self) -> ArrayGeometry:
         """The geometry with the array at its declared distance."""
@@ -422,7 +403,7 @@ class FocusedPlenoptic(PlenopticCamera):
         if not self.depth_scaling.is_identity:
             modelled = self.modelled_distance(z)
             x, y, z = (np.asarray(one) * (modelled / np.asarray(z)) for one in (x, y, z))  # along the ray
-        geometry = self.geometry
+        errors, geometry = self.with_known(errors), self.geometry
         place = geometry.place_of(errors, x, y, z)
         a_L = geometry.microlens_object_distance(errors, place, z)
         with np.errstate(divide="ignore"):  # an image on the array is a pole, documented above
@@ -442,10 +423,12 @@ class FocusedPlenoptic(PlenopticCamera):
         front focal point (1/f) for a Galilean one. NaN where the estimator has no microlenses; invalid where a
         calibrated length is not positive or the calibrated distortion has no inverse.
         """
+        turned = np.cos(value_of(errors, "array_rotation"))  # relative to the camera, which contains what is known
+        errors = self.with_known(errors)
         geometry, baseline, (apart, seen_x, seen_y) = self.geometry, self.estimator_baseline(distance), seen
         f, place = geometry.focal_length_with(errors), geometry.place_seen(errors, seen_x, seen_y)
         spacing = baseline * _grid_scale(geometry, errors)
-        sigma = apart * np.cos(value_of(errors, "array_rotation")) + disparity_error(errors) - spacing
+        sigma = apart * turned + disparity_error(errors) - spacing
         shift = plenoptic_focus_shift(
             sigma,
             spacing,
@@ -453,10 +436,17 @@ class FocusedPlenoptic(PlenopticCamera):
             microlens_gap=place.gap * place.stretch,
             focal_length=f,
         )
+        shift = shift + place.undisplacement(shift + f)
         inverse = np.maximum(shift, -f) / (f * (f + np.maximum(shift, 0.0)))
         sign = np.sign(apart - baseline)  # 1 for a Keplerian relay, −1 for a Galilean one
         inverse = np.where(sigma * sign <= 0.0, -sign / f, inverse)
         return self.depth_scaling.metric_inverse(inverse), place.valid & (spacing > 0.0)
+
+    def depth_at(self, inverse_virtual_depth: FloatArray, place: FloatArray, distance: FloatArray) -> FloatArray:
+        """Depth [m] measured at places on the sensor (2, …) [m] from 1/v there, near distances [m]; see `believe`."""
+        apart = self.estimator_baseline(distance) * (1.0 + inverse_virtual_depth)
+        read, valid = self.believe({}, (apart, place[0], place[1]), distance)
+        return depth_of_inverse(np.where(valid, read, np.nan))
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Disparity of the two micro-images of a corner, and their position on the array."""

@@ -143,4 +143,5 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
             disparity_error_px=self.depth.error(picture_law),
             discrimination_step_px=self.depth.discrimination_step,
             field_curvature=self.field_curvature,
+            known=self.calibration.known_values,
         )

@@ -21,6 +21,7 @@ from tradestudy.cameras.microlens_pictures import Indices, MicrolensGrid, microl
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.microlens_coverage import LATTICES
+from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.optics.window_matching import (
     PairOfPictures,
     Reason,
@@ -133,7 +134,7 @@ class ViewsReader(DepthReader):
         reason[np.isnan(middle)] = Reason.NO_LIGHT
         disparity = np.where(reason == Reason.MEASURED, found.disparity, np.nan) / self._baseline_ratio
         deviation = np.where(reason == Reason.MEASURED, found.deviation, np.nan) / self._baseline_ratio
-        depth = camera.depth_of_disparity(disparity * camera.sample_pitch, self.search.far)
+        depth = self._depth(disparity * camera.sample_pitch)
         reason[(reason == Reason.MEASURED) & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
         depth = np.where(reason == Reason.MEASURED, depth, np.nan)
         rate = camera.sample_pitch / (camera.estimator_baseline * camera.principal_distance)
@@ -143,6 +144,17 @@ class ViewsReader(DepthReader):
             disparity_deviation=deviation,
             reason=reason,
         )
+
+    def _depth(self, disparity: Samples) -> Samples:
+        """Depth [m] from disparities [m] at the microlenses of the regular grid; infinite at and beyond infinity."""
+        camera = self.camera
+        if camera.is_centred:
+            return camera.depth_of_disparity(disparity, self.search.far)
+        row, column, shape = self._places
+        x, y = np.full((2, *shape), np.nan)
+        x[row, column], y[row, column] = self._grid.on_sensor(self._grid.centre)
+        read, valid = camera.believe({}, (disparity, self._straightened(x), self._straightened(y)), self.search.far)
+        return depth_of_inverse(np.where(valid, read, np.nan))
 
     def _pair(self, picture: FlatPicture, template: Samples, place: Samples) -> PairOfPictures:
         """The views through a position on the pupil and the opposite one."""

@@ -314,7 +314,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         Exact for thin lenses; NaN for points that the main lens does not image. Pixel noise and the scatter of the
         microlens centres, which varies over the array, belong to `believe`.
         """
-        geometry = self.geometry
+        errors, geometry = self.with_known(errors), self.geometry
         place = geometry.place_of(errors, x, y, z)
         a_L = geometry.microlens_object_distance(errors, place, z)
         shift = -self.pixels_apart * a_L / (place.gap * (1.0 - _over_pupil_distance(a_L, errors, place)))
@@ -344,15 +344,19 @@ class UnfocusedPlenoptic(PlenopticCamera):
         has no inverse, or the two rays do not meet behind the main lens.
         """
         shift, seen_x, seen_y = seen
-        geometry = self.geometry
+        turned = np.cos(value_of(errors, "array_rotation"))  # relative to the camera, which contains what is known
+        errors, geometry = self.with_known(errors), self.geometry
         place = geometry.place_seen(errors, seen_x, seen_y)
-        turned = geometry.pitch_scale(errors) * np.cos(value_of(errors, "array_rotation"))
+        turned = turned * geometry.pitch_scale(errors)
         d = shift * turned + disparity_error(errors)
         pupil = geometry.pupil_distance(errors, place.distance)
         opening = self.pixels_apart / place.gap - _over_pupil_distance(d, errors, place)
         image_times_opening = place.flat_distance * opening + place.stretch * d
         meet = ~(image_times_opening <= 0.0)
-        inverse = 1.0 / geometry.focal_length_with(errors) - opening / np.where(meet, image_times_opening, np.nan)
+        image_times_opening = np.where(meet, image_times_opening, np.nan)
+        with np.errstate(divide="ignore"):  # an image at infinity
+            moved = place.undisplacement(image_times_opening / opening)
+        inverse = 1.0 / geometry.focal_length_with(errors) - opening / (image_times_opening + moved * opening)
         return inverse, place.valid & (turned > 0.0) & (pupil > 0.0) & meet
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
