@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tradestudy.cameras.microlens_exposure import lattice_counts
 from tradestudy.cameras.plenoptic import PlenopticCamera
-from tradestudy.optics.arrays import BoolArray, Samples
+from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 from tradestudy.optics.window_matching import cubic_weights
 
 Indices = NDArray[np.intp]
@@ -78,9 +78,9 @@ class MicrolensGrid:
         """Column and row of the first pixel of every square, shape (2, lenses)."""
         return np.asarray(np.rint(self.image_centre).astype(np.intp) - self.half)
 
-    def on_sensor(self, place: Samples) -> Samples:
+    def on_sensor(self, place: Samples) -> FloatArray:
         """Positions from the middle of the sensor [m] of positions (2, …) in pixels."""
-        return np.asarray((place - self.sensor_middle) * self.pixel_pitch)
+        return np.asarray((place - self.sensor_middle) * self.pixel_pitch, np.float64)
 
     def beside(self, step: tuple[int, int]) -> Indices:
         """Index of the lens one step away from each; −1 for none."""

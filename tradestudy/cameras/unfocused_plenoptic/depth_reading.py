@@ -153,7 +153,8 @@ class ViewsReader(DepthReader):
         row, column, shape = self._places
         x, y = np.full((2, *shape), np.nan)
         x[row, column], y[row, column] = self._grid.on_sensor(self._grid.centre)
-        read, valid = camera.believe({}, (disparity, self._straightened(x), self._straightened(y)), self.search.far)
+        seen = [np.asarray(one, np.float64) for one in (disparity, self._straightened(x), self._straightened(y))]
+        read, valid = camera.believe({}, (seen[0], seen[1], seen[2]), self.search.far)
         return depth_of_inverse(np.where(valid, read, np.nan))
 
     def _pair(self, picture: FlatPicture, template: Samples, place: Samples) -> PairOfPictures:
