@@ -19,7 +19,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.figures.curves import fill
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import length_tick, line_style, new_figure, plain_number, styled, traces
-from tradestudy.figures.sweeps import frontier, moved_cameras, reference_distance
+from tradestudy.figures.sweeps import axis_values, frontier, moved_cameras, reference_distance
 from tradestudy.report.page_data import curve_values
 from tradestudy.results.views.decision import has_winners, winners
 from tradestudy.results.views.depth import nominal, uniform_shares
@@ -458,6 +458,23 @@ def test_bars_and_maps_have_tables_of_their_values(make_tree: Callable[..., xr.D
         values = depth.sel(camera=camera.key).transpose("f", "b").values
         assert reported == [[pretty(float(one), LENGTH) for one in row] for row in values]
     assert drawings["whole_range"].values() == ()
+
+
+def test_a_map_of_many_designs_has_no_numbers_and_ticks_that_can_be_read(make_tree: Callable[..., xr.DataTree]) -> None:
+    few, many = (make_tree(sweep={"b": np.linspace(0.01, 0.2, n), "f": np.linspace(1.0, 4.0, n)}) for n in (4, 40))
+    assert "the numbers are in mm" in figures.build(few)["sweep_map"].caption
+    drawing = figures.build(many)["sweep_map"]
+    assert "numbers" not in drawing.caption
+    drawn = drawing.draw()
+    titles = [camera.title for camera in moved_cameras(many)]  # too long for three panels side by side
+    assert not [one for one in unreadable(drawn) if not any(title in one for title in titles)]
+    axes = drawn.axes[0]
+    assert not axes.texts
+    for ticks, parameter in ((axes.get_xticklabels(), "b"), (axes.get_yticklabels(), "f")):
+        assert 4 <= len(ticks) <= 15
+        names = axis_values(many["depth"].to_dataset()[parameter])[1]
+        places = [tick.get_position()[parameter == "f"] for tick in ticks]
+        assert [names[int(place)] for place in places] == [tick.get_text() for tick in ticks]
 
 
 def test_a_figure_of_many_cameras_shows_those_that_answers_name_and_says_so(tree: xr.DataTree) -> None:

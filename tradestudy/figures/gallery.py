@@ -338,14 +338,13 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     names = parameter_words(tree, swept(tree["depth"].to_dataset()))
     place = distance(sweeps.reference_distance(tree))
     why = sweeps.why_this_distance(tree) + selection_words(tree)
-    unseen = (
-        " Dash: the camera does not see the point, or the uncertainty has no bound." if sweeps.has_gaps(tree) else ""
-    )
+    empty = "Dash" if sweeps.has_numbers(tree) else "Blank"
+    unseen = f" {empty}: the camera does not see the point, or the uncertainty has no bound." * sweeps.has_gaps(tree)
     if moved := sweeps.moved_cameras(tree):
-        numbers = "; the numbers are in mm" if sweeps.is_map(tree) else ""
+        numbers = "; the numbers are in mm" if sweeps.has_numbers(tree) else ""
         yield Drawing(
             name="sweep_map",
-            caption=f"Depth uncertainty at {place} over the swept {names}{numbers}.{unseen if numbers else ''}{why}",
+            caption=f"Depth uncertainty at {place} over the swept {names}{numbers}.{unseen}{why}",
             alt=f"Depth uncertainty at {place} over the swept {names}. "
             + "".join(f"{camera.title}: {sweeps.swept_words(tree, camera.key) or 'none'}. " for camera in moved),
             draw=partial(sweeps.draw_sweep_map, tree),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from textwrap import fill
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -41,6 +42,7 @@ from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import distance
 
 MM = 1e3
+_MOST_CELLS: Final = 15  # along a side of a map, with numbers; of more, only some ticks have room
 _COLUMNS = 3
 _LETTERS_UP = 34  # in a line of a label that runs along a map
 
@@ -70,8 +72,9 @@ def why_this_distance(tree: xr.DataTree) -> str:
 
 
 def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
-    """The cameras whose uncertainty depends on the swept parameters."""
+    """The cameras whose uncertainty depends on the swept parameters, or on the two that a map shows."""
     depth = tree["depth"].to_dataset()
+    depth = depth.isel(dict.fromkeys(_by_size(depth)[2:], 0))
     values = depth["depth_uncertainty"].transpose("camera", "distance", ...).values
     flat = values.reshape(*values.shape[:2], -1)
     moved = [not np.array_equal(one, np.broadcast_to(one[:, :1], one.shape), equal_nan=True) for one in flat]
@@ -122,16 +125,22 @@ def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     return _maps(tree, uncertainty, moved, (dims[0], dims[1]))
 
 
-def is_map(tree: xr.DataTree) -> bool:
-    """Whether two or more parameters are swept, so that a map with numbers shows the uncertainty."""
-    return len(_mapped(tree)[1]) > 1
-
-
 def _mapped(tree: xr.DataTree) -> tuple[xr.DataArray, list[str]]:
     """The uncertainty at the reference distance over the two swept parameters with the most values, and their names."""
     depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
-    dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
+    dims = _by_size(depth)
     return depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0)), dims
+
+
+def _by_size(depth: xr.Dataset) -> list[str]:
+    """The swept parameters, those with the most values first."""
+    return sorted(swept(depth), key=lambda dim: (-depth.sizes[dim], dim))
+
+
+def has_numbers(tree: xr.DataTree) -> bool:
+    """Whether the figure is a map whose cells have room for their numbers."""
+    uncertainty, dims = _mapped(tree)
+    return len(dims) > 1 and all(uncertainty.sizes[dim] <= _MOST_CELLS for dim in dims[:2])
 
 
 def has_gaps(tree: xr.DataTree) -> bool:
@@ -194,11 +203,11 @@ def _maps(
     finite = everything[np.isfinite(everything) & (everything > 0)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (1.0, 10.0)
     norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
-    (x, x_names), (y, y_names) = (axis_values(uncertainty[dim]) for dim in dims)
+    x_names, y_names = (axis_values(uncertainty[dim])[1] for dim in dims)
     for axes, camera in zip(panels.flat, moved, strict=False):
-        _map(axes, arrays[camera.key], norm, f"{_uncertainty_label(tree)} [mm]")
-        axes.set_xticks(np.arange(len(x)) + 0.5, x_names)
-        axes.set_yticks(np.arange(len(y)) + 0.5, y_names)
+        _map(axes, arrays[camera.key], norm, f"{_uncertainty_label(tree)} [mm]", numbers=has_numbers(tree))
+        axes.set_xticks(*_some(x_names, columns))
+        axes.set_yticks(*_some(y_names))
         axes.set_title(shortened(camera.title, 34), fontsize=PANEL_TITLE)
     for axes in panels.flat[len(moved) :]:
         axes.set_visible(False)
@@ -213,6 +222,12 @@ def _maps(
     return figure
 
 
+def _some(names: list[str], panels: int = 1) -> tuple[FloatArray, list[str]]:
+    """Where the ticks of the cells of a map are, and their names: all, or as many as have room beside other panels."""
+    step = 1 if len(names) <= _MOST_CELLS else -(-len(names) * panels // _MOST_CELLS)
+    return np.arange(0, len(names), step) + 0.5, names[::step]
+
+
 def swept_words(tree: xr.DataTree, camera: str) -> str:
     """The smallest and the largest uncertainty of a camera over the designs, at the distance of the map."""
     there = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
@@ -225,10 +240,13 @@ def _uncertainty_label(tree: xr.DataTree) -> str:
     return f"uncertainty at {distance(reference_distance(tree))}"
 
 
-def _map(axes: Axes, values: FloatArray, norm: LogNorm, label: str) -> None:
+def _map(axes: Axes, values: FloatArray, norm: LogNorm, label: str, *, numbers: bool) -> None:
     known = np.ma.masked_invalid(values)
-    axes.pcolormesh(known, norm=norm, cmap="cividis", edgecolors="white", linewidth=0.6, label=label)
+    edges = {"edgecolors": "white", "linewidth": 0.6} if numbers else {}
+    axes.pcolormesh(known, norm=norm, cmap="cividis", label=label, **edges)
     axes.grid(visible=False)
+    if not numbers:
+        return
     colors = colormaps["cividis"]
     for row, column in np.ndindex(values.shape):
         value = values[row, column]
