@@ -225,7 +225,7 @@ def _maps(
 def _some(names: list[str], panels: int = 1) -> tuple[FloatArray, list[str]]:
     """Where the ticks of the cells of a map are, and their names: all, or as many as have room beside other panels."""
     step = 1 if len(names) <= _MOST_CELLS else -(-len(names) * panels // _MOST_CELLS)
-    return np.arange(0, len(names), step) + 0.5, names[::step]
+    return np.arange(0.5, len(names), step, dtype=np.float64), names[::step]
 
 
 def swept_words(tree: xr.DataTree, camera: str) -> str:
@@ -242,8 +242,8 @@ def _uncertainty_label(tree: xr.DataTree) -> str:
 
 def _map(axes: Axes, values: FloatArray, norm: LogNorm, label: str, *, numbers: bool) -> None:
     known = np.ma.masked_invalid(values)
-    edges = {"edgecolors": "white", "linewidth": 0.6} if numbers else {}
-    axes.pcolormesh(known, norm=norm, cmap="cividis", label=label, **edges)
+    edges, width = ("white", 0.6) if numbers else ("none", 0.0)
+    axes.pcolormesh(known, norm=norm, cmap="cividis", edgecolors=edges, linewidth=width, label=label)
     axes.grid(visible=False)
     if not numbers:
         return
