@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import tradestudy
 from tests.cameras.builders import depth_read, r5, unfocused
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.depth_measurement import PicturePlace
@@ -16,7 +18,7 @@ from tradestudy.cameras.focused_plenoptic.focus import DepthScaling
 from tradestudy.cameras.parts import Lens
 from tradestudy.cameras.plenoptic import KNOWN_VALUES, PlenopticCamera
 from tradestudy.depth.evaluation import depth_uncertainty
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.sources import ErrorClass, Source
@@ -232,6 +234,40 @@ def test_cropped_pictures_have_the_distortion_of_the_whole_ones() -> None:
     small = whole.cropped(1024, 512)
     point = (0.03, -0.02, 0.3)
     np.testing.assert_allclose(small.observe({}, *point), whole.observe({}, *point), rtol=1e-12)
+
+
+STUDY = """
+format: 2
+study: known
+title: Known values
+question: Which camera measures depth?
+cameras:
+  r5:
+    from: R5
+    depth: {scaling: {offset: 1 mm}}
+    calibration: {known: {array_tilt_x: 0.05 deg, distortion_k1: -0.1, principal_point_y: 0 mm}}
+  stereo:
+    from: STEREO
+scene: {distances: {from: 0.2 m, to: 2 m, points: 5}, wavelength: 550 nm}
+"""
+
+
+def test_a_study_declares_them_and_page_one_says_where_they_do_not_act(tmp_path: Path) -> None:
+    cameras = Path("studies/cameras").resolve()
+    text = STUDY.replace("R5", f"{cameras}/raytrix-r5.yaml").replace("STEREO", f"{cameras}/stereo-100mm.yaml")
+    (tmp_path / "known.yaml").write_text(text)
+    study = tradestudy.load(tmp_path / "known.yaml")
+    camera = study.definition.designs["r5"]
+    assert isinstance(camera, PlenopticCamera)
+    assert camera.known == (("array_tilt_x", math.radians(0.05)), ("distortion_k1", -0.1))
+    study.run().write(tmp_path / "out", pdf=False)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "the known values of its calibration act in depth and rendered pictures, not in blur, coverage" in page
+    assert "its depth scaling acts in measured depth, not in rendered pictures" in page
+    wrong = text.replace("stereo-100mm.yaml", "stereo-100mm.yaml\n    calibration: {known: {}}")
+    (tmp_path / "known.yaml").write_text(wrong)
+    with pytest.raises(StudyError, match=r"stereo\.calibration\.known: unknown key"):
+        tradestudy.load(tmp_path / "known.yaml")
 
 
 def test_light_spots_of_a_camera_with_known_values_are_refused() -> None:

@@ -60,6 +60,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
             "pixels_down": [float(camera.sensor.rows) for camera in cameras.values()],
             "pixel_pitch": [camera.sensor.pixel_pitch for camera in cameras.values()],
             "field_of_view": [sum(camera.edge_angles(math.inf)[:2]) for camera in cameras.values()],
+            "left_out": [camera.left_out for camera in cameras.values()],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
             "property_value": [math.nan if isinstance(one, str) else float(one.value) for *_, one in properties],

@@ -309,6 +309,11 @@ class Camera(ABC):
         """Number of parts with individual errors, such as microlenses."""
         return 0
 
+    @property
+    def left_out(self) -> str:
+        """What of the camera's declaration acts only in part, as clauses; empty if all acts wherever it could."""
+        return ""
+
     def light_chain(self) -> MicrolensCamera:
         """The camera in the form that `tradestudy.optics.microlens_image` expects.
 

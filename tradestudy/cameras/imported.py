@@ -170,11 +170,13 @@ class ImportedPlenoptic:
     pixels, pixel_pitch
         The sensor [m].
     layout, pitch, focal_lengths
-        The microlens array [m].
+        The microlens array [m]; no focal lengths for pinholes.
     gap, mla_distance
         Distances d from array to sensor and D from main lens to array [m].
     scaling
         Coefficients of metric depth ``a Z² + b Z + c`` [1/m, 1, m]; None if the file has none.
+    known
+        Known values of the calibration, in SI, by the names of a plenoptic camera's errors.
     conventions
         How the file was read.
     keys
@@ -191,6 +193,7 @@ class ImportedPlenoptic:
     gap: float
     mla_distance: float
     scaling: tuple[float, float, float] | None
+    known: Mapping[str, float]
     conventions: tuple[Convention, ...]
     keys: Mapping[str, str]
 

@@ -188,7 +188,8 @@ class MicrolensArray:
     gap
         Distance b_L from array to sensor [m].
     focal_lengths
-        One f_L [m] for each type; types alternate, so that each forms a coarser lattice of its own.
+        One f_L [m] for each type; types alternate, so that each forms a coarser lattice of its own. Infinite for
+        pinholes.
     aperture_diameter
         Clear diameter of one microlens [m]; at most the pitch.
     """
@@ -206,9 +207,10 @@ class MicrolensArray:
         if not self.focal_lengths:
             raise OutOfRangeError("a microlens array needs at least one type", remedy="give one focal length per type")
         for focal_length in self.focal_lengths:
-            if not math.isfinite(focal_length) or focal_length == 0.0:
+            if math.isnan(focal_length) or focal_length in (0.0, -math.inf):
                 raise OutOfRangeError(
-                    "a microlens focal length must be finite and not zero", value=f"{focal_length:g} m"
+                    "a microlens focal length must be finite and not zero, or infinite for a pinhole",
+                    value=f"{focal_length:g} m",
                 )
         if self.aperture_diameter > self.pitch * (1.0 + 1e-12):
             raise OutOfRangeError(

@@ -221,6 +221,12 @@ class PlenopticCamera(DepthCamera):
         """Deviations from the design: the known values and errors."""
         return {**errors, **{name: value + value_of(errors, name) for name, value in self.known}}
 
+    @property
+    def left_out(self) -> str:
+        """See `Camera.left_out`."""
+        where = "act in depth and rendered pictures, not in blur, coverage, depth of field and lateral resolution"
+        return f"the known values of its calibration {where}" if self.known else ""
+
     def cropped(self, columns: int, rows: int) -> Self:
         """See `DepthCamera.cropped`; what is stated for the corner becomes that of the new corner."""
         smaller = super().cropped(columns, rows)
@@ -506,6 +512,8 @@ def _unsharp(lens: Lens, array: MicrolensArray, mla_distance: float) -> Iterator
     """Check that a type of microlens focuses on an image that the main lens can form of a real object, or nearly."""
     if len(array.focal_lengths) == 1 and array.focal_lengths[0] == array.gap:
         return  # the unfocused design, in which the main lens focuses on the array
+    if math.inf in array.focal_lengths:
+        return  # pinholes focus on nothing
     far = array.gap / (mla_distance - lens.focal_length) if mla_distance != lens.focal_length else math.inf
     # 1/v of real objects lies between 1/v of infinity and 0 if the array is within the focal length, else outside them.
     in_focus = [array.gap / one - 1.0 for one in array.focal_lengths]

@@ -26,7 +26,7 @@ def inverse_focus_virtual_depth(microlens_focal_length: ArrayLike, microlens_gap
     Parameters
     ----------
     microlens_focal_length, microlens_gap
-        f_L > 0 and b_L > 0 [m].
+        f_L > 0 and b_L > 0 [m]; f_L is infinite for pinholes.
 
     Returns
     -------
@@ -41,7 +41,8 @@ def inverse_focus_virtual_depth(microlens_focal_length: ArrayLike, microlens_gap
     f_L, b_L = as_floats(microlens_focal_length, microlens_gap)
     require(f_L > 0, "microlens focal length", f_L, limit="> 0 m")
     require(b_L > 0, "microlens gap", b_L, limit="> 0 m")
-    return np.asarray((b_L - f_L) / f_L)
+    pinhole = np.isinf(f_L)
+    return np.asarray(np.where(pinhole, -1.0, (b_L - np.where(pinhole, b_L, f_L)) / f_L))
 
 
 def relay_blur_diameter(
@@ -134,7 +135,8 @@ def relay_depth_of_field(
     reason = "; ".join(
         text
         for text, applies in (
-            ("a microlens type focuses on the other side of the array", np.any(wrong_side)),
+            ("a microlens type focuses on the other side of the array", np.any(wrong_side & (w0 != -1.0))),
+            ("the shadow of a pinhole is larger than the blur", np.any(wrong_side & (w0 == -1.0))),
             ("a microlens type is sharp only beyond infinity", np.any(beyond)),
             ("diffraction leaves no blur to a microlens type", np.any(np.isnan(half))),
         )

@@ -471,13 +471,18 @@ def test_every_format_with_exchanged_cameras_gives_advice_that_works(tmp_path: P
     tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm, pair: [2, 1]"))
 
 
-def test_distortion_along_the_axis_by_libpleno_is_refused(tmp_path: Path) -> None:
+def test_distortion_along_the_axis_by_another_model_of_libpleno_is_refused(tmp_path: Path) -> None:
     depth = "depth: {estimator: adjacent-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}"
     path = study(tmp_path, r12=f"from: r12.js, {depth}")
     devices.plenoptic(tmp_path / "r12.js", distortions={"depth": [["0", "0"]]})
     assert "distortion" not in tradestudy.load(path).imported[0]  # there is none
-    devices.plenoptic(tmp_path / "r12.js", distortions={"radial": ["1e-5"], "depth": ["0", "1e-7"]})
-    assert "distortion along the axis of the main lens" in refusal(path)
+    bent = {"radial": ["1e-5"], "depth": ["0", "1e-7"]}
+    devices.plenoptic(tmp_path / "r12.js", distortions={**bent, "model": "2"})
+    assert "model 2 of depth distortion is not supported; model 1 is" in refusal(path)
+    for model, acts in ((None, True), ("1", True), ("0", False)):
+        devices.plenoptic(tmp_path / "r12.js", distortions=bent if model is None else {**bent, "model": model})
+        known = dict(tradestudy.load(path).definition.designs["r12"].known)
+        assert ("depth_distortion_d2" in known or "depth_distortion_d1" in known) is acts
 
 
 def test_the_study_of_every_format_asks_questions_and_is_without_mistakes(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -151,24 +153,122 @@ def test_a_single_camera_is_a_conventional_one(tmp_path: Path) -> None:
     assert camera.gathering_lens.focal_length == pytest.approx((882.5 + 881.75) / 2 * 3e-6)
 
 
-def test_values_of_a_plenoptic_file_that_pictures_ignore_are_warned_of(tmp_path: Path) -> None:
+def turned(x: float, y: float, z: float) -> np.ndarray:
+    return cv2.Rodrigues(np.array([x, y, z]))[0]
+
+
+def posed(rotation: np.ndarray, moved: list[float]) -> dict[str, object]:
+    """A pose as libpleno writes it: matrices and vectors by columns."""
+    return {"rotation": [[f"{one!r}" for one in column.tolist()] for column in rotation.T], "translation": [moved]}
+
+
+ARRAY, SENSOR = turned(8e-4, -6e-4, 2e-3), turned(0.0, 0.0, 1e-3)
+MOVED, CORNER = [-10.97, -7.89, -56.70], [-11.04, -8.01, -57.03]
+
+
+def posed_file(path: Path, **changed: object) -> None:
+    mesh = {"geometry": "1", "pitch": [["0.12745", "0.12745"]], "pose": posed(ARRAY, MOVED)}
+    sensor = {"scale": "0.0055", "width": "4080", "height": "3068", "pose": posed(SENSOR, CORNER)}
+    devices.plenoptic(path, sensor=sensor, mla={"focal_lengths": ["0.578", "0.504", "0.551"], "mesh": mesh}, **changed)
+
+
+def projected(image: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Positions from the middle of the upright picture [mm] of an image by microlenses, as libpleno's poses say."""
+    centres = ARRAY @ nodes + np.array(MOVED)[:, np.newaxis]
+    ray = centres - image[:, np.newaxis]
+    on_sensor = centres + ray * ((CORNER[2] - centres[2]) / ray[2])
+    x, y = (SENSOR.T @ (on_sensor - np.array(CORNER)[:, np.newaxis]))[:2] / 0.0055
+    return np.asarray(np.stack([4079 - x - 2039.5, 3067 - y - 1533.5]) * 0.0055)
+
+
+def nodes_near(image: np.ndarray) -> np.ndarray:
+    """Centres of six microlenses of the mesh [mm] about the line from the centre of the lens through an image."""
+    away = ARRAY.T @ (image * (-56.70 / image[2]) - np.array(MOVED))
+    row = round(float(away[1]) / (0.12745 * np.sin(np.pi / 3)))
+    found = []
+    for j in (row, row + 1):
+        shift = 0.5 if j % 2 == 0 else 0.0
+        column = round(float(away[0]) / 0.12745 - shift)
+        found += [
+            (0.12745 * (i + shift), 0.12745 * j * np.sin(np.pi / 3), 0.0) for i in (column - 1, column, column + 1)
+        ]
+    return np.array(found).T
+
+
+@pytest.mark.parametrize("point", [(0.0, 0.0, 300.0), (60.0, -40.0, 300.0), (-50.0, -45.0, 360.0)])
+def test_pictures_show_points_where_the_poses_of_libpleno_do(tmp_path: Path, point: tuple[float, ...]) -> None:
+    posed_file(tmp_path / "r12.js")
+    camera = tradestudy.load(study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")).definition.designs["r12"]
+    assert isinstance(camera, FocusedPlenoptic)
+    world = np.array(point)
+    image = -49.89 / (world[2] - 49.89) * world
+    nodes = nodes_near(image)
+    centres = ARRAY @ nodes + np.array(MOVED)[:, np.newaxis]
+    ray = centres - image[:, np.newaxis]
+    lit = np.hypot(*(centres - ray * (centres[2] / ray[2]))[:2]) < 49.89 / 8.0  # from the pupil
+    lands = projected(image, nodes[:, lit]) * 1e-3
+    cones = camera.exposures(point[2] * 1e-3, {}, None, 0.0)[0].cones(lands[0], lands[1])
+    aligned = SENSOR[:2, :2].T @ world[:2, np.newaxis] * 1e-3  # with the rows of pixels
+    miss = np.hypot(*(cones.start + world[2] * 1e-3 * cones.slope - aligned))
+    assert lit.sum() >= 2
+    assert max(miss[cones.pixel == pixel].min() for pixel in range(lit.sum())) < 2e-6
+
+
+def test_depth_distortion_and_lateral_distortion_are_those_of_libpleno(tmp_path: Path) -> None:
+    """Of an image near the array, where the coefficients apply: displaced along the axis, and across it."""
+    a, b = (1e-4, -2e-7, 3e-10), (-6e-5, 4e-5)
+    d = (-0.011, 4e-4, -5e-7)
+    bent = {"radial": [[*map(str, a)]], "tangential": [[*map(str, b)]], "depth": [[*map(str, d)]], "model": "1"}
+    posed_file(tmp_path / "r12.js", distortions=bent)
+    camera = tradestudy.load(study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")).definition.designs["r12"]
+    assert isinstance(camera, FocusedPlenoptic)
+    plain = replace(camera, known=tuple(one for one in camera.known if "distortion" not in one[0]))
+    world = np.array([60.0, -40.0, 395.0])
+    x, y, z = -49.89 / (world[2] - 49.89) * world
+    r2 = x * x + y * y
+    grown = a[0] * r2 + a[1] * r2**2 + a[2] * r2**3
+    across = (
+        x * grown + b[0] * (r2 + 2 * x * x) + 2 * b[1] * x * y,
+        y * grown + b[1] * (r2 + 2 * y * y) + 2 * b[0] * x * y,
+    )
+    along = (1 + d[0] * z) * (d[1] * r2 + d[2] * r2**2)
+    (far, *at), (near, *before) = ([float(v) for v in one.observe({}, *(world * 1e-3))] for one in (camera, plain))
+    # Upright, in the frame of the sensor.
+    moved = -SENSOR[:2, :2].T @ across * 1e-3
+    np.testing.assert_allclose(np.array(at) - np.array(before), moved, rtol=0.02, atol=2e-7)
+    spacing = float(camera.estimator_baseline(np.array([world[2] * 1e-3]))[0])
+    gap = camera.microlenses.gap
+    moved_along = gap / (far / spacing - 1.0) - gap / (near / spacing - 1.0)  # a_L by the gap of the axis
+    assert moved_along == pytest.approx(along * 1e-3, rel=0.05)
+
+
+def test_a_sensor_that_is_tilted_and_an_inverse_distortion_alone_are_warned_of(tmp_path: Path) -> None:
     path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
-    devices.plenoptic(tmp_path / "r12.js")
+    posed_file(tmp_path / "r12.js")
     assert not [one for one in tradestudy.load(path).warnings if "not modelled" in one]
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.01), -np.sin(0.01)], [0.0, np.sin(0.01), np.cos(0.01)]])
-    pose = {**devices._pose("-56.86"), "rotation": [[str(one) for one in row] for row in turn]}
-    array = {
-        "focal_lengths": ["0.578", "0.504", "0.551"],
-        "mesh": {"geometry": "1", "pitch": [["0.12745", "0.12745"]], "pose": pose},
-    }
-    bent = {"radial": ["-0.0002", "0", "0"], "tangential": ["0", "0"], "depth": ["0", "0"]}
-    devices.plenoptic(tmp_path / "r12.js", mla=array, distortions=bent)
+    sensor = {"scale": "0.0055", "width": "4080", "height": "3068", "pose": posed(turned(0.01, 0.0, 0.0), CORNER)}
+    devices.plenoptic(tmp_path / "r12.js", sensor=sensor, distortions_inverse={"radial": ["-0.0002", "0", "0"]})
     (warned,) = [one for one in tradestudy.load(path).warnings if "not modelled" in one]
-    assert "distortion of the main lens (radial (-0.0002, 0.0, 0.0))" in warned
-    assert "rotation of the microlens array by 0.573" in warned
-    devices.plenoptic(tmp_path / "r12.js", distortions_inverse=bent)
-    (warned,) = [one for one in tradestudy.load(path).warnings if "not modelled" in one]
-    assert "distortion of the main lens (radial (-0.0002, 0.0, 0.0))" in warned
+    assert "the tilt of the sensor by 0.573" in warned
+    assert "distortion of the main lens, given only by its inverse, distortions_inverse" in warned
+
+
+def test_microlenses_on_both_sides_and_pinholes_are_read(tmp_path: Path) -> None:
+    array = {"focal_lengths": ["0.2", "0.35", "0.5"], "mesh": {"geometry": "2", "pitch": ["0.12745"]}}
+    array["mesh"]["pose"] = devices._pose("-56.86")  # type: ignore[call-overload]
+    path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
+    devices.plenoptic(tmp_path / "r12.js", mla=array)
+    assert said_by(path, "r12")["relay"].startswith("type 1 keplerian, type 2 galilean, type 3 galilean")
+    camera = tradestudy.load(path).definition.designs["r12"]
+    assert isinstance(camera, FocusedPlenoptic)
+    assert camera.focus.keplerian == (True, False, False)
+    assert abs(dict(camera.known)["array_rotation"]) == pytest.approx(np.pi / 6)  # neighbours along columns
+    for lengths in ([], None):
+        array = {**array, "focal_lengths": lengths} if lengths is not None else {"mesh": array["mesh"]}
+        devices.plenoptic(tmp_path / "r12.js", mla=array)
+        assert said_by(path, "r12")["relay"] == "microlenses without focal lengths are pinholes"
+        camera = tradestudy.load(path).definition.designs["r12"]
+        assert camera.microlenses.focal_lengths == (np.inf,)
 
 
 def test_the_main_lens_of_a_plenoptic_file_is_at_the_origin(tmp_path: Path) -> None:
@@ -201,5 +301,4 @@ def test_what_a_plenoptic_file_states_and_is_not_used_is_printed(tmp_path: Path)
     devices.plenoptic(tmp_path / "r12.js", sensor=sensor)
     loaded = tradestudy.load(path)
     assert "the file's mode, keplerian, is not used" in loaded.imported[0]
-    assert "tilt and shift of array and sensor relative to the main lens are not used" in loaded.imported[0]
-    assert [one for one in loaded.warnings if "the rotation of the sensor by 90" in one]
+    assert "poses are those of the upright picture, in which x and y of the file are reversed" in loaded.imported[0]

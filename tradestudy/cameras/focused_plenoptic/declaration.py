@@ -18,7 +18,7 @@ from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, Plen
 from tradestudy.cameras.focused_plenoptic.focus import DepthScaling
 from tradestudy.cameras.imported import Imported, ImportedPlenoptic, Stated, Value, conventions_stated
 from tradestudy.cameras.parts import MicrolensArray
-from tradestudy.cameras.plenoptic import require_pupil
+from tradestudy.cameras.plenoptic import PLENOPTIC_ERRORS, require_pupil
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FocalLength,
@@ -53,9 +53,10 @@ class MicrolensesPart(Part):
         default=1,
         description="Number of microlens types, which differ in focal length; 3 only with the layout `hexagonal`.",
     )
-    focal_lengths: tuple[FocalLength, ...] | None = Field(
+    focal_lengths: tuple[FocalLength, ...] | Literal["pinhole"] | None = Field(
         default=None,
-        description="Focal lengths of the types of microlenses. By default, they are chosen such that the depths "
+        description="Focal lengths of the types of microlenses, or `pinhole` for an array of pinholes, whose blur is "
+        "the shadow of aperture_diameter. By default, they are chosen such that the depths "
         "of field of the types, for one pixel of blur, adjoin one another, starting at the total covering plane.",
     )
     aperture_diameter: MicrolensPitch | None = Field(
@@ -64,7 +65,10 @@ class MicrolensesPart(Part):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.focal_lengths is not None and len(self.focal_lengths) != self.types:
+        if self.focal_lengths == "pinhole":
+            if self.types != 1:
+                raise MistakeAt(("types",), "pinholes have no focal lengths in which types could differ; write 1")
+        elif self.focal_lengths is not None and len(self.focal_lengths) != self.types:
             raise MistakeAt(
                 ("focal_lengths",),
                 f"{len(self.focal_lengths)} focal lengths for {self.types} types: give one for each type",
@@ -184,8 +188,8 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             ("microlenses", "layout"): (one.layout, "layout"),
             ("microlenses", "pitch"): (f"{one.pitch!r} m", "pitch"),
             ("microlenses", "gap"): (f"{one.gap!r} m", "gap"),
-            ("microlenses", "types"): (len(one.focal_lengths), "focal_lengths"),
-            ("microlenses", "focal_lengths"): ([f"{f!r} m" for f in one.focal_lengths], "focal_lengths"),
+            ("microlenses", "types"): (len(one.focal_lengths) or 1, "focal_lengths"),
+            ("microlenses", "focal_lengths"): ([f"{f!r} m" for f in one.focal_lengths] or "pinhole", "focal_lengths"),
             ("focus", "mla_distance"): (f"{one.mla_distance!r} m", "mla_distance"),
         }
         if one.scaling is not None:
@@ -195,6 +199,10 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
                 ("depth", "scaling", "linear"): (linear, "scaling"),
                 ("depth", "scaling", "offset"): (f"{offset!r} m", "scaling"),
             }
+        for name, value in one.known.items():
+            written = f"{value!r} {PLENOPTIC_ERRORS[name].unit}".removesuffix(" 1")
+            key = "distortion" if "distortion" in name else "known"
+            values["calibration", "known", name] = (written, key)
         yield Stated(path=("kind",), value="focused-plenoptic", key=keys["mla_distance"], basis="derived")
         for path, (value, name) in values.items():
             yield Stated(path=path, value=value, key=keys[name])
@@ -248,7 +256,11 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
                 layout=array.layout,
                 pitch=array.pitch,
                 gap=gap,
-                focal_lengths=array.focal_lengths or self._designed_focal_lengths(gap, sign),
+                focal_lengths=(
+                    (math.inf,)
+                    if array.focal_lengths == "pinhole"
+                    else array.focal_lengths or self._designed_focal_lengths(gap, sign)
+                ),
                 aperture_diameter=array.aperture_diameter or array.pitch,
             ),
             mla_distance=z,

@@ -387,6 +387,16 @@ class FocusedPlenoptic(PlenopticCamera):
         return replace(found, distance=a, magnification=found.magnification * modelled / a)
 
     @property
+    def left_out(self) -> str:
+        """See `Camera.left_out`."""
+        scaling = (
+            ""
+            if self.depth_scaling.is_identity
+            else "its depth scaling acts in measured depth, not in rendered pictures"
+        )
+        return "; ".join(filter(None, (super().left_out, scaling)))
+
+    @property
     def geometry(self) -> ArrayGeometry:
         """The geometry with the array at its declared distance."""
         return self.geometry_at(self.mla_distance)
@@ -488,7 +498,10 @@ class FocusedPlenoptic(PlenopticCamera):
             ("distance from main lens to array, z", DerivedValue(self.mla_distance, LENGTH)),
             ("microlens gap, b_L", DerivedValue(array.gap, LENGTH)),
             *(
-                (f"microlens focal length, f_L{type_}", DerivedValue(focal_length, LENGTH))
+                (
+                    f"microlens focal length, f_L{type_}",
+                    DerivedValue(focal_length, LENGTH) if math.isfinite(focal_length) else "none: pinholes",
+                )
                 for type_, focal_length in zip(types, array.focal_lengths, strict=True)
             ),
             *self.lens_places(),

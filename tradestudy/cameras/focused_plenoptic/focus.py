@@ -165,9 +165,11 @@ class MicrolensTypesFocus:
 
     @property
     def keplerian(self) -> tuple[bool, ...]:
-        """For each type, whether it works on images in front of the array."""
+        """For each type, whether it works on images in front of the array, as pinholes do if some can form there."""
         before = self.mla_distance > self.main_lens.focal_length
-        return tuple(before and bool(inverse >= 0.0) for inverse in self._inverse_focus)
+        return tuple(
+            before and (f == math.inf or bool(f <= self.microlenses.gap)) for f in self.microlenses.focal_lengths
+        )
 
     def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
         """Each type's depth of field through the main lens; see `relay_depth_of_field`.

@@ -22,7 +22,7 @@ from tradestudy.declarations.quantities import (
     FocalLength,
     Length,
     MicrolensPitch,
-    ObjectDistance,
+    ObjectDistanceOrInfinity,
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.thin_lens import image_distance
@@ -66,9 +66,9 @@ class UnfocusedMicrolensesPart(Part):
 class UnfocusedFocusPart(Part):
     """The distance at which an unfocused plenoptic camera is focused."""
 
-    distance: ObjectDistance = Field(
-        description="Distance of the objects that the main lens images onto the microlenses; finite, and beyond the "
-        "focal length of that lens."
+    distance: ObjectDistanceOrInfinity = Field(
+        description="Distance of the objects that the main lens images onto the microlenses: beyond the focal length "
+        "of that lens, or `infinity`."
     )
 
 

@@ -31,7 +31,7 @@ from tradestudy.cameras.depth_camera import Formula, Method, declared_disparity_
 from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.focus import SingleLensFocus
 from tradestudy.cameras.microlens_exposure import ArrayGeometry, Observation, PlaceOnArray, disparity_error
-from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.cameras.parts import Lens
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera, fill_properties
 from tradestudy.cameras.unfocused_plenoptic.views import (
@@ -74,7 +74,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
     main_lens, sensor, microlenses, field_curvature
         See `PlenopticCamera`; the array has one type of microlens, whose focal length is its gap.
     focus_distance
-        a₀ [m]: the distance that is imaged onto the array; finite.
+        a₀ [m]: the distance that is imaged onto the array; may be infinite.
     estimator
         Views that are compared: the two outermost ones, or all of them by least squares over both coordinates.
     disparity_error_px
@@ -97,7 +97,6 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive("focus distance", self.focus_distance)
         if not self.focus_distance > self.main_lens.focal_length:
             raise OutOfRangeError(
                 "the main lens cannot focus that close",

@@ -56,6 +56,7 @@ from tradestudy.results.views.groups import (
     consequences,
     group,
     has,
+    left_out,
     perfectly_calibrated,
     titles_in,
     unconverged,
@@ -233,6 +234,8 @@ def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
         yield say("**Weighing all criteria** ([](#trade-off-table)): {conclusion}.", conclusion=conclusion)
     for sentence in consequences(tree):
         yield say("**Contradictory inputs of {sentence}.**", sentence=sentence)
+    if partly := left_out(tree):
+        yield say("**Used only in part**: {partly}.", partly=few(partly))
     if titles := perfectly_calibrated(tree):
         yield say(
             "**The calibration of {cameras} is assumed perfect:** the study declares no errors, corners, target or "

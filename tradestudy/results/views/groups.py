@@ -102,6 +102,14 @@ def perfectly_calibrated(tree: xr.DataTree) -> tuple[str, ...]:
     return tuple(str(title) for title in cameras["title"].values[cameras["perfect_calibration"].values > 0.0])
 
 
+def left_out(tree: xr.DataTree) -> tuple[str, ...]:
+    """What of the declarations of cameras acts only in part, each with the title of its camera."""
+    if not has(tree, "cameras", "left_out"):
+        return ()
+    rows = records(tree, "cameras", "camera")
+    return tuple(f"{one['title']}: {one['left_out']}" for one in rows if one["left_out"])
+
+
 def unconverged(tree: xr.DataTree) -> tuple[str, ...]:
     """Titles of the cameras whose fitted calibration did not converge, each with the failed checks in brackets."""
     if not has(tree, "calibration", "posterior_converged"):

@@ -3,33 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedPlenoptic
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.microlens_coverage import LATTICES
 from tradestudy.study.camera_files.located import CameraFile, Format, Located, Request
 from tradestudy.study.camera_files.pairs import rotation_of
 from tradestudy.units import ANGLE, LENGTH, pretty
 
-_DISTORTIONS: Final = ("distortions", "distortions_inverse", "invdistortions")
+_INVERSES: Final = ("distortions_inverse", "invdistortions")
+_HEINZE: Final = 1  # its number among libpleno's models of depth distortion; 0 is none
 _LAYOUTS: Final[dict[str, Literal["square", "hexagonal"]]] = {"0": "square", "1": "hexagonal", "2": "hexagonal"}
 _MODES: Final = {"0": "unfocused", "1": "keplerian", "2": "galilean"}
 IGNORED: Final = "values that pictures ignore"
 """Name of the convention that lists values that change pictures and are not used."""
 ARRAY_POSE: Final = "pose of the array"
-"""Name of the convention that states that the pose of the microlens array is not used, but for its distance."""
+"""Name of the convention that states how the pose of the microlens array and distortion are read."""
 RELAY: Final = "relay"
 """Name of the convention that states the relay, and a mode of the file that contradicts it."""
 _SAME: Final = 1e-3  # of a microlens pitch, across and down
+_ROUNDING: Final = 1e-7  # rad, from the cosine of a small angle
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """Read the camera; d is the distance from array to sensor (the gap), D that from main lens to array.
 
-    The relay is Keplerian if the focal lengths of the microlenses are below d, else Galilean. It does not follow from D
-    and the focal length of the main lens, which may be focused closer.
+    The relay of a type of microlenses is Keplerian if its focal length is below d, else Galilean. It does not follow
+    from D and the focal length of the main lens, which may be focused closer. Microlenses without focal lengths are
+    pinholes. Poses and distortion become known values of the calibration, in the frame of upright pictures.
 
     Raises
     ------
@@ -38,7 +44,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """
     top = files[0].top
     lens, sensor, array = top.need("main_lens"), top.need("sensor"), top.need("mla")
-    mesh, focal_lengths = array.need("mesh"), array.need("focal_lengths")
+    mesh, focal_lengths = array.need("mesh"), array.find("focal_lengths")
     behind, plane = _depth(mesh), _depth(sensor)
     metre, unit = request.metres(behind, stated="mm", why="the convention of libpleno")
     if behind.number() * plane.number() < 0.0:
@@ -46,12 +52,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             f"{plane.number():g} and the z of the microlens array, {behind.number():g}, have different signs: the main "
             "lens would lie between array and sensor; give both the same sign"
         )
-    mla_distance, gap = abs(behind.number()) * metre, (abs(plane.number()) - abs(behind.number())) * metre
-    if not gap > 0.0:
-        raise plane.fail("the sensor lies in front of the microlens array; it must lie behind the array")
-    lengths = tuple(length * metre for length in focal_lengths.numbers())
-    relay, mode = _relay(focal_lengths, lengths, gap), top.find("mode")
-    mode_text = "" if mode is None else _MODES.get(mode.text(), mode.text()[:20].lower())
     pitch, geometry = mesh.need("pitch"), mesh.need("geometry")
     pitches = pitch.numbers(1, 2)
     if abs(pitches[0] - pitches[-1]) > _SAME * pitches[0]:
@@ -60,24 +60,39 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         raise geometry.fail(f"the geometry {geometry.text()[:20]} is unknown; one of {', '.join(_LAYOUTS)} is expected")
     scale, width, height = sensor.need("scale"), sensor.need("width"), sensor.need("height")
     focal_length, aperture = lens.need("f"), lens.need("aperture")
-    _refuse_distortion_along_axis(top)
     _refuse_moved_lens(lens)
+    layout, size = _LAYOUTS[geometry.text()], np.array([width.count(), height.count()]) * scale.number()
+    poses = _Poses.of(mesh, sensor, size, pitches[0], layout, turned=geometry.text() == "2")
+    mla_distance, gap = poses.mla_distance * metre, poses.gap * metre
+    if not gap > 0.0:
+        raise plane.fail("the sensor lies in front of the microlens array; it must lie behind the array")
+    lengths = () if focal_lengths is None else tuple(length * metre for length in focal_lengths.numbers())
+    relay = "pinholes" if focal_lengths is None or not lengths else _relay(focal_lengths, lengths, gap)
+    mode = top.find("mode")
+    mode_text = "" if mode is None else _MODES.get(mode.text(), mode.text()[:20].lower())
+    known, distortion = poses.known(metre), top.find("distortions")
+    if distortion is not None:
+        known |= _distortion(distortion, poses, float(np.hypot(*size)) / 2.0, metre)
     scaling = top.find("scaling")
     disagrees = mode is not None and mode_text != relay
     conventions = (
         Convention(name="format", says="libpleno camera", key=top.key),
         Convention(
             name=RELAY,
-            says=f"{relay}: microlens focal length {pretty(lengths[0], LENGTH)}, gap {pretty(gap, LENGTH)}"
-            + (f"; the file's mode, {mode_text}, is not used" if disagrees else ""),
-            key=focal_lengths.key,
+            says=(
+                f"{relay}: microlens focal length {pretty(lengths[0], LENGTH)}, gap {pretty(gap, LENGTH)}"
+                + (f"; the file's mode, {mode_text}, is not used" if disagrees else "")
+                if lengths
+                else "microlenses without focal lengths are pinholes"
+            ),
+            key=array.key if focal_lengths is None else focal_lengths.key,
         ),
         Convention(
             name=ARRAY_POSE,
-            says="tilt and shift of array and sensor relative to the main lens are not used",
+            says="poses are those of the upright picture, in which x and y of the file are reversed",
             key=mesh.key,
         ),
-        *_ignored(top, {"microlens array": mesh, "sensor": sensor}),
+        *_ignored(top, poses),
         unit,
     )
     return ImportedPlenoptic(
@@ -85,12 +100,13 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         f_number=aperture.number(),
         pixels=(width.count(), height.count()),
         pixel_pitch=scale.number() * metre,
-        layout=_LAYOUTS[geometry.text()],
+        layout=layout,
         pitch=float(np.mean(pitches)) * metre,
         focal_lengths=lengths,
         gap=gap,
         mla_distance=mla_distance,
         scaling=None if scaling is None else _scaling(scaling, metre),
+        known=known,
         conventions=conventions,
         keys={
             "focal_length": focal_length.key,
@@ -99,10 +115,12 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
             "pixel_pitch": scale.key,
             "layout": geometry.key,
             "pitch": pitch.key,
-            "focal_lengths": focal_lengths.key,
+            "focal_lengths": array.key if focal_lengths is None else focal_lengths.key,
             "gap": plane.key,
             "mla_distance": behind.key,
             "scaling": top.key if scaling is None else scaling.key,
+            "known": mesh.key,
+            "distortion": mesh.key if distortion is None else distortion.key,
         },
     )
 
@@ -115,18 +133,128 @@ def _scaling(value: Located, metre: float) -> tuple[float, float, float]:
     return a.number() / metre, b.number(), c.number() * metre
 
 
-def _refuse_distortion_along_axis(top: Located) -> None:
-    """Refuse a distortion along the axis; note that lateral distortion has been seen."""
-    for name in _DISTORTIONS:
-        if (distortion := top.find(name)) is None:
-            continue
-        along = distortion.find("depth")
-        if along is not None and any(along.numbers()):
-            raise along.fail(
-                "distortion along the axis of the main lens changes depth, and is not supported. For the camera "
-                "without it, write zeros"
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Poses:
+    """The poses of array and sensor in libpleno's frame, whose z axis points to the object, in the unit of the file.
+
+    Behind the lens, pictures are upside down in that frame; ``upright`` turns its x and y into right and down in the
+    upright picture. Numbers of a matrix are stored by columns.
+
+    Parameters
+    ----------
+    mla_distance, gap
+        At the centre of the array: the microlens nearest to the middle of the sensor.
+    tilt, offset, axis
+        Slopes of the array, its centre from the middle of the sensor, and the axis of the main lens from that centre.
+    rotation
+        Of the lattice relative to the rows of pixels [rad], in the range in which lattices differ.
+    upright
+        Shape (2, 2).
+    leaning
+        Angle between the sensor and the plane perpendicular to the axis [rad].
+    """
+
+    mla_distance: float
+    gap: float
+    tilt: FloatArray
+    offset: FloatArray
+    axis: FloatArray
+    rotation: float
+    upright: FloatArray
+    leaning: float
+
+    @classmethod
+    def of(
+        cls,
+        mesh: Located,
+        sensor: Located,
+        size: FloatArray,
+        pitch: float,
+        layout: Literal["square", "hexagonal"],
+        *,
+        turned: bool,
+    ) -> _Poses:
+        """Read the poses of the mesh and the sensor; ``turned`` for neighbours along columns instead of rows."""
+        (array, start), (plane, corner) = (_pose(one) for one in (mesh, sensor))
+        upright = -plane[:2, :2].T
+        middle = (size - sensor.need("scale").number()) / 2.0  # pixel centres lie at whole numbers
+        across = upright @ array[:2, 0]
+        skew, rise = LATTICES[layout].second_vector
+        sixth = math.tau / (6 if layout == "hexagonal" else 4)
+        rotation = math.atan2(across[1], across[0]) + (math.pi / 2.0 if turned else 0.0)
+        rotation -= sixth * round(rotation / sixth)
+        c, s = math.cos(rotation), math.sin(rotation)
+        basis = pitch * np.array([[c, -s], [s, c]]) @ np.array([[1.0, skew], [0.0, rise]])
+        # From the middle of the sensor, upright: the axis, and the first node of the mesh.
+        axis = upright @ -corner[:2] + middle
+        half = 0.5 * pitch * (layout == "hexagonal" and not turned)  # by which the first row is shifted
+        first = upright @ (start[:2] + half * array[:2, 0]) + axis
+        offset = first - basis @ np.rint(np.linalg.solve(basis, first))
+        slope = array[:2, 2] / array[2, 2]
+        away = math.copysign(1.0, start[2])
+        on_axis = away * (start[2] + slope @ start[:2])
+        tilt = -away * (upright @ slope)
+        mla_distance = on_axis - tilt @ (axis - offset)
+        return cls(
+            mla_distance=float(mla_distance),
+            gap=float(abs(corner[2]) - mla_distance),
+            tilt=tilt,
+            offset=offset,
+            axis=axis - offset,
+            rotation=rotation,
+            upright=upright,
+            leaning=math.acos(min(abs(plane[2, 2]), 1.0)),
+        )
+
+    def known(self, metre: float) -> dict[str, float]:
+        """Known values of the pose, in SI."""
+        found = {"array_rotation": self.rotation}
+        for index, axis in enumerate("xy"):
+            found[f"array_tilt_{axis}"] = float(self.tilt[index])
+            found[f"array_offset_{axis}"] = float(self.offset[index]) * metre
+            found[f"principal_point_{axis}"] = float(self.axis[index]) * metre
+        return found
+
+
+def _pose(value: Located) -> tuple[FloatArray, FloatArray]:
+    """Rotation and translation of a pose; without a rotation, none."""
+    pose = value.need("pose")
+    turned, moved = pose.find("rotation"), np.array([one.number() for one in _translation(value)])
+    return np.eye(3) if turned is None else rotation_of(turned, turned.numbers(9)).T, moved
+
+
+def _distortion(value: Located, poses: _Poses, corner: float, metre: float) -> dict[str, float]:
+    """Known values of the distortion, whose lengths are those of the image, for an image on the array.
+
+    Raises
+    ------
+    CameraFileError
+        Depth distortion has another model than that of Heinze.
+    """
+    parts = {name: part.numbers() for name in ("radial", "tangential", "depth") if (part := value.find(name))}
+    padded = {name: (*numbers, 0.0, 0.0, 0.0) for name, numbers in parts.items()}
+    found = {}
+    z = poses.mla_distance
+    for power, coefficient in enumerate(padded.get("radial", ())[:3], start=1):
+        found[f"distortion_k{power}"] = coefficient * z ** (2 * power)
+    if "tangential" in padded:
+        p2, p1 = poses.upright @ np.array(padded["tangential"][:2]) * z
+        found |= {"distortion_p1": float(p1), "distortion_p2": float(p2)}
+    model = value.find("model")
+    number = _HEINZE if model is None else int(model.number())
+    if "depth" in padded and any(padded["depth"]) and number:
+        if number != _HEINZE:
+            raise value.need("depth").fail(
+                f"model {number} of depth distortion is not supported; model {_HEINZE} is. For the camera without it, "
+                "write zeros"
             )
-        distortion.use()  # `_ignored` names the rest
+        d0, d1, d2 = padded["depth"][:3]
+        found |= {
+            "depth_distortion_d0": -d0 * z,
+            "depth_distortion_d1": -d1 * corner**2 * metre,
+            "depth_distortion_d2": -d2 * corner**4 * metre,
+        }
+    return found
 
 
 def _refuse_moved_lens(lens: Located) -> None:
@@ -145,44 +273,42 @@ def _refuse_moved_lens(lens: Located) -> None:
         )
 
 
-def _ignored(top: Located, posed: Mapping[str, Located]) -> Iterator[Convention]:
-    """The values of this camera that would change its pictures and are not used: distortion, and rotated parts."""
-    found: list[str] = []
-    for distortion in [top.need(name) for name in _DISTORTIONS if top.find(name) is not None]:
-        parts = [(name, distortion.find(name)) for name in ("radial", "tangential")]
-        given = [f"{name} {part.numbers()}" for name, part in parts if part is not None and any(part.numbers())]
-        if given and not found:  # its inverse says the same
-            found.append(f"the distortion of the main lens ({', '.join(given)})")
-    for part, value in posed.items():
-        if (rotation := value.need("pose").find("rotation")) is not None:
-            cosine = (np.trace(rotation_of(rotation, rotation.numbers(9))) - 1.0) / 2.0
-            if cosine < 1.0:
-                found.append(f"the rotation of the {part} by {pretty(math.acos(max(cosine, -1.0)), ANGLE)}")
+def _ignored(top: Located, poses: _Poses) -> Iterator[Convention]:
+    """The values of this camera that would change its pictures and are not used."""
+    found = []
+    for inverse in [top.need(name) for name in _INVERSES if top.find(name) is not None]:
+        inverse.use()
+        if not top.has("distortions"):
+            found.append(f"the distortion of the main lens, given only by its inverse, {inverse.last}")
+    if poses.leaning > _ROUNDING:
+        found.append(f"the tilt of the sensor by {pretty(poses.leaning, ANGLE)}")
     if found:
         yield Convention(name=IGNORED, says=" and ".join(found), key=top.key)
 
 
 def _depth(value: Located) -> Located:
     """The third component of the translation of a pose."""
+    return _translation(value)[2]
+
+
+def _translation(value: Located) -> tuple[Located, ...]:
+    """The components of the translation of a pose."""
     translation = value.need("pose").need("translation")
     rows = tuple(translation.items())
     components = tuple(rows[0].items()) if len(rows) == 1 else rows
     if len(components) != 3:
         raise translation.fail("three components are expected")
-    return components[2]
+    return components
 
 
 def _relay(value: Located, lengths: tuple[float, ...], gap: float) -> str:
-    """Galilean if every f_i exceeds d, Keplerian if d exceeds every f_i."""
-    if not lengths or min(lengths) <= 0.0:
+    """Galilean for each type with f_i above d, Keplerian for the others."""
+    if min(lengths) <= 0.0:
         raise value.fail("one positive focal length for each microlens type is expected")
-    if min(lengths) > gap:
-        return "galilean"
-    if max(lengths) < gap:
-        return "keplerian"
-    raise value.fail(
-        f"some focal lengths are below the gap of {pretty(gap, LENGTH)} and some above; all on one side are expected"
-    )
+    sides = ["galilean" if length > gap else "keplerian" for length in lengths]
+    if len({*sides}) == 1:
+        return sides[0]
+    return ", ".join(f"type {number} {side}" for number, side in enumerate(sides, start=1))
 
 
 FORMAT: Final = Format(
