@@ -199,10 +199,9 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
                 ("depth", "scaling", "linear"): (linear, "scaling"),
                 ("depth", "scaling", "offset"): (f"{offset!r} m", "scaling"),
             }
-        for name, value in one.known.items():
-            written = f"{value!r} {PLENOPTIC_ERRORS[name].unit}".removesuffix(" 1")
-            key = "distortion" if "distortion" in name else "known"
-            values["calibration", "known", name] = (written, key)
+        for name, known in one.known.items():
+            written = f"{known!r} {PLENOPTIC_ERRORS[name].unit}".removesuffix(" 1")
+            values["calibration", "known", name] = (written, "distortion" if "distortion" in name else "known")
         yield Stated(path=("kind",), value="focused-plenoptic", key=keys["mla_distance"], basis="derived")
         for path, (value, name) in values.items():
             yield Stated(path=path, value=value, key=keys[name])
