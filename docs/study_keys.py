@@ -103,8 +103,7 @@ _EXAMPLES: Final = {
     "depth_distortion_d2": "{standard_deviation: 5 um}",
     "known": "{array_tilt_x: 0.05 deg, distortion_k1: -0.12}",
     **{
-        f"{kind}Known.{name}": value
-        for kind in ("FocusedPlenoptic", "UnfocusedPlenoptic")
+        f"PlenopticKnown.{name}": value
         for name, value in {
             "array_rotation": "0.02 deg",
             "array_tilt_x": "0.05 deg",
@@ -133,8 +132,7 @@ _EXAMPLES: Final = {
     "pupil_distance": "{standard_deviation: 0.5 mm}",
     "principal_point_x": "{standard_deviation: 50 um}",
     "principal_point_y": "{standard_deviation: 50 um}",
-    "FocusedPlenopticErrors.field_curvature": "{standard_deviation: 5 um}",
-    "UnfocusedPlenopticErrors.field_curvature": "{standard_deviation: 5 um}",
+    "PlenopticErrors.field_curvature": "{standard_deviation: 5 um}",
     "microlens_center_scatter": "{standard_deviation: 0.1 um}",
     "color": "{half_width: 5 um}",
     "StereoStability.ageing": "{yaw: {standard_deviation: 0.005 deg}}",
@@ -381,8 +379,6 @@ _TITLES: Final = {
     "FittedRationalPart": "Fitted rational lens model",
     "FocusedPlenopticCalibration": "Calibration of a focused plenoptic camera",
     "FocusedPlenopticDeclaration": "Focused plenoptic camera",
-    "FocusedPlenopticErrors": "Errors of a focused plenoptic camera",
-    "FocusedPlenopticStability": "Stability of a focused plenoptic camera",
     "FresnelFNumberClaim": "Claim about the f-number that Fresnel's approximation needs",
     "FresnelValidityPart": "Validity of Fresnel's approximation",
     "GeometryPart": "Geometry of a calibrated pair",
@@ -402,6 +398,9 @@ _TITLES: Final = {
     "OffAxisPart": "Off-axis comparison",
     "OmnidirectionalPart": "Omnidirectional lens model",
     "PlenopticDepthPart": "Depth from micro-images",
+    "PlenopticErrors": "Errors of a plenoptic camera",
+    "PlenopticKnown": "Known values of a plenoptic camera",
+    "PlenopticStability": "Stability of a plenoptic camera",
     "ProjectingLensPart": "Lens of a stereo rig or conventional camera",
     "PsfErrorClaim": "Claim about the error of Fresnel's approximation",
     "PublishedTimePart": "Published computing time",
@@ -428,8 +427,6 @@ _TITLES: Final = {
     "UnfocusedMicrolensesPart": "Microlenses of an unfocused plenoptic camera",
     "UnfocusedPlenopticCalibration": "Calibration of an unfocused plenoptic camera",
     "UnfocusedPlenopticDeclaration": "Unfocused plenoptic camera",
-    "UnfocusedPlenopticErrors": "Errors of an unfocused plenoptic camera",
-    "UnfocusedPlenopticStability": "Stability of an unfocused plenoptic camera",
     "UsablePart": "Usable distances",
     "WeighedPart": "Weighted criterion",
 }

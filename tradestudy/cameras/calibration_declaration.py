@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 import numpy as np
@@ -561,27 +562,37 @@ def calibration_part(
         Its changes since the calibration, with the parts that expand.
     """
     title = "".join(word.capitalize() for word in kind.split("-"))
+    vocabulary = tuple(camera.error_vocabulary.items())
+    parts = _parts_of_family(camera.family.capitalize(), vocabulary, camera.known_parameters, stability)
+    made = create_model(f"{title}Calibration", __base__=CalibrationPart, __doc__=CalibrationPart.__doc__, **parts)
+    made.camera, made.kind = camera, kind
+    return made
+
+
+@cache
+def _parts_of_family(
+    title: str,
+    vocabulary: tuple[tuple[str, ErrorParameter], ...],
+    known_parameters: tuple[str, ...],
+    stability: type[StabilityPart],
+) -> dict[str, Any]:
+    """The errors, changes and known values of a calibration, which kinds of one family share."""
     fields: dict[str, Any] = {
         name: (_distribution_of(parameter) | None, Field(default=None, description=parameter.meaning))
-        for name, parameter in camera.error_vocabulary.items()
+        for name, parameter in vocabulary
         if name != PIXEL_NOISE
     }
     errors = create_model(f"{title}Errors", __base__=ErrorsPart, __doc__=ErrorsPart.__doc__, **fields)
     ageing = Field(default_factory=errors, description=StabilityPart.model_fields["ageing"].description)
     changes = create_model(f"{title}Stability", __base__=stability, __doc__=stability.__doc__, ageing=(errors, ageing))
     described = Field(default_factory=errors, description=CalibrationPart.model_fields["errors"].description)
-    parts: dict[str, Any] = {
-        "errors": (errors, described),
-        "stability": (changes, Field(default_factory=changes)),
-    }
-    if camera.known_parameters:
+    parts: dict[str, Any] = {"errors": (errors, described), "stability": (changes, Field(default_factory=changes))}
+    if known_parameters:
         values: dict[str, Any] = {
             name: (_KNOWN_OF_UNIT[parameter.unit], Field(default=0.0, description=parameter.meaning))
-            for name, parameter in camera.error_vocabulary.items()
-            if name in camera.known_parameters
+            for name, parameter in vocabulary
+            if name in known_parameters
         }
         known = create_model(f"{title}Known", __base__=KnownPart, __doc__=KnownPart.__doc__, **values)
         parts["known"] = (known, Field(default_factory=known))
-    made = create_model(f"{title}Calibration", __base__=CalibrationPart, __doc__=CalibrationPart.__doc__, **parts)
-    made.camera, made.kind = camera, kind
-    return made
+    return parts
