@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import io
+import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -106,14 +108,17 @@ def _posterior(names: Sequence[str], draws: FloatArray) -> Value:
     text = io.StringIO()
     np.savetxt(text, draws, fmt="%.17g", delimiter=",", header=",".join(names), comments="")
     content = text.getvalue().encode()
-    path = Path(_folder().name) / f"draws-{hashlib.sha256(content).hexdigest()[:12]}.csv"
+    path = _folder() / f"draws-{hashlib.sha256(content).hexdigest()[:12]}.csv"
     path.write_bytes(content)
     return {"posterior": {"file": str(path)}}
 
 
 @cache
-def _folder() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="tradestudy-")
+def _folder() -> Path:
+    """A folder that lasts as long as this process; a `TemporaryDirectory` would warn when it is collected."""
+    folder = tempfile.mkdtemp(prefix="tradestudy-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def in_metres(distance: Any) -> FloatArray:
