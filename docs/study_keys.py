@@ -51,6 +51,7 @@ _EXAMPLES: Final = {
     "saturation_capacity": "10500 electrons",
     "system_gain": "0.39 DN/electron",
     "disparity_range": "95 px",
+    "least_lit_share": "10 %",
     "factor": "1.5",
     "floor": "0.05 px",
     "pixel_locking": "0.05 px",

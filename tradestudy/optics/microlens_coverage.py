@@ -111,6 +111,7 @@ def order_changes(lattice: Lattice, positions: FloatArray, *, within: float) -> 
 # Radius over pitch from which on every point is seen by two lenses, on both layouts: the point that needs the largest
 # disc is a lens itself, whose neighbours are one pitch away.
 PAIR_COVERING_RADIUS: Final = 1.0
+_HALVINGS: Final = 60  # of the interval in which a distance is sought, down to rounding
 # Within this relative rounding, a radius counts as having reached the covering radius.
 _ROUNDING: Final = 1e-14
 
@@ -163,6 +164,56 @@ def projected_radius_over_pitch(
     with np.errstate(divide="ignore"):
         ratio = np.where(a_L == 0, 0.0, 1 / (z / a_L - pupil_ratio))
     return np.asarray(np.abs(ratio) * A / (2 * p))
+
+
+def lit_radius_over_pitch(
+    radius_over_pitch: ArrayLike, *, lens_radius_over_pitch: float, least_share: float
+) -> FloatArray:
+    """Largest distance of the centre of a microlens from that of the disc of light at which it is lit well enough.
+
+    Well enough means by at least a share of the light of the best-lit microlens: by the area in which disc and aperture
+    overlap, over that of the smaller of the two. For shares towards 0, the distance is the sum of both radii, where
+    light begins to enter; for 1 it is their difference.
+
+    Parameters
+    ----------
+    radius_over_pitch
+        Radius of the disc of light R over the pitch [1], at least 0; NaN is returned for NaN.
+    lens_radius_over_pitch
+        Radius of the aperture of a microlens r over the pitch [1], above 0.
+    least_share
+        The share, above 0 and at most 1.
+
+    Returns
+    -------
+    Distance over pitch [1], to rounding, in the shape of ``radius_over_pitch``.
+
+    Notes
+    -----
+    Averaged over all positions of the point, the shares of the light of one filled microlens add up to the number of
+    centres in the disc: ``π R² · π r²/(π r² · cell)``. A count of centres is therefore the number of microlenses that
+    would be filled by the same light, and a count of partly lit ones is larger for shares below about one half.
+    """
+    R, r = np.asarray(radius_over_pitch, dtype=np.float64), lens_radius_over_pitch
+    least = least_share * math.pi * np.square(np.minimum(R, r))
+    low, high = np.abs(R - r), R + r
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2.0
+        enough = _common_area(middle, R, r) >= least
+        low, high = np.where(enough, middle, low), np.where(enough, high, middle)
+    return np.asarray(low)
+
+
+def _common_area(apart: FloatArray, first: FloatArray, second: float) -> FloatArray:
+    """Area in which two discs overlap whose centres lie between the difference and the sum of their radii apart."""
+    chord = (np.square(apart) + np.square(first) - second**2) / (2.0 * np.maximum(apart, 1e-300))
+    near, far = np.clip(chord, -first, first), np.clip(apart - chord, -second, second)
+
+    def segment(radius: ArrayLike, distance: FloatArray) -> FloatArray:
+        ratio = np.clip(distance / np.maximum(radius, 1e-300), -1.0, 1.0)
+        return np.asarray(np.square(radius) * (np.arccos(ratio) - ratio * np.sqrt(1.0 - np.square(ratio))))
+
+    return segment(first, near) + segment(second, far)
 
 
 def covering_microlens_object_distance(

@@ -28,6 +28,7 @@ from tradestudy.declarations.quantities import (
     MicrolensPitch,
     ObjectDistanceOrInfinity,
     PositiveNumber,
+    PositiveShare,
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.plenoptic_depth_of_field import microlens_focal_length, touching_inverse_virtual_depths
@@ -133,6 +134,13 @@ class PlenopticDepthPart(DisparityPart):
         description="Microlenses that the estimators `widest-pair` and `least-squares` use: `all`, or only those of "
         "the type that is sharpest at the distance of the point. Default: `sharpest-type`.",
     )
+    least_lit_share: PositiveShare | None = Field(
+        default=None,
+        description="Smallest share of the light of a point's best-lit microlens with which another microlens counts "
+        "as seeing the point. Default: a microlens counts if the light reaches its centre. The choice acts in the "
+        "number of microlenses, in availability, and in the estimators `widest-pair` and `least-squares`, which take "
+        "all microlenses that count as equally precise.",
+    )
     scaling: DepthScalingPart = Field(
         default_factory=DepthScalingPart,
         description="Calibrated correction of measured depth; default: none. All distances of the study are metric. "
@@ -143,6 +151,12 @@ class PlenopticDepthPart(DisparityPart):
     def _choice(self) -> Self:
         if self.microlenses is not None and self.estimator in LENSES_OF_PAIRS:
             raise MistakeAt(("microlenses",), f"the estimator {self.estimator} has no choice of microlenses; remove it")
+        if self.least_lit_share is not None and self.disparity_error == "derived":
+            raise MistakeAt(
+                ("least_lit_share",),
+                "counts microlenses by the light of a point, and a derived disparity error by the windows that two "
+                "micro-images share; declare disparity_error, or remove this",
+            )
         return self
 
 
@@ -270,6 +284,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             field_curvature=self.field_curvature,
             known=self.calibration.known_values,
             depth_scaling=depth_scaling,
+            least_lit_share=depth.least_lit_share,
         )
 
     def _designed_focal_lengths(self, gap: float, sign: float) -> tuple[float, ...]:

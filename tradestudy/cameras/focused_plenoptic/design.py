@@ -39,6 +39,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.microlens_coverage import (
     PAIR_COVERING_RADIUS,
     covering_microlens_object_distance,
+    lit_radius_over_pitch,
     mean_seen_count,
     projected_radius_over_pitch,
 )
@@ -52,7 +53,7 @@ from tradestudy.optics.thin_lens import (
     virtual_depth,
 )
 from tradestudy.optics.triangulation import depth_of_inverse, plenoptic_depth, plenoptic_focus_shift
-from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
+from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, pretty
 
 METHOD: Final = Method(
     name="plenoptic",
@@ -134,6 +135,11 @@ def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scali
     return " and ".join(found) or "nowhere"
 
 
+def _counted(least_lit_share: float) -> str:
+    """Which microlenses count, in words."""
+    return f"those with {pretty(least_lit_share, FRACTION, 3)} or more of the light of the point's best-lit microlens"
+
+
 def _grid_scale(geometry: ArrayGeometry, errors: Errors) -> FloatArray:
     """Ratio of actual to designed distance of microlens centres, from the pitch and the pupil that locates them."""
     moved = {name: error for name, error in errors.items() if name == "pupil_distance"}
@@ -170,6 +176,10 @@ class FocusedPlenoptic(PlenopticCamera):
         Metric depth M of the depth Z by eq. 8. An object at M is imaged, blurred and seen by as many microlenses as the
         design images an object at Z = s⁻¹(M); its size on the sensor is that of an object at M. A scaling corrects
         readings: rendered pictures and `light_chain` have none, so depth read in rendered pictures of M is s(M).
+    least_lit_share
+        A microlens counts where it receives at least this share of the light of the best-lit one; None where its centre
+        lies in the disc of light. It acts in the number of microlenses, in availability and in the baselines of
+        estimators that use many microlenses, whose disparities are equally precise.
 
     Raises
     ------
@@ -184,6 +194,7 @@ class FocusedPlenoptic(PlenopticCamera):
     estimator: PlenopticEstimator
     lenses: UsedLenses
     depth_scaling: DepthScaling = NO_SCALING
+    least_lit_share: float | None = None
 
     def __post_init__(self) -> None:
         require_positive("distance from main lens to microlens array", self.mla_distance)
@@ -242,6 +253,14 @@ class FocusedPlenoptic(PlenopticCamera):
             pupil_ratio=self.main_lens.pupil_ratio,
         )
         return np.asarray(np.where(real, radius, np.nan))
+
+    def counted_radius_over_pitch(self, distance: ArrayLike) -> FloatArray:
+        """Radius, in pitches, of the disc in which the centres of microlenses lie that count; see `least_lit_share`."""
+        radius, array = self.radius_over_pitch(distance), self.microlenses
+        if self.least_lit_share is None:
+            return radius
+        lens = array.aperture_diameter / array.pitch / 2.0
+        return lit_radius_over_pitch(radius, lens_radius_over_pitch=lens, least_share=self.least_lit_share)
 
     def estimator_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline Δx [m] of a pair of microlenses that measures as precisely as the estimator."""
@@ -306,7 +325,7 @@ class FocusedPlenoptic(PlenopticCamera):
 
     def availability(self, distance: ArrayLike) -> FloatArray:
         """Share of points seen by at least two of the microlenses that the estimator uses."""
-        return share_with_a_pair(self.lenses, self.microlenses, self.radius_over_pitch(distance))
+        return share_with_a_pair(self.lenses, self.microlenses, self.counted_radius_over_pitch(distance))
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
         """Conditions on virtual depth and on availability; without enough microlenses there is no depth."""
@@ -469,7 +488,7 @@ class FocusedPlenoptic(PlenopticCamera):
 
     def microlenses_seeing(self, distance: FloatArray) -> FloatArray:
         """Mean number of microlenses that see a point."""
-        radius = self.radius_over_pitch(distance)
+        radius = self.counted_radius_over_pitch(distance)
         count = mean_seen_count(np.nan_to_num(radius), layout=self.microlenses.layout)
         return np.asarray(np.where(np.isnan(radius), np.nan, count))
 
@@ -515,9 +534,11 @@ class FocusedPlenoptic(PlenopticCamera):
                 "none" if math.isnan(plane) else DerivedValue(plane, LENGTH),
             ),
             (
-                "distances, exact for this lattice, at which two or more microlenses of any type see every point",
+                "distances, exact for this lattice, at which two or more microlenses of any type see every point"
+                + ("" if self.least_lit_share is None else " with their centres"),
                 _covered(lens, array, self.mla_distance, scaling),
             ),
+            *(() if self.least_lit_share is None else (("microlenses that count", _counted(self.least_lit_share)),)),
             ("horizontal field of view, focused at infinity", DerivedValue(lens.field_of_view(sensor.width), ANGLE)),
             ("diagonal field of view, focused at infinity", DerivedValue(lens.field_of_view(sensor.diagonal), ANGLE)),
         )
@@ -526,5 +547,5 @@ class FocusedPlenoptic(PlenopticCamera):
 @lru_cache(maxsize=8)
 def _baseline(camera: FocusedPlenoptic, distances: bytes, shape: tuple[int, ...]) -> FloatArray:
     """Baseline [m] of an estimator that uses many microlenses, the same for every noise that is tried at a distance."""
-    radius = camera.radius_over_pitch(np.frombuffer(distances).reshape(shape))
+    radius = camera.counted_radius_over_pitch(np.frombuffer(distances).reshape(shape))
     return effective_baseline(camera.estimator, camera.lenses, camera.microlenses, radius)

@@ -252,8 +252,9 @@ def _coverage(tree: xr.DataTree) -> Iterator[Block]:
     if rows:
         yield Table(
             name="coverage-table",
-            caption="Mean number of microlenses that see a point, at each end of the scene. At the total "
-            "covering plane, the magnitude of the virtual depth is 2.",
+            caption="Mean number of microlenses that see a point, at each end of the scene: the light reaches their "
+            "centres, or they receive the share of it that depth.least_lit_share declares. At the total covering "
+            "plane, the magnitude of the virtual depth is 2.",
             columns=(
                 Column(title="Camera", weight=2),
                 Column(title="Total covering plane", align="right", weight=1),
