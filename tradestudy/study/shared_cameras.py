@@ -14,7 +14,9 @@ from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.declarations.part import Part, nearest_name
 from tradestudy.errors import Problem, StudyError, nearest
 from tradestudy.study import document as tree
+from tradestudy.study.camera_files.binary import MAGIC
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised
+from tradestudy.study.camera_files.importing import nearest as nearest_formats
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError, NoLengthUnitError, Request, wrong_request
 from tradestudy.study.camera_files.pairs import size_words
 from tradestudy.study.document import (
@@ -53,6 +55,14 @@ def load_entries(path: Path) -> tuple[Entry, list[Problem]]:
 
 def _text(path: Path) -> str:
     """Read the text of a file, or refuse it."""
+    content = _text_or_bytes(path)
+    if isinstance(content, bytes):
+        raise refused(Place(str(path), 1, 1), "it is a binary file; text is expected")
+    return content
+
+
+def _text_or_bytes(path: Path) -> str | bytes:
+    """Read the text of a file, or the bytes of a binary calibration file, or refuse it."""
     place = Place(str(path), 1, 1)
     try:
         content = _content(path, place)
@@ -62,6 +72,8 @@ def _text(path: Path) -> str:
         raise refused(place, f"it cannot be read ({getattr(error, 'strerror', None) or error})") from None
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise refused(place, "it is text in UTF-16; save it as UTF-8")
+    if content.startswith(MAGIC):
+        return content
     if b"\0" in content:
         raise refused(place, "it is a binary file; text is expected")
     try:
@@ -83,9 +95,9 @@ def _content(path: Path, place: Place) -> bytes:
         raise refused(place, "it is not a regular file; a file is expected")
     with path.open("rb") as file:
         content = file.read(MOST_BYTES + 1)
-        if b"lensmodel" in content[:_HEAD]:  # an mrcal file may contain the data from which its camera was calibrated
-            content += file.read(_MOST_BYTES_OF_LITERALS)
-    most = _MOST_BYTES_OF_LITERALS if b"lensmodel" in content[:_HEAD] else MOST_BYTES
+        # A file of mrcal, NumPy or MATLAB may contain the data from which its camera was calibrated.
+        most = _MOST_BYTES_OF_LITERALS if b"lensmodel" in content[:_HEAD] or content.startswith(MAGIC) else MOST_BYTES
+        content += file.read(most + 1 - len(content))
     if len(content) > most:
         raise refused(
             place,
@@ -225,7 +237,7 @@ class SharedCameras:
         for one in named:
             path = self.folder / plain(one)
             try:
-                file = recognised(path, _text(path), plain(one))
+                file = recognised(path, _text_or_bytes(path), plain(one))
             except UnreadableError as error:
                 if one is entry:
                     return []  # `from_file` reports the reason
@@ -274,7 +286,7 @@ class SharedCameras:
             what = f"is a study, not a camera; copy its camera {' or '.join(cameras.members)} to a separate file"
             raise CameraFileError(place.problem(("from",), f"'{file}' {what}"))
         if not entry.members.keys() & _keys_of_cameras().keys():
-            what = f"is neither a camera nor a calibration file ({known_formats()}): no key in it is known"
+            what = f"is neither a camera nor a calibration file ({known_formats()}){nearest_formats(entry)}"
             raise CameraFileError(place.problem(("from",), f"'{file}' {what}"))
         for key in SHARING:
             if key in entry.members:

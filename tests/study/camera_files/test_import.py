@@ -108,12 +108,12 @@ def test_two_camera_files_and_their_extrinsics_make_a_pair(tmp_path: Path) -> No
 
 def test_an_unknown_pair_is_refused_with_the_expected_keys(tmp_path: Path) -> None:
     storage = cv2.FileStorage(str(tmp_path / "rig.yml"), cv2.FILE_STORAGE_WRITE)
-    for key, value in {"mtxL": K1, "distL": D1, "mtxR": K2, "distR": D2, "R": R, "T": T}.items():
+    for key, value in {"gridL": K1, "bendL": D1, "gridR": K2, "bendR": D2, "R": R, "T": T}.items():
         storage.write(key, value)
     storage.release()
     said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: m"))
     assert "M1 and M2, or camera_matrix" in said
-    assert "the file has mtxL, distL, mtxR, distR, R, T" in said
+    assert "the file has gridL, bendL, gridR, bendR, R, T" in said
 
 
 def test_cameras_numbered_from_zero_are_refused(tmp_path: Path) -> None:

@@ -473,8 +473,8 @@ def test_the_study_and_the_file_must_agree_on_the_lens(tmp_path: Path, line: str
 @pytest.mark.parametrize(
     "lines",
     [
-        "model_type: PINHOLE\nprojection_parameters:\n   fx: 460.\n   fy: 459.\n   cx: 367.\n   cy: 248.\n",
-        "Camera.type: PinHole\nCamera1.fx: 458.6\nCamera1.fy: 457.3\nCamera1.cx: 367.2\nCamera1.cy: 248.4\n",
+        "lens_type: PINHOLE\nparameters_of_projection:\n   fx: 460.\n   fy: 459.\n   cx: 367.\n   cy: 248.\n",
+        "Sensor_type: PinHole\nSensor_fx: 458.6\nSensor_fy: 457.3\nSensor_cx: 367.2\nSensor_cy: 248.4\n",
     ],
 )
 def test_opencv_files_without_a_camera_matrix_are_refused_with_this_cause(tmp_path: Path, lines: str) -> None:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +27,25 @@ from tradestudy.cameras.imported import (
 )
 from tradestudy.cameras.kinds import KINDS
 from tradestudy.optics.lens_families import FAMILIES
-from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
+from tradestudy.study.camera_files import (
+    basalt,
+    binary,
+    corners,
+    depthai,
+    euroc,
+    kalibr,
+    kitti,
+    libpleno,
+    matlab,
+    middlebury,
+    mrcal,
+    opencv,
+    orbslam,
+    realsense,
+    ros,
+    vins,
+    zed,
+)
 from tradestudy.study.camera_files.located import OTHER_CAMERAS, UNUSED, CameraFile, CameraFileError, Format, Request
 from tradestudy.study.camera_files.pairs import (
     INEXACT_ROTATION,
@@ -36,6 +55,7 @@ from tradestudy.study.camera_files.pairs import (
     size_convention,
     unusual_matrix,
 )
+from tradestudy.study.camera_files.refused import refused
 from tradestudy.study.camera_files.syntax import parsed, syntax_of
 from tradestudy.study.camera_files.unused import unused_keys
 from tradestudy.study.document import (
@@ -46,46 +66,75 @@ from tradestudy.study.document import (
     Member,
     Place,
     ScalarEntry,
+    dotted,
     scalar_text,
+    walk,
 )
 from tradestudy.units import ANGLE, LENGTH, pretty
 
 ONE_CAMERA: Final = "a single camera; a stereo rig needs two, from: [LEFT, RIGHT]"
 _LAST_SEPARATOR: Final = re.compile(r"\n---\s*\Z")
 """The line that ``rostopic echo`` and ``ros2 topic echo`` write after every message."""
+_MOST_KEYS: Final = 2000
 FORMATS: Final[tuple[Format, ...]] = (
-    corners.FORMAT, mrcal.FORMAT, depthai.FORMAT, libpleno.FORMAT, kalibr.FORMAT, ros.FORMAT, opencv.FORMAT,
+    corners.FORMAT, mrcal.FORMAT, depthai.FORMAT, libpleno.FORMAT, kalibr.FORMAT, ros.FORMAT, zed.FORMAT,
+    kitti.FORMAT, middlebury.FORMAT, euroc.FORMAT, orbslam.FORMAT, vins.FORMAT, realsense.FORMAT, basalt.FORMAT,
+    matlab.PARAMETERS, matlab.RESULTS, opencv.FORMAT, opencv.LISTS,
 )  # fmt: skip
 """All formats; a new one needs a file beside these and an entry here."""
 
 
-def recognised(path: Path, text: str, label: str) -> CameraFile | None:
+def recognised(path: Path, content: str | bytes, label: str) -> CameraFile | None:
     """A calibration file, recognised by its content; None for any other file, such as a camera of a study.
 
     Parameters
     ----------
     path, label
         The file, and its name in the study.
-    text
-        Its content.
+    content
+        Its text, or the bytes of a binary file.
 
     Raises
     ------
     CameraFileError
         The text begins like a calibration file but is not one.
     """
-    text = _LAST_SEPARATOR.sub("", text)
-    syntax = syntax_of(text)
-    if syntax == "yaml":  # studies and their cameras are YAML too; their reader reports mistakes in them
+    if isinstance(content, bytes):
+        file = binary.parsed(path, content, label)
+    else:
+        text = _LAST_SEPARATOR.sub("", content)
+        if why := refused(text):
+            raise CameraFileError(Place(str(path), 1, 1).problem((), why))
+        syntax = syntax_of(text)
         try:
             file = parsed(path, text, syntax, label)
         except CameraFileError:
-            return None
-        return file if _format_of(file) is not None else None
-    file = parsed(path, text, syntax, label)
-    if _format_of(file) is None:
-        raise file.top.fail(f"this is not a calibration file of a known format ({known_formats()})")
-    return file
+            if syntax != "yaml":
+                raise
+            return None  # studies and their cameras are YAML too; their reader reports mistakes in them
+    fitting = _fitting(file)
+    if len(fitting) > 1:
+        names = " and ".join(f"{one.name} (by {', '.join(_signs_in(file, one)) or 'its form'})" for one in fitting)
+        raise file.top.fail(f"the file fits several formats, {names}; remove the keys of all but one")
+    if not fitting and file.syntax != "yaml":
+        raise file.top.fail(f"this is not a calibration file of a known format ({known_formats()}){nearest(file.root)}")
+    return file if fitting else None
+
+
+def nearest(root: Entry) -> str:
+    """For messages: the first keys of a file that has no known format, and the formats that come nearest."""
+    names = [*root.members] if isinstance(root, MappingEntry) else []
+    if not names:
+        return ""
+    keys = {dotted(path) for path, _ in islice(walk(root, ()), _MOST_KEYS)} | {*names}
+    shared = {one: [sign for sign in one.signs if sign in keys] for one in FORMATS}
+    near = sorted((one for one in FORMATS if shared[one]), key=lambda one: -len(shared[one]))[:2]
+    given = f"; it has the keys {', '.join(names[:8])}{', …' if len(names) > 8 else ''}"
+    lacking = (
+        f"{one.name} (has {', '.join(shared[one])}; lacks {', '.join(s for s in one.signs if s not in keys)})"
+        for one in near
+    )
+    return given + (f"; nearest: {' and '.join(lacking)}" if near else "")
 
 
 def known_formats() -> str:
@@ -202,8 +251,18 @@ def _field_of_view(camera: ImportedCamera) -> str:
     return " × ".join("beyond the lens model" if math.isnan(one) else pretty(one, ANGLE) for one in angles)
 
 
+def _fitting(file: CameraFile) -> list[Format]:
+    """The formats that a file fits; the first general one if it fits no other."""
+    fitting = [one for one in FORMATS if one.recognises(file)]
+    return [one for one in fitting if not one.is_general] or fitting[:1]
+
+
 def _format_of(file: CameraFile) -> Format | None:
-    return next((one for one in FORMATS if one.recognises(file)), None)
+    return next(iter(_fitting(file)), None)
+
+
+def _signs_in(file: CameraFile, one: Format) -> list[str]:
+    return [sign for sign in one.signs if file.top.has(sign)]
 
 
 def _tree(stated: Sequence[Stated], places: Mapping[str, Place], file: CameraFile) -> MappingEntry:

@@ -48,6 +48,8 @@ class CameraFile:
         Places of the values used, by file and key.
     used
         Keys that lead to the values used.
+    beside
+        Keys that lead to values which the definition of the format gives no part in the calibration.
     inexact
         Rotation matrices that the nearest rotation replaces, in words, by file and key.
     """
@@ -59,6 +61,7 @@ class CameraFile:
     root: Entry
     places: dict[str, Place] = field(default_factory=dict)
     used: set[Path] = field(default_factory=set)
+    beside: set[Path] = field(default_factory=set)
     inexact: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -150,6 +153,10 @@ class Located:
     def use(self) -> None:
         """Note that the whole value has been used."""
         self.file.used.add(self.path)
+
+    def set_aside(self, *names: str) -> None:
+        """Note that these keys, or all if none is named, are no part of a calibration if they are not used."""
+        self.file.beside.update((*self.path, name) for name in names or self.names())
 
     def use_matrix(self) -> None:
         """Note that a matrix has been used: the numbers, and how they are stored, but no other key beside them."""
@@ -391,6 +398,10 @@ class Format:
         Why one file is enough; empty if a pair may need more.
     read
         Camera or rig from the files of a camera.
+    signs
+        Keys by which people know the format, for messages.
+    is_general
+        Whether a file that also fits another format has that one.
     write
         The text of each file for a pair, by file name, given the pair and the stem of the names; raises
         `UnsupportedLensError` for a lens that the format cannot represent. None: export is not supported.
@@ -402,6 +413,8 @@ class Format:
     whole: str = ""
     recognises: Callable[[CameraFile], bool]
     read: Callable[[Sequence[CameraFile], Request], Imported]
+    signs: tuple[str, ...] = ()
+    is_general: bool = False
     write: Callable[[ImportedRig, str], Mapping[str, str]] | None = None
 
 

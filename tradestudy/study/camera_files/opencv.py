@@ -19,20 +19,24 @@ from tradestudy.study.camera_files.located import (
     shortest_coefficients,
 )
 from tradestudy.study.camera_files.pairs import checked_camera, paired, pinhole_of, rotation_of
-from tradestudy.study.document import ListEntry, MappingEntry, ScalarEntry
+from tradestudy.study.document import Entry, ListEntry, MappingEntry, ScalarEntry
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
 _ORDER_FISHEYE: Final = ("k1", "k2", "k3", "k4")
-_MATRIX: Final = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic_matrix", "K", "M")
+_MATRIX: Final = (
+    "camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic_matrix", "intrinsics", "K", "M", "mtx",
+    "cam_mtx",
+)  # fmt: skip
 _DISTORTION: Final = (
     "distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "DistortionCoefficients", "dist_coeffs",
-    "distortion_coeffs", "distortion", "dist", "D",
+    "distortion_coeffs", "distortion", "dist", "dist_coeff", "distCoeff", "D",
 )  # fmt: skip
 _FISHEYE_NAMES: Final = ("fisheye", "equidistant", "kannala_brandt", "kannala_brandt4")
 _PINHOLE_NAMES: Final = ("pinhole", "perspective", "plumb_bob", "radtan", "rational_polynomial", "brown_conrady")
 _WIDE: Final = 0.75  # slope of a corner of the picture, above which a fisheye lens and a pinhole differ by much
-_SIDES: Final = (("1", "left", "Left", "L"), ("2", "right", "Right", "R"))
-_ROTATION, _TRANSLATION = ("R", "rotation", "rotation_matrix"), ("T", "translation", "translation_vector")
+_SIDES: Final = (("1", "left", "Left", "L", "l", "LEFT"), ("2", "right", "Right", "R", "r", "RIGHT"))
+_ROTATION: Final = ("R", "rotation", "rotation_matrix", "rotationMatrix", "Rot", "rot")
+_TRANSLATION: Final = ("T", "translation", "translation_vector", "translationVector", "Trans", "trans")
 
 
 def recognises(file: CameraFile) -> bool:
@@ -46,6 +50,27 @@ def recognises(file: CameraFile) -> bool:
     )
 
 
+def _recognises_lists(file: CameraFile) -> bool:
+    """Whether a file has a matrix of 9 numbers as a list, under any of the keys that OpenCV's files have."""
+    names = (*_MATRIX, *_names(_MATRIX, 0), *_names(_MATRIX, 1), *_ROTATION)
+    tops = [file.top, *filter(None, (_side(file.top, side) for side in (0, 1)))]
+    return any((value := top.find(name)) is not None and _is_square(value.entry) for top in tops for name in names)
+
+
+def _is_square(entry: Entry) -> bool:
+    items = entry.items if isinstance(entry, ListEntry) else ()
+    return len(items) == 9 or (
+        len(items) == 3 and all(isinstance(one, ListEntry) and len(one.items) == 3 for one in items)
+    )
+
+
+def _side(top: Located, side: int) -> Located | None:
+    """The mapping of one camera of a pair, such as ``left`` or ``camera1``."""
+    names = (one for end in _SIDES[side] for one in (end, f"cam{end}", f"camera{end}", f"camera_{end}"))
+    found = (top.find(name) for name in names)
+    return next((one for one in found if one is not None and any(one.has(name) for name in _MATRIX)), None)
+
+
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """One camera from one file; a pair from a stereo calibration, or from two camera files and one of extrinsics.
 
@@ -55,7 +80,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         A value is missing, invalid or inconsistent.
     """
     tops = [file.top for file in files]
-    pairs = [top for top in tops if top.find(*_names(_MATRIX, 0)) is not None]
+    pairs = [top for top in tops if top.find(*_names(_MATRIX, 0)) is not None or _side(top, 0) is not None]
     for top in tops:
         zero = top.find(*(f"{name}{gap}0" for name in _MATRIX for gap in ("", "_")))
         if zero is not None and top.find(*_names(_MATRIX, 1)) is None:
@@ -91,10 +116,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         return _rectified(pairs[0] if pairs else extrinsic, extrinsic, request)
     if pairs:
         _refuse_one_distortion(pairs[0])
-        first, second = (
-            _camera(pairs[0], f"camera {side + 1}", _names(_MATRIX, side), _names(_DISTORTION, side), request, side)
-            for side in (0, 1)
-        )
+        first, second = (_one_of_pair(pairs[0], side, request) for side in (0, 1))
     elif len(alone) == 2:
         first, second = (_camera(top, top.file.path.stem, _MATRIX, _DISTORTION, request) for top in alone)
     else:
@@ -112,13 +134,30 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     lenses = () if first.coefficients or second.coefficients else (undistorted,)
     return _in_order(
         (first, second),
-        rotation_of(turn, _matrix(turn, 9)),
-        np.array(_matrix(moved, 3)) * metre,
+        _rotation(turn, extrinsic),
+        np.array(matrix_of(moved, 3)) * metre,
         request,
         metre=metre,
         where=(turn, moved),
         conventions=(*_conventions(moved, "raw: as taken, before rectification"), unit, *lenses),
     )
+
+
+def _one_of_pair(top: Located, side: int, request: Request) -> ImportedCamera:
+    name, inner = f"camera {side + 1}", _side(top, side)
+    if inner is not None:
+        return _camera(inner, name, _MATRIX, _DISTORTION, request)
+    return _camera(top, name, _names(_MATRIX, side), _names(_DISTORTION, side), request, side)
+
+
+def _rotation(turn: Located, extrinsic: Located) -> FloatArray:
+    """A rotation matrix, or the rotation vector that the calibration of ZED cameras writes."""
+    numbers = matrix_of(turn)
+    if extrinsic.has("K_LEFT", "K_RIGHT") and len(numbers) == 3:
+        from scipy.spatial.transform import Rotation
+
+        return Rotation.from_rotvec(numbers).as_matrix()
+    return rotation_of(turn, matrix_of(turn, 9))
 
 
 def _in_order(
@@ -174,7 +213,7 @@ def _refuse_vectors(tops: Sequence[Located]) -> None:
     """Refuse vectors as long as distortion, under any name, in the files of cameras of which no distortion was read."""
     for value in (unused for top in tops for unused in top.file.unused()):
         extents = [value.find("rows"), value.find("cols")]
-        if "1" in [one.text() for one in extents if one is not None] and len(_matrix(value)) in (5, 8, 12, 14):
+        if "1" in [one.text() for one in extents if one is not None] and len(matrix_of(value)) in (5, 8, 12, 14):
             raise value.fail(
                 f"no distortion was read, but {value.last} is as long as distortion; rename it, such as D1 or "
                 "distortion_coefficients, or remove it"
@@ -189,7 +228,7 @@ def _given(top: Located) -> str:
 
 def _conventions(moved: Located, pictures: str) -> tuple[Convention, ...]:
     return (
-        Convention(name="format", says="OpenCV FileStorage", key=moved.key),
+        Convention(name="format", says=FORMAT.name if recognises(moved.file) else LISTS.name, key=moved.key),
         Convention(
             name="direction of transforms",
             says="first to second camera, x₂ = R x₁ + T, as by stereoCalibrate",
@@ -215,7 +254,7 @@ def _camera(
 ) -> ImportedCamera:
     """One camera of a file, under any of its possible keys."""
     matrix = top.need(*matrices)
-    pinhole = fx, fy, cx, cy = pinhole_of(matrix, _matrix(matrix, 9))
+    pinhole = fx, fy, cx, cy = pinhole_of(matrix, matrix_of(matrix, 9))
     distortion, size = top.find(*distortions), _size(top)
     pixels = request.pixels if size is None else (size[0].count(), size[1].count())
     across, down = (cx, cy) if pixels is None else (max(cx, pixels[0] - cx), max(cy, pixels[1] - cy))
@@ -246,7 +285,7 @@ _LENS_WORDS: Final = {"rational": "pinhole, OpenCV's order k1 k2 p1 p2 k3 …", 
 
 def _lens(distortion: Located, slope: float, kind: str) -> tuple[LensModelName, Mapping[str, float]]:
     """Lens model and coefficients; ``slope`` is that of the farthest corner of the picture, by a pinhole."""
-    numbers = _matrix(distortion, 4, 5, 8, 12, 14)
+    numbers = matrix_of(distortion, 4, 5, 8, 12, 14)
     if not kind and len(numbers) == 4 and slope > _WIDE:
         raise distortion.fail(
             "4 coefficients are k1 to k4 of a fisheye lens, or k1 k2 p1 p2 of a pinhole; in a picture as wide as this "
@@ -296,7 +335,7 @@ def _size(top: Located) -> tuple[Located, Located] | None:
     for across, down in (("image_width", "image_height"), ("image_Width", "image_Height"), ("width", "height")):
         if top.has(across, down):
             return top.need(across), top.need(down)
-    both = top.find("image_size", "imageSize", "img_size", "Image_Size", "size")
+    both = top.find("image_size", "imageSize", "img_size", "Image_Size", "size", "Size")
     if both is None:
         return None
     data = both.find("data")  # of a matrix with both numbers
@@ -306,7 +345,7 @@ def _size(top: Located) -> tuple[Located, Located] | None:
     return both.need("width"), both.need("height")
 
 
-def _matrix(value: Located, *counts: int) -> tuple[float, ...]:
+def matrix_of(value: Located, *counts: int) -> tuple[float, ...]:
     """All numbers of a matrix, row by row."""
     if isinstance(value.entry, ListEntry):
         return value.numbers(*counts)
@@ -335,7 +374,7 @@ def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
         cameras.append(
             checked_camera(
                 f"camera {side + 1}",
-                pinhole_of(value, _matrix(value, 12)),
+                pinhole_of(value, matrix_of(value, 12)),
                 "rational",
                 {},
                 matrix=value,
@@ -346,7 +385,7 @@ def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
         )
     value = holder.need("P2")
     metre, unit = request.metres(value)
-    placed = [translation_of_projection(holder.need(name), _matrix(holder.need(name), 12)) for name in ("P1", "P2")]
+    placed = [translation_of_projection(holder.need(name), matrix_of(holder.need(name), 12)) for name in ("P1", "P2")]
     return _in_order(
         (cameras[0], cameras[1]),
         np.eye(3),
@@ -408,5 +447,14 @@ FORMAT: Final = Format(
     options=("length_unit", "pair", "pixels", "pictures", "lens_model"),
     recognises=recognises,
     read=read,
+    signs=("camera_matrix", "distortion_coefficients", "M1", "K1", "D1", "R", "T"),
+    is_general=True,
     write=write,
+)
+LISTS: Final = Format(
+    name="lists of matrices (JSON, YAML, npz, mat)",
+    options=FORMAT.options,
+    recognises=_recognises_lists,
+    read=read,
+    is_general=True,
 )

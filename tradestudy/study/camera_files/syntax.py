@@ -6,6 +6,7 @@ import ast
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +24,13 @@ _OPENCV_HEAD: Final = re.compile(r"%YAML[: ]1\.[0-2][^\n]*")
 _STORAGE_ATTRIBUTES: Final = ("type_id",)
 """Attributes of OpenCV's XML that only say how a value is stored."""
 _NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_ASSIGNMENTS: Final = re.compile(
+    r"(%(?!YAML)[^\n]*\n\s*)*(\[\w{1,99}\]\s*\w+ ?=|[A-Za-z]\w{0,99} ?= ?\S|calib_time:"
+    r"|\w{1,99}:( [-+]?\d[-+.\deE]*){2,999}\s*$)",
+    re.MULTILINE,
+)
+"""The beginning of lines such as ``fx=700``, ``fc_left = [ 700 701 ];`` or ``P0: 700 0 …``, below comments."""
+_NAME: Final = re.compile(r"([A-Za-z][\w.]*)\s*[=:]\s*")
 
 
 def syntax_of(text: str) -> str:
@@ -35,6 +43,8 @@ def syntax_of(text: str) -> str:
         return "opencv-xml"
     if _OPENCV_HEAD.match(body):
         return "opencv-yaml"
+    if _ASSIGNMENTS.match(body):
+        return "assignments"
     if body.startswith("{"):
         return "python" if re.search(r"""['"]lensmodel['"]""", text) else "json"
     return "yaml"
@@ -50,6 +60,60 @@ def parsed(path: Path, text: str, syntax: str, label: str) -> CameraFile:
     """
     root = _PARSERS[syntax](path, text)
     return CameraFile(path=path, label=label, syntax=syntax, text=text, root=root)
+
+
+def _opencv_yaml(path: Path, text: str) -> Entry:
+    """YAML with tags, a header that other parsers refuse, and no space after keys; ``Camera.fx`` is fx in Camera."""
+    text = _OPENCV_HEAD.sub(lambda found: "#" + found.group()[1:], text, count=1)
+    root = _yaml(path, re.sub(r"^(\s*data:)\[", r"\1 [", text, flags=re.MULTILINE), tags=True)
+    if not isinstance(root, MappingEntry):
+        return root
+    top: dict[str, Member] = {}
+    groups: dict[str, dict[str, Member]] = {}
+    for name, member in root.members.items():
+        outer, _, inner = name.partition(".")
+        if inner and outer not in groups:
+            groups[outer] = {}
+            _add(top, outer, MappingEntry(place=member.key_place, members=groups[outer]), member.key_place)
+        _add(groups[outer] if inner else top, inner or name, member.entry, member.key_place)
+    return replace(root, members=top)
+
+
+def _assignments(path: Path, text: str) -> Entry:
+    """Lines that give names values: numbers in brackets or without, and text; below sections in square brackets."""
+    top: dict[str, Member] = {}
+    section, count = top, 0
+    for number, line in enumerate(text.split("\n"), 1):
+        place, words = Place(str(path), number, 1), line.partition("#")[0].partition("%")[0].strip()
+        if header := re.fullmatch(r"\[(\w+)\]", words):
+            section = {}
+            _add(top, header[1], MappingEntry(place=place, members=section), place)
+        elif words:
+            name = _NAME.match(words)
+            if name is None:
+                raise CameraFileError(place.problem((), f"'{words[:40]}' does not give a name a value"))
+            value = _value(place, re.sub(r"[\[\],;]", " ", words[name.end() :]).strip())
+            count += len(value.items) if isinstance(value, ListEntry) else 1
+            if count > MOST_VALUES:
+                raise CameraFileError(place.problem((), f"the file contains more than {MOST_VALUES} values"))
+            _add(section, name[1], value, place)
+    return MappingEntry(place=Place(str(path), 1, 1), members=top)
+
+
+def _add(members: dict[str, Member], key: str, entry: Entry, place: Place) -> None:
+    if key in members:
+        raise CameraFileError(place.problem((key,), "duplicate key; remove one of them"))
+    members[key] = Member(place, entry)
+
+
+def _value(place: Place, text: str) -> Entry:
+    """A list if the text contains several numbers, else one value."""
+    words = text.split()
+    if len(words) > 1 and all(map(_NUMBER.fullmatch, words)):
+        return ListEntry(place=place, items=tuple(_scalar(place, float(word), word) for word in words))
+    text = text.strip("\"'")
+    is_number = _NUMBER.fullmatch(text) is not None
+    return _scalar(place, float(text) if is_number else text or None, text)
 
 
 def _yaml(path: Path, text: str, *, tags: bool = False) -> Entry:
@@ -154,16 +218,11 @@ class _XmlBuilder:
             self.open[-1][2][name] = Member(place, entry)
 
     def value(self, place: Place, text: str) -> Entry:
-        """A list of numbers if the text contains several, else one value."""
-        words = text.split()
-        self.count += len(words)
+        """See `_value`; counted."""
+        self.count += len(text.split())
         if self.count > MOST_VALUES:
             raise self.fail(f"the file contains more than {MOST_VALUES} values")
-        if len(words) > 1 and all(map(_NUMBER.fullmatch, words)):
-            return ListEntry(place=place, items=tuple(_scalar(place, float(word), word) for word in words))
-        text = text.strip('"')
-        is_number = _NUMBER.fullmatch(text) is not None
-        return _scalar(place, float(text) if is_number else text or None, text)
+        return _value(place, text)
 
 
 def _python(path: Path, text: str) -> Entry:
@@ -231,10 +290,8 @@ def _scalar(place: Place, value: Any, text: str) -> ScalarEntry:
 _PARSERS: Final[Mapping[str, Callable[[Path, str], Entry]]] = {
     "corners": lambda path, _text: MappingEntry(place=Place(str(path), 1, 1), members={}),
     "opencv-xml": _xml,
-    # With tags and a header that other parsers of YAML refuse.
-    "opencv-yaml": lambda path, text: _yaml(
-        path, _OPENCV_HEAD.sub(lambda found: "#" + found.group()[1:], text, count=1), tags=True
-    ),
+    "opencv-yaml": _opencv_yaml,
+    "assignments": _assignments,
     "python": _python,
     # YAML, but for tabs between values and escaped slashes.
     "json": lambda path, text: _yaml(path, text.replace("\t", " ").replace("\\/", "/")),

@@ -138,7 +138,8 @@ class _Reading:
 
     @property
     def is_raw(self) -> bool:
-        return self.request.pictures == "raw"
+        is_rectified = any(one.name == "pictures" and one.says.startswith("rect") for one in self.found.conventions)
+        return self.request.pictures == "raw" and not is_rectified
 
 
 def unused_keys(files: Sequence[CameraFile], request: Request, found: Imported) -> Iterator[Convention]:
@@ -168,7 +169,7 @@ def unused_keys(files: Sequence[CameraFile], request: Request, found: Imported) 
     for value in [value for file in files for value in file.unused()]:
         if not value.path:
             raise value.fail("nothing in this file is needed beside the other files; remove it from from:")
-        for part in _parts(value):
+        for part in _parts(value) if value.path not in value.file.beside else ():
             if problem := next(
                 filter(None, (check(part, _words_of(part.path[-1:]), reading) for check in _CHECKS)), ""
             ):
