@@ -194,7 +194,7 @@ def render(
     refuse_foreign(folder, files_of_pictures(study.definition))
     with closing(Checkpoints(folder, fresh=fresh)) as checkpoints:
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
-        definition, _ = infer_calibrations(study.definition, steps)
+        definition, *_ = infer_calibrations(study.definition, steps)
         taken = take_scene(definition, folder, steps, depth=depth)
         checkpoints.remove()
     scores = {one.camera: one.score for one in taken.depths}

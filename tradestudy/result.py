@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
+from tradestudy.results import UNCONVERGED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,6 +54,8 @@ class Result:
                 if not converged:
                     why = str(chains["posterior_verdict"].sel(posterior=name).item())
                     missed.append(f"{name}: its calibration did not converge ({why})")
+        others = str(self.data.attrs.get(UNCONVERGED, "")).splitlines()
+        missed += [f"calibrations did not converge for {one}" for one in others]
         return missed
 
     def lines(self, most: int = 6) -> tuple[str, ...]:

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.spatial.transform import Rotation
 
 import tradestudy
 from tests.calibration.cameras import board, focused, normal, shown, stereo
 from tradestudy.answers.calibration import infer_calibrations
-from tradestudy.answers.questions import solve, solve_requirement
+from tradestudy.answers.questions import planned, questions_group, solve, solve_requirement
 from tradestudy.calibration.camera_target import (
     TargetProblem,
     TargetToInfer,
@@ -28,10 +29,15 @@ from tradestudy.calibration.projection import move, project
 from tradestudy.calibration.synthetic_target import Priors, SyntheticTarget, flat_grid, observe_target
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.depth.evaluation import distribution
+from tradestudy.depth.linear import linearised_depth
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.report.document import Paragraph, plain_text
+from tradestudy.report.sections.answer import describe_answer
+from tradestudy.results.views.conclusions import rests_on
 from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.units import FRACTION, pretty
 
 REFITS = 400
 DESIGN = np.array([460.0, 460.0, 319.5, 179.5])  # fx, fy, cx, cy [px]
@@ -140,7 +146,7 @@ def test_the_number_of_views_for_a_certainty_is_that_of_an_inferred_calibration(
     swept = definition.with_values({"solve": None, "sweep": {"rig.calibration.target.views": list(values.values())}})
     found = []
     for seed in range(3):
-        known, _ = infer_calibrations(swept.with_values({"propagation.seed": seed}), Steps())
+        known, *_ = infer_calibrations(swept.with_values({"propagation.seed": seed}), Steps())
         few, enough = (
             distribution(design.case.cameras["rig"], np.array([1.0]), "calibration").half_widths(ONE_SIGMA)[0, 0]
             for design in (known, known.with_values(values))
@@ -148,6 +154,31 @@ def test_the_number_of_views_for_a_certainty_is_that_of_an_inferred_calibration(
         assert few > 1.5 * enough
         found.append(enough)
     assert np.mean(found) == pytest.approx(0.6e-3, rel=0.12)
+
+
+@pytest.mark.parametrize(("goal", "named"), [("0.6 mm", True), ("1.5 mm", False)])
+def test_an_answer_rests_on_corner_noise_by_its_share_of_the_planned_variance(
+    tmp_path: Path, goal: str, named: bool
+) -> None:
+    """A covariance C of priors P and views contains C P⁻¹ C from the priors; the rest is from the corner noise."""
+    asked = {"solve": {"views": {**VIEWS, "camera": "rig", "uncertainty": goal}}}
+    definition = loaded(tmp_path, more=asked).plan().definition
+    data = questions_group(definition, lambda _step, _share: None)
+    views = int(data["solved_value"].item())
+    rig = planned(definition.with_values({"rig.calibration.target.views": views})).case.cameras["rig"]
+    line = linearised_depth(rig, np.array([1.0]), 0.0, "calibration")
+    weighted = line.covariance @ line.sensitivity[:, 0]
+    priors = np.array([np.radians(0.2) if name == "yaw" else 20e-6 for name in line.parameters])
+    share = 1.0 - np.sum((weighted / priors) ** 2) / (weighted @ line.sensitivity[:, 0])
+    assert (share > 0.5) == named
+    said = rests_on(xr.DataTree.from_dict({"/": xr.Dataset(), "/decision": data}))
+    if named:
+        found = data["solved_rests_on_share"].item()
+        assert found == pytest.approx(share, abs=2e-3)  # the interval is not quite linear in the errors
+        where = f"{pretty(found, FRACTION, digits=2)} of the variance due to calibration at 1 m"
+        assert said == (f"corner noise of the rig, declared 0.1 px ({where})",)
+    else:
+        assert said == ()
 
 
 def test_views_for_a_requirement_are_planned(tmp_path: Path) -> None:
@@ -242,3 +273,15 @@ def test_boards_that_are_not_tilted_against_each_other_are_refused(tmp_path: Pat
 def test_views_are_either_spread_or_given(tmp_path: Path, views: str, key: str) -> None:
     with pytest.raises(StudyError, match=rf"target.*{key}"):
         loaded(tmp_path, views)
+
+
+def test_a_calibration_that_only_a_design_leaves_unconverged_is_reported(tmp_path: Path) -> None:
+    steps = "rig.calibration.target.max_steps"
+    result = loaded(tmp_path, more={steps: 4000, "sweep": {steps: [100]}}).run()
+    assert result.data["calibration"]["posterior_converged"].values.tolist() == [True]
+    (unmet,) = result.unmet_requirements
+    assert unmet.startswith("calibrations did not converge for Rig under 1 of 1 other sets of values (")
+    (told,) = [line for line in result.lines() if line.startswith("Not converged")]
+    assert told.startswith("Not converged: the calibration of Rig under 1 of 1 other sets of values (")
+    page = " ".join(plain_text(one.text) for one in describe_answer(result.data) if isinstance(one, Paragraph))
+    assert "The calibration did not converge for Rig under 1 of 1 other sets of values (" in page

@@ -12,6 +12,7 @@ import xarray as xr
 
 from tradestudy import load
 from tradestudy.results.views import headline as views_headline
+from tradestudy.results.views.conclusions import measure_first, rests_on
 from tradestudy.results.views.headline import headline
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -117,3 +118,29 @@ def test_fresnel_limits_are_grouped_by_lens_and_phase(monkeypatch: pytest.Monkey
         "microlens and the other; with a perfect lens phase, at every f-number of the study behind the main lens and "
         "the microlens and from f/2 on behind the other."
     )
+
+
+def measured(*cameras: tuple[str, float, float, float, float]) -> xr.DataTree:
+    """Cameras with spread, its standard error, bias and predicted bias, in millimetres, in pictures of a scene."""
+    titles, *numbers = zip(*cameras, strict=True)
+    columns = dict(zip(("spread", "spread_error", "bias", "predicted_bias"), numbers, strict=True))
+    columns |= {"bias_error": columns["spread_error"], "predicted": columns["spread"], "filled": columns["spread"]}
+    values = {f"depth_{name}": ("mapped_camera", 1e-3 * np.array(column)) for name, column in columns.items()}
+    cameras_of = xr.Dataset({"title": ("camera", list(titles))}, {"camera": list(titles)})
+    pictures = xr.Dataset(values, {"mapped_camera": list(titles)})
+    return xr.DataTree.from_dict({"/cameras": cameras_of, "/pictures": pictures})
+
+
+@pytest.mark.parametrize(
+    ("error", "bias", "drawn", "without"),
+    [(0.2, 3.0, 4.0, "as well as Head A"), (0.02, 3.0, 4.0, "best"), (0.02, 3.0, 0.0, ""), (0.02, 0.1, 4.0, "")],
+)
+def test_a_ranking_rests_on_a_drawn_bias_that_alone_decides_it(
+    error: float, bias: float, drawn: float, without: str
+) -> None:
+    """Head A is off by 1.3 mm in all, and Head B spreads by 1.1 mm."""
+    tree = measured(("Head A", 1.2, error, 0.5, 0.1), ("Head B", 1.1, error, bias, drawn))
+    assert headline(tree).startswith(f"Head {'A' if bias > 1.0 else 'B'} measures the scene best")
+    said = f"bias of Head B, drawn from its calibration errors (without it, it would measure {without})"
+    assert rests_on(tree) == ((said,) if without else ())
+    assert measure_first(tree) == ("Measure first: the calibration of Head B" if without else "")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 def infer_calibrations(
     definition: StudyDefinition, steps: Steps
-) -> tuple[StudyDefinition, Mapping[str, InferredCalibration]]:
+) -> tuple[StudyDefinition, Mapping[str, InferredCalibration], str]:
     """Infer every calibration from a target or corners, for the study, its readings and the designs of its sweep.
 
     Returns
@@ -37,6 +37,9 @@ def infer_calibrations(
         The study, with the inferred calibrations of its cameras.
     mapping of str to InferredCalibration
         Calibrations of the study as declared, by camera.
+    str
+        The cameras of which other calibrations, for readings or designs, did not converge, with their number and the
+        failed checks of the first; empty if all converged.
 
     Raises
     ------
@@ -45,7 +48,7 @@ def infer_calibrations(
     """
     asked = calibrations_to_infer(definition)
     if not asked:
-        return definition, {}
+        return definition, {}, ""
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
     from tradestudy.calibration.posteriors import infer
 
@@ -56,7 +59,17 @@ def infer_calibrations(
         refuse_calibrations(definition, corners="all views")  # in the words of `plan`, with the place in the study
         raise
     known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
-    return known, {one.name: found[key] for key, one in definition.calibrations_to_infer().items()}
+    declared = {key: one.name for key, one in definition.calibrations_to_infer().items()}
+    others: dict[str, list[InferredCalibration]] = {}
+    for key, one in found.items():
+        if key not in declared:
+            others.setdefault(definition.file.cameras[asked[key].name].title, []).append(one)
+    failed = [
+        f"{title} under {len(failures)} of {len(every)} other sets of values ({failures[0]})"
+        for title, every in others.items()
+        if (failures := ["; ".join(one.failures) for one in every if one.failures])
+    ]
+    return known, {name: found[key] for key, name in declared.items()}, "\n".join(failed)
 
 
 Corners = Literal["not fitted", "few views", "all views"]

@@ -314,7 +314,7 @@ def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAUL
         )
     require_prices(plan.definition)
     steps = Steps() if steps is None else steps
-    definition, _ = infer_calibrations(plan.definition, steps)
+    definition, *_ = infer_calibrations(plan.definition, steps)
     problems = list(_problems(plan, definition))
     found: list[Measured] = []
     end = time.perf_counter() + budget

@@ -20,12 +20,14 @@ from tradestudy.errors import NotConvergedError
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
+from tradestudy.study.bases import rests_in_words
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
-from tradestudy.study.varying import Varying, question_ends
+from tradestudy.study.varying import Varying, quantity_entry, question_ends
 from tradestudy.units import (
     FRACTION,
     LENGTH,
+    PIXELS,
     Dimension,
     pretty,
     pretty_with_error,
@@ -33,7 +35,7 @@ from tradestudy.units import (
     shows_error,
     significant,
 )
-from tradestudy.wording import DECLARED_VALUE, listed
+from tradestudy.wording import DECLARED_VALUE, listed, with_article
 
 
 def bracketed(
@@ -134,12 +136,16 @@ class Solved:
 
     `tried` has the values at which the depth uncertainty [m] of a camera was computed, each with that uncertainty (the
     geometric mean over scrambles or plans), for a question that gives it a required value; otherwise it is empty.
+    `rests_on` names the input that decides the variance at the first solution, and `share` is its share of it; empty
+    and NaN where none is known to.
     """
 
     solutions: tuple[Solution, ...]
     dimension: Dimension
     answer: str
     tried: tuple[tuple[float, float], ...] = ()
+    rests_on: str = ""
+    share: float = math.nan
 
     @property
     def value(self) -> float:
@@ -199,9 +205,11 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     answer = _answer(definition, question, found, is_counted=varying.is_counted)
     if ratios.plans > 1:
         answer += f"; mean over {ratios.plans} arrangements of the calibration views"
+    rests, share = "", math.nan
     if question.errors == "calibration" and question.equal is None:
         answer += _larger_noise(definition.with_values(varying.changes(found[0].value)), question)
-    return Solved(solutions=tuple(found), dimension=dimension, answer=answer, tried=tried)
+        rests, share = _corner_noise(ratios.changed(math.log(found[0].value)), question)
+    return Solved(solutions=tuple(found), dimension=dimension, answer=answer, tried=tried, rests_on=rests, share=share)
 
 
 class _Ratios:
@@ -257,11 +265,14 @@ class _Ratios:
         """The ratio at a value in one plan of a calibration; (scrambles,)."""
         key = (log_value, plan)
         if key not in self._known:
-            varying = self._varying
-            value = min(max(math.exp(log_value), varying.low), varying.high)  # rounding may carry it beyond an end
-            changed = self._definition.with_values(varying.changes(value))
-            self._known[key] = _log_ratios(planned(changed, plan), self._question)
+            self._known[key] = _log_ratios(planned(self.changed(log_value), plan), self._question)
         return self._known[key]
+
+    def changed(self, log_value: float) -> StudyDefinition:
+        """The study with a value, before its calibrations are planned."""
+        varying = self._varying
+        value = min(max(math.exp(log_value), varying.low), varying.high)  # rounding may carry it beyond an end
+        return self._definition.with_values(varying.changes(value))
 
 
 def _error_of_mean(values: FloatArray) -> float:
@@ -305,6 +316,35 @@ def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
     width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
     both = f"the matching noise of one measurement, {pretty(width, LENGTH)}, exceeds the goal"
     return f"; {both} of {pretty(question.goal, LENGTH)}" if width > question.goal else ""
+
+
+_NOISE_STEP: Final = 1.01  # factor of the corner noise on both sides of the declared one
+_MOST: Final = 0.5  # of the variance
+
+
+def _corner_noise(definition: StudyDefinition, question: SolvePart) -> tuple[str, float]:
+    """The corner noise of a calibration to be planned, in words, and its share of the variance of depth.
+
+    The planned covariance combines the corners with the errors before the calibration: its logarithmic derivative with
+    respect to the variance of the corners is their share. Empty and NaN where this is not most of it.
+    """
+    from tradestudy.calibration.camera_target import TargetToInfer
+
+    name = question.camera or ""
+    asked = {one.name: one for one in definition.calibrations_to_infer().values() if isinstance(one, TargetToInfer)}
+    if name not in asked:
+        return "", math.nan
+    path = ("cameras", name, "calibration", "target", "corner_noise")
+    changes = [
+        {".".join(path): quantity_entry(asked[name].part.corner_noise * factor, PIXELS)}
+        for factor in (1.0 / _NOISE_STEP, _NOISE_STEP)
+    ]
+    low, high = (_log_ratios(planned(definition.with_values(one)), question)[0] for one in changes)
+    share = float(high - low) / (2.0 * math.log(_NOISE_STEP))
+    if not share > _MOST:
+        return "", math.nan
+    title = with_article(definition.file.cameras[name].title)
+    return f"corner noise of {title}{rests_in_words(definition, path)}", share
 
 
 def _undecided(question: SolvePart) -> str:
@@ -567,6 +607,8 @@ def questions_group(definition: StudyDefinition, progress: Progress) -> xr.Datas
             "solved_units": [answer.dimension.unit for answer in solved],
             "solved_says": [question.says for question in questions.values()],
             "solved_answer": [answer.answer for answer in solved],
+            "solved_rests_on": [answer.rests_on for answer in solved],
+            "solved_rests_on_share": [answer.share for answer in solved],
         },
         {"question": list(questions)},
     )

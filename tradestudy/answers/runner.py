@@ -26,7 +26,7 @@ from tradestudy.answers.requirements import Judge
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import Seconds
 from tradestudy.models.plan import Plan
-from tradestudy.results import FORMAT_VERSION
+from tradestudy.results import FORMAT_VERSION, UNCONVERGED
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.varying import sweep_axes, sweep_points
 
@@ -58,7 +58,7 @@ def compute(
         Groups and variables as defined in `tradestudy.results`.
     """
     steps = Steps() if steps is None else steps
-    definition, inferred = infer_calibrations(plan.definition, steps)
+    definition, inferred, failed = infer_calibrations(plan.definition, steps)
     asked = _Asked(
         plan=plan,
         definition=definition,
@@ -69,7 +69,7 @@ def compute(
         pictures=pictures,
     )
     groups: dict[str, xr.Dataset] = {
-        "/": _root(definition),
+        "/": _root(definition).assign_attrs({UNCONVERGED: failed} if failed else {}),
         "/cameras": cameras_group(definition),
         "/assumptions": assumptions_group(definition),
         "/contradictions": contradictions_group(definition),

@@ -23,6 +23,8 @@ DISTANCE: Final = {"units": "m", "long_name": "object distance", "symbol": "a"}
 PAPER: Final = "Diffraction model of a plenoptic camera for in-situ space exploration"
 JUDGED: Final = ("depth_uncertainty", "depth_error_radius")
 """The larger of these variables judges a camera; see `judged_uncertainty`."""
+UNCONVERGED: Final = "unconverged"
+"""Attribute of the root: cameras whose calibrations for readings or designs did not converge, a line each."""
 _SWEPT: Final = ("depth", "decision", "criteria", "requirements")  # groups with swept parameters as dimensions
 _ALSO_IN: Final = "as in /"
 _NOT_IN_WORDS: Final = re.compile("_(px|percent|by_error_source)$")  # units and dimensions, which plots show anyway

@@ -37,7 +37,7 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
         if not isinstance(declared, ScalarEntry):
             default = next(text for where, text in part.assumed() if where == ("depth", "disparity_error"))
             return f"matching noise of {title}, assumed {default}"
-        return f"matching noise of {title}{_rests(definition, path)}"
+        return f"matching noise of {title}{rests_in_words(definition, path)}"
     name = parameter.replace("_", " ")
     for path in (
         ("cameras", camera, "calibration", "errors", parameter),
@@ -45,7 +45,7 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
     ):
         entry = definition.document.entry(path)
         if entry is not None and (spread := _spread(path, entry)) is not None:
-            return f"{name} of {title}{_rests(definition, spread)}"
+            return f"{name} of {title}{rests_in_words(definition, spread)}"
     return f"{name} of {title}, as calibrated"
 
 
@@ -60,7 +60,8 @@ def _spread(path: Path, entry: Entry) -> Path | None:
     return None
 
 
-def _rests(definition: StudyDefinition, path: Path) -> str:
+def rests_in_words(definition: StudyDefinition, path: Path) -> str:
+    """A declared value with its basis, as it follows the name of an input: ", assumed 0.2 px"."""
     note = definition.document.annotations.get(path)
     basis = note.basis if note is not None and note.basis is not None else "declared"
     text = definition.document.text_of(path)

@@ -30,6 +30,7 @@ from tradestudy.results.views.conclusions import (
     never_best_words,
     never_usable,
     question_words,
+    ranked_by_bias,
     rests_on,
 )
 from tradestudy.results.views.decision import (
@@ -185,15 +186,19 @@ def _counted(others: Sequence[RequirementConclusion]) -> Iterator[Spans]:
 
 
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
-    """The inverse questions with their answers."""
-    for says, answer in solved_questions(tree):
-        value, also, declared = answer.partition(DECLARED_VALUE)
+    """The inverse questions with their answers, and then once what is true of all of them."""
+    each = [(says, *answer.partition(DECLARED_VALUE)) for says, answer in solved_questions(tree)]
+    clauses = [declared.split("; ")[1:] for _, _, _, declared in each]
+    shared = [one for one in clauses[0] if all(one in other for other in clauses)] if clauses[1:] else []
+    for says, value, also, declared in each:
         yield say(
             "{question} **{value}**{beside}.",
             question=with_subscripts(question_words(says)),
             value=value,
-            beside=also + declared,
+            beside=also + "; ".join(one for one in declared.split("; ") if one not in shared),
         )
+    if shared:
+        yield say("All answers: {shared}.", shared="; ".join(shared))
 
 
 def _requirement(one: RequirementConclusion) -> Spans:
@@ -274,8 +279,11 @@ def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
         named = ", and on ".join(f"the {one.removeprefix('the ')}" for one in inputs[:_MOST_INPUTS])
         if left := len(inputs) - _MOST_INPUTS if len(inputs) > _MOST_INPUTS else 0:
             named += f", and on {counted(left, 'other input')} (section “Requirements”)"
-        # Without requirements, these are the shares of the depth of the best cameras, whatever the study asks.
-        answers = "The answers rest" if requirement_conclusions(tree) else "Predicted depth errors rest"
+        solved = has(tree, "decision", "solved_rests_on") and any(group(tree, "decision")["solved_rests_on"].values)
+        if requirement_conclusions(tree) or solved:
+            answers = "The answers rest"
+        else:  # without them, these are the shares of the depth of the best cameras, whatever the study asks
+            answers = "The ranking rests" if ranked_by_bias(tree) else "Predicted depth errors rest"
         yield say("**{answers} on** {inputs}.", answers=answers, inputs=named)
 
 

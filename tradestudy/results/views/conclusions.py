@@ -16,6 +16,7 @@ from tradestudy.results.views.depth import (
     least_broken,
     nominal,
     nominal_is_declared,
+    scene_by_error,
     where_usable,
 )
 from tradestudy.results.views.designs import (
@@ -26,11 +27,12 @@ from tradestudy.results.views.requirement_conclusions import (
     requirement_conclusions,
 )
 from tradestudy.units import FRACTION, pretty, rounded, significant
-from tradestudy.wording import distance, limit_words, listed, plain_span
+from tradestudy.wording import distance, limit_words, listed, plain_span, with_article
 
 _SEVERAL: Final = 2
 _ROUNDING: Final = 1e-6  # of a ratio of uncertainties
 _ASSUMED: Final = ", assumed "
+_CLEAR: Final = 2.0  # standard errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +80,20 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
         for one in requirement_conclusions(tree)
         if one.rests_on
     ]
+    if has(tree, "decision", "solved_rests_on"):
+        found += [
+            (
+                str(row["solved_rests_on"]),
+                float(row["solved_rests_on_share"]),
+                " due to calibration at " + distance(float(row["solved_place"])).replace("\N{NO-BREAK SPACE}", " "),
+            )
+            for row in records(tree, "decision", "question")
+            if row["solved_rests_on"]
+        ]
+    if not found and (ranked := ranked_by_bias(tree)) is not None:
+        biased, instead = ranked
+        drawn = f"bias of {with_article(biased)}, drawn from its calibration errors"
+        return (f"{drawn} (without it, it would measure {instead})",)
     if not found and has(tree, "decision", "cause"):
         titles = camera_titles(tree)
         best = {name for one in best_ranges(tree) for name in one.cameras}
@@ -94,6 +110,22 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
         words + (f" ({_share_of_variance(share)}{where})" if math.isfinite(share) else "")
         for words, (share, where) in shares.items()
     )
+
+
+def ranked_by_bias(tree: xr.DataTree) -> tuple[str, str] | None:
+    """The camera that only its drawn calibration keeps from measuring the scene as well as the best one.
+
+    Its title, and how well it would measure without its bias: best, or as well as the best, where the standard errors
+    of both leave that open. The best camera has the smallest root sum of squares of spread and bias.
+    """
+    rows = scene_by_error(tree)
+    for row in rows[1:]:
+        lead = rows[0]["error"] - row["spread"]
+        if lead > 0.0 and row["predicted_bias"] > 0.0:
+            clear = lead > _CLEAR * math.hypot(rows[0]["spread_error"], rows[0]["bias_error"], row["spread_error"])
+            best = with_article(rows[0]["camera"])
+            return str(row["camera"]), "best" if clear else f"as well as {best}"
+    return None
 
 
 def _share_of_variance(share: float) -> str:
@@ -151,6 +183,8 @@ def measure_first(tree: xr.DataTree) -> str:
     """
     found = worths(tree)
     if not found:
+        if not requirement_conclusions(tree) and (ranked := ranked_by_bias(tree)) is not None:
+            return f"Measure first: the calibration of {with_article(ranked[0])}"
         assumed = [words for words in rests_on(tree) if _ASSUMED in words]
         return f"Measure first: {assumed[0]}" if assumed else ""
     clear = [one for one in found if one.is_clear]

@@ -397,6 +397,13 @@ def measured_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
     return found
 
 
+def scene_by_error(tree: xr.DataTree) -> list[dict[str, Any]]:
+    """`measured_numbers` of the scene where depth was measured, by the root sum of squares of spread and bias."""
+    rows = [row for row in measured_numbers(tree) if row["of"] == "scene" and np.isfinite(row["spread"])]
+    errors = [row | {"error": math.hypot(row["spread"], row["bias"])} for row in rows]
+    return sorted(errors, key=lambda row: row["error"])
+
+
 def measured_words(tree: xr.DataTree, *, of_scene: str = "In pictures of the scene, ") -> tuple[str, ...]:
     """How well cameras measured planes and the scene, without full stops; empty if the study measured neither.
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from tradestudy.results import UNCONVERGED
 from tradestudy.wording import distance, few
 
 FloatArray = npt.NDArray[np.float64]
@@ -111,15 +112,20 @@ def left_out(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def unconverged(tree: xr.DataTree) -> tuple[str, ...]:
-    """Titles of the cameras whose fitted calibration did not converge, each with the failed checks in brackets."""
+    """Titles of the cameras whose fitted calibration did not converge, each with the failed checks in brackets.
+
+    First as declared, then under the values of readings and designs.
+    """
+    others = tuple(str(tree.attrs.get(UNCONVERGED, "")).splitlines())
     if not has(tree, "calibration", "posterior_converged"):
-        return ()
+        return others
     titles, rows = camera_titles(tree), records(tree, "calibration", "posterior")
-    return tuple(
+    declared = (
         f"{titles[str(one['posterior'])]} ({one['posterior_verdict']})"
         for one in rows
         if not one["posterior_converged"]
     )
+    return (*declared, *others)
 
 
 def consequences(tree: xr.DataTree) -> tuple[str, ...]:

@@ -25,8 +25,8 @@ from tradestudy.results.views.depth import (
     SharpCamera,
     by_first_criterion,
     declared_place,
-    measured_numbers,
     off_axis,
+    scene_by_error,
     sharp_cameras,
     spreads_over_predicted,
     swept,
@@ -163,9 +163,7 @@ def _of_fresnel(tree: xr.DataTree) -> str:
 
 def _of_pictures(tree: xr.DataTree) -> str:
     """Which camera measured the rendered scene best, and how; or how far planes deviate from predictions."""
-    rows = [row for row in measured_numbers(tree) if row["of"] == "scene" and np.isfinite(row["spread"])]
-    scene = sorted(rows, key=lambda row: math.hypot(row["spread"], row["bias"]))
-    if scene:
+    if scene := scene_by_error(tree):
         first, *others = scene
         best = " best, by spread and bias together" if others else ""
         words = f"{with_article(first['camera'])} measures the scene{best}: to {_spread_words(first)}"
