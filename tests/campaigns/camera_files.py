@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tests.campaigns import record
 from tests.campaigns.fuzz import Tally, Watch, feed, limits
-from tests.study.camera_files import devices, written
+from tests.study.camera_files import devices, everybody, written
 from tradestudy import api
 from tradestudy.errors import StudyError
 
@@ -60,16 +60,26 @@ def sources(folder: Path) -> dict[str, tuple[list[Path], str]]:
         "mrcal cameramodel": ([first, second], "from: [left.cameramodel, right.cameramodel]"),
         "DepthAI calibration": ([devices.device(folder / "oak.json")], "from: oak.json"),
         "libpleno camera": ([devices.plenoptic(folder / "r12.js")], f"from: r12.js, {PLENOPTIC}"),
+        **{name: _written(folder / name, write) for name, write in {**everybody.RAW, **everybody.RECTIFIED}.items()},
     }
 
 
-def mutated(text: str, rng: random.Random) -> bytes:
-    """A text with one to three mutations: tokens, lines, spans, bytes; now and then something made to break readers."""
+def _written(folder: Path, write: Callable[[Path], str]) -> tuple[list[Path], str]:
+    folder.mkdir()
+    said = write(folder)
+    return sorted(folder.iterdir()), said
+
+
+def mutated(original: bytes, rng: random.Random) -> bytes:
+    """A file with one to three mutations: tokens, lines, spans, bytes; now and then something made to break readers."""
+    is_text = b"\0" not in original
+    encoding, errors = ("utf-8", "surrogatepass") if is_text else ("latin-1", "replace")
+    text = original.decode(encoding)
     if rng.random() < 0.03:
         return rng.choice(BOMBS).encode()
     for _ in range(rng.randint(1, 3)):
         text = rng.choice(_MUTATIONS)(text, rng)
-    content = text.encode("utf-8", "surrogatepass")
+    content = text.encode(encoding, errors)
     if rng.random() < 0.1 and content:
         place = rng.randrange(len(content))
         content = content[:place] + bytes([rng.randrange(256)]) + content[place + rng.randint(0, 1) :]
@@ -145,11 +155,11 @@ def campaign(folder: Path, *, inputs: int, seed: int, keep: Callable[[Path, str,
     for name, (files, said) in sources(folder).items():
         tally, rng = Tally(), random.Random(f"{seed} {name}")
         originals = {file: file.read_bytes() for file in files}
-        study = written.study(folder, rig=said)
+        study = written.study(files[0].parent, rig=said)
         with limits():
             for _ in range(inputs):
                 file = rng.choice(files)
-                file.write_bytes(mutated(originals[file].decode(), rng))
+                file.write_bytes(mutated(originals[file], rng))
                 before = len(tally.findings)
                 feed(tally, watch, study, (), name, _outcome)
                 if len(tally.findings) > before:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 import zipfile
-import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from tradestudy.study.camera_files import mat_files
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
 from tradestudy.study.document import Entry, ListEntry, MappingEntry, Member, Place, ScalarEntry, scalar_text
 from tradestudy.study.source import DEEPEST
@@ -74,25 +74,11 @@ def _npz(content: bytes) -> Mapping[str, Any]:
 
 
 def _mat(content: bytes) -> Mapping[str, Any]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatlabOpaque
-
-    if sum(_unpacked(content)) > _MOST_BYTES:
-        raise _ObjectsError(f"the file contains more than {_MOST_BYTES // 1_000_000} MB; save the calibration alone")
-    values = loadmat(io.BytesIO(content), simplify_cells=True)  # type: ignore[arg-type]  # files are read too
-    if "__function_workspace__" in values or any(isinstance(value, MatlabOpaque) for value in values.values()):
-        raise _ObjectsError(f"the file contains objects of MATLAB, which only MATLAB can read; {_TO_STRUCT}")
-    return {name: value for name, value in values.items() if not name.startswith("__")}
-
-
-def _unpacked(content: bytes) -> Iterator[int]:
-    """Bytes of the compressed parts of a mat file, at most one beyond the limit for each."""
-    order, at, compressed = "little" if content[126:128] == b"IM" else "big", 128, 15
-    while at + 8 <= len(content):
-        kind, size = (int.from_bytes(content[at + step : at + step + 4], order) for step in (0, 4))  # type: ignore[arg-type]
-        if kind == compressed:
-            yield len(zlib.decompressobj().decompress(content[at + 8 : at + 8 + size], _MOST_BYTES + 1))
-        at += 8 + size
+    try:
+        return mat_files.read(content, _MOST_BYTES)
+    except mat_files.UnreadArrayError as error:
+        what = f"the file contains {error}, which only MATLAB can read; {_TO_STRUCT}"
+        raise _ObjectsError(what) from None
 
 
 def _entry(value: Any, place: Place, depth: int) -> Entry:
