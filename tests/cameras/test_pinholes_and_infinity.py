@@ -83,7 +83,7 @@ def test_a_camera_focused_at_infinity_is_the_limit_of_one_focused_far_away() -> 
         return [
             one.disparity(DISTANCES),
             one.equivalent_baseline(DISTANCES),
-            one.refocus_distance([1.0, 0.5]),
+            one.refocusing.distance([1.0, 0.5]),
             picture.magnification,
             one.focus.sharp_range(criterion).slices.near,
             one.focus.lateral_resolution(DISTANCES, 550e-9).diffraction,
@@ -93,7 +93,7 @@ def test_a_camera_focused_at_infinity_is_the_limit_of_one_focused_far_away() -> 
 
     for mine, theirs in zip(numbers(camera), numbers(far), strict=True):
         np.testing.assert_allclose(mine, theirs, rtol=1e-6)
-    assert camera.refocus_distance(-1.0) == math.inf
+    assert camera.refocusing.distance(-1.0) == math.inf
     with pytest.raises(OutOfRangeError, match="cannot focus that close"):
         replace(camera, focus_distance=math.nan)
 

@@ -235,6 +235,35 @@ def test_baselines_of_views(glass: Glass, distance: float) -> None:
     falls_fourfold(disparity, float(camera.disparity(distance)) / camera.estimator_baseline, within=0.5)
 
 
+@pytest.mark.parametrize("shift", [-0.1, 0.0, 0.2, 0.6])
+def test_refocused_planes_and_their_limits(glass: Glass, shift: float) -> None:
+    """Rays from pixels through microlenses, refracted surface by surface, meet where the program says, to 1e-6."""
+    camera, (_, front, rear) = views(glass), glass.planes
+    array, apart, small = rear + camera.mla_distance, camera.views_across - 1, 5e-4
+    chief = glass.trace((glass.stop, 0.0, 1e-6))
+    chief_slope = chief[2] / at(chief, array)  # of the middle of a micro-image, per height on the array
+
+    def seen(side: int, pixel: float, edge: float) -> Ray:
+        """In front of the lens: the ray of a pixel of one outermost view, and of one edge of its microlens."""
+        middle = -side * shift * apart * PITCH / 2.0
+        slope = middle * chief_slope + (side * apart / 2.0 + pixel) * SENSOR.pixel_pitch / GAP
+        return glass.back((array, small * (middle + edge * PITCH), small * slope))
+
+    def meeting(edge: float) -> float:
+        (z, y, m), (_, y2, m2) = seen(-1, edge, edge), seen(1, -edge, -edge)
+        other = y2 + m2 * (z - _)
+        return front - (z + (other - y) / (m - m2))
+
+    found = camera.refocusing
+    limits, expected = found.ray_limits(shift), [meeting(edge) for edge in (0.5, 0.0, -0.5)]
+    expected = [one if one > 0.0 else math.inf for one in expected]
+    assert [float(one) for one in (limits.near, found.distance(shift), limits.far)] == pytest.approx(expected, rel=1e-6)
+    pupil = front + camera.main_lens.entrance_pupil
+    first, second = seen(-1, 0.0, 0.0), seen(1, 0.0, 0.0)
+    if shift == 0.0:  # rays of one microlens
+        assert abs(at(first, pupil) - at(second, pupil)) / small == pytest.approx(found.baseline(apart), rel=1e-6)
+
+
 @pytest.mark.parametrize("distance", [0.25, 1.5])
 def test_blur_of_a_fixed_focus(glass: Glass, distance: float) -> None:
     """A ray at the rim of the pupil, for distances from the centre of projection."""

@@ -68,7 +68,7 @@ def test_disparity_is_the_distance_of_two_traced_rays_on_the_array():
 def test_a_shift_of_one_microlens_between_neighbouring_views_is_the_refocus_distance():
     found = camera()
     neighbours = found.disparity(0.1) * found.view_pupil_diameter / found.estimator_baseline
-    assert found.refocus_distance(neighbours / PITCH) == pytest.approx(0.1, rel=1e-12)
+    assert found.refocusing.distance(neighbours / PITCH) == pytest.approx(0.1, rel=1e-12)
 
 
 def test_least_squares_baseline_is_that_of_the_solved_normal_equations():

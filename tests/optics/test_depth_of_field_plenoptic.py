@@ -9,11 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.depth_of_field import depth_of_field, union
+from tradestudy.optics.depth_of_field import union
 from tradestudy.optics.plenoptic_depth_of_field import (
     inverse_focus_virtual_depth,
     microlens_focal_length,
-    refocus_distance,
     relay_blur_diameter,
     relay_depth_of_field,
     touching_inverse_virtual_depths,
@@ -147,76 +146,6 @@ def test_types_beyond_an_infinitely_distant_image_are_refused_with_the_number_th
     assert len(touching_inverse_virtual_depths(pixels_per_lens=20.0, types=5)) == 5
 
 
-# ---- unfocused ------------------------------------------------------------------------------------------------------
-
-# PlenoptiSign 1.1.3 (C. Hahne, A. Aggoun, SoftwareX 10, 2019), run as a program of its own: refocusing distances d
-# from the microlens array in mm for its shift parameter a. Thin lenses (H1H2 = 0 for both) with the exit pupil in the
-# plane of the main lens (d_A' = b_U); d_f is its focusing distance, also from the array.
-PLENOPTISIGN = [
-    pytest.param(
-        {"f": 193.2935, "d_f": 4000.0, "b_U": 203.66317189676258, "p_p": 0.009, "p_M": 0.125, "f_s": 2.75},
-        {
-            0.0: 4000.0,
-            0.5: 1585.217740623372,
-            1.0: 1048.0917548011657,
-            2.0: 678.7104313191852,
-            -1 / 11: 5768.467851081213,
-        },
-        id="its default camera as a thin lens",
-    ),
-    pytest.param(
-        {"f": 12.5, "d_f": 163.63636363636363, "b_U": 13.636363636363637, "p_p": 0.0055, "p_M": 0.1265, "f_s": 0.432},
-        {
-            0.5: 43.59131139493473,
-            1.0: 30.27522491706789,
-            0.25: 63.57377541360283,
-            -0.1: 769.3190977972486,
-            -0.25: math.inf,
-        },
-        id="a hand lens focused at 150 mm",
-    ),
-]
-
-
-@pytest.mark.parametrize(("camera", "distances"), PLENOPTISIGN)
-def test_refocusing_distances_are_those_of_an_independent_program(camera, distances):
-    c = {name: value * 1e-3 for name, value in camera.items()}
-    a0 = c["d_f"] - c["b_U"]
-    B = view_pupil_diameter(a0, focal_length=c["f"], pixel_pitch=c["p_p"], microlens_focal_length=c["f_s"])
-    found = refocus_distance(list(distances), a0, focal_length=c["f"], view_pupil_diameter=B, microlens_pitch=c["p_M"])
-    expected = np.array(list(distances.values())) * 1e-3
-    np.testing.assert_allclose(found + c["b_U"], expected, rtol=1e-11)
-
-
-UNFOCUSED = {"focal_length": 12.5e-3, "pixel_pitch": PIXEL, "microlens_focal_length": 0.432e-3}
-
-
-def test_views_of_a_point_refocused_on_are_shifted_by_whole_shifts():
-    # Rays from the point through the middles of neighbouring views land so many microlenses apart on the array.
-    a0, f, p = 0.15, 12.5e-3, 126.5e-6
-    B = float(view_pupil_diameter(a0, **UNFOCUSED))
-    z = 1 / (1 / f - 1 / a0)
-    for shift in (-0.1, 0.2, 0.7, 1.0):
-        a = float(refocus_distance(shift, a0, focal_length=f, view_pupil_diameter=B, microlens_pitch=p))
-        on_array = [h + h * (1 / a - 1 / f) * z for h in (0.0, B)]
-        assert (on_array[1] - on_array[0]) / p == pytest.approx(shift, rel=1e-9)
-
-
-def test_refocusing_ends_at_infinity_and_at_the_focal_plane():
-    a0, f, p = 0.15, 12.5e-3, 126.5e-6
-    B = float(view_pupil_diameter(a0, **UNFOCUSED))
-    found = refocus_distance([-5.0, -1.0, B / p, 3.0], a0, focal_length=f, view_pupil_diameter=B, microlens_pitch=p)
-    assert found.tolist() == [math.inf, math.inf, f, f]
-
-
-def test_single_views_are_sharp_up_to_a_shift_of_one_microlens():
-    a0, f, p = 0.5, 50e-3, 126.5e-6
-    B = float(view_pupil_diameter(a0, focal_length=f, pixel_pitch=20e-6, microlens_focal_length=0.6e-3))
-    view = depth_of_field(a0, f, B, p)
-    ends = refocus_distance([1.0, -1.0], a0, focal_length=f, view_pupil_diameter=B, microlens_pitch=p)
-    np.testing.assert_allclose([view.near, view.far], ends, rtol=1e-12)
-
-
 # ---- refusals -------------------------------------------------------------------------------------------------------
 
 
@@ -228,8 +157,7 @@ def test_single_views_are_sharp_up_to_a_shift_of_one_microlens():
         lambda: relay_blur_diameter(2.0, 0.5, 0.0),
         lambda: relay_depth_of_field(0.4, **{**R5_RELAY, "mla_distance": 0.0}, blur_diameter=PIXEL, keplerian=True),
         lambda: touching_inverse_virtual_depths(pixels_per_lens=0.0),
-        lambda: refocus_distance(1.0, 0.01, focal_length=12.5e-3, view_pupil_diameter=1e-4, microlens_pitch=1e-4),
-        lambda: view_pupil_diameter(0.15, **{**UNFOCUSED, "pixel_pitch": 0.0}),
+        lambda: view_pupil_diameter(0.15, focal_length=12.5e-3, pixel_pitch=0.0, microlens_focal_length=0.432e-3),
     ],
 )
 def test_impossible_lenses_and_criteria_are_refused_with_a_remedy(call):

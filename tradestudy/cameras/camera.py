@@ -18,6 +18,7 @@ from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import hyperfocal_distance
+from tradestudy.optics.refocusing import Refocusing
 from tradestudy.units import ANGLE, ELECTRONS, LENGTH, PHOTONS, Dimension, pretty
 
 if TYPE_CHECKING:
@@ -189,6 +190,8 @@ class Camera(ABC):
     """Whether corners of a board in its pictures can calibrate it as a pair of cameras."""
     lens_count: ClassVar[int] = 1
     """Number of equal lenses that take a picture at the same time."""
+    refocuses: ClassVar[bool] = False
+    """Whether its pictures can be refocused by shifting views."""
     rays_per_pixel: ClassVar[int] = 8
     """Number of rays per pixel and lens that keeps the sampling error of ray-traced pictures below 0.5 %."""
 
@@ -327,6 +330,22 @@ class Camera(ABC):
             value="a camera without one",
             limit="plenoptic cameras",
             remedy="for the spot of a lens, use tradestudy.optics.point_spread",
+        )
+
+    @property
+    def refocusing(self) -> Refocusing:
+        """Its views, which shifts refocus and two of which triangulate.
+
+        Raises
+        ------
+        OutOfRangeError
+            If a picture of the camera is no sum of views.
+        """
+        raise OutOfRangeError(
+            "refocusing by shifting views",
+            value=f"a camera of the family “{self.family}” without a view for each pixel under a microlens",
+            limit="unfocused plenoptic cameras",
+            remedy="leave it out; the depth of field of any camera is a question of its own (depth_of_field)",
         )
 
     def exposures(

@@ -5,8 +5,8 @@ at virtual depth v to the diameter D |1/v − 1/v₀|, so depth of field is symm
 for a Keplerian relay (image of the main lens in front of the array), negative for a Galilean one (image behind it).
 
 Unfocused (plenoptic I): microlenses are focused at infinity, and the main image lies on the array. Each pixel under a
-microlens sees the scene through its own part of the main lens's pupil, of width B = p_px z/f_L. To refocus, images
-taken through neighbouring parts are shifted against each other and added.
+microlens sees the scene through its own part of the main lens's pupil, of width B = p_px z/f_L. `Refocusing` shifts
+images taken through neighbouring parts against each other.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray, as_floats, require
 from tradestudy.optics.depth_of_field import DepthOfField
-from tradestudy.optics.thin_lens import focus_shift, image_distance
+from tradestudy.optics.thin_lens import image_distance
 
 
 def inverse_focus_virtual_depth(microlens_focal_length: ArrayLike, microlens_gap: ArrayLike) -> FloatArray:
@@ -231,53 +231,3 @@ def view_pupil_diameter(
     for name, length in (("focal length", f), ("pixel pitch", p_px), ("microlens focal length", f_L)):
         require(length > 0, name, length, limit="> 0 m")
     return np.asarray(p_px * (image_distance(a0, f) / f_L))
-
-
-def refocus_distance(
-    shift: ArrayLike,
-    focus_distance: ArrayLike,
-    *,
-    focal_length: ArrayLike,
-    view_pupil_diameter: ArrayLike,
-    microlens_pitch: ArrayLike,
-) -> FloatArray:
-    """Object distance that comes into focus when neighbouring views are shifted by this many microlenses.
-
-    The image distance is b = z B/(B − α p); so the focus shift is s = s₀ + z α p/(B − α p), and a = f + f²/s.
-
-    Parameters
-    ----------
-    shift
-        α, shift between views of neighbouring pixels [microlenses], any real number; positive refocuses
-        nearer.
-    focus_distance, focal_length
-        a₀ > f, the distance in focus on the array, and f [m].
-    view_pupil_diameter
-        B, from `view_pupil_diameter` [m].
-    microlens_pitch
-        p > 0 [m].
-
-    Returns
-    -------
-    a [m] from the main lens, broadcast; ∞ for shifts that refocus on infinity or beyond, f for shifts of B/p or more,
-    which leave no real image.
-
-    Notes
-    -----
-    For a pupil in the plane of a thin main lens. The chief-ray model of C. Hahne et al., "Refocusing distance of a
-    standard plenoptic camera", Optics Express 24 (2016), gives the same distances if its exit pupil lies there.
-
-    Raises
-    ------
-    OutOfRangeError
-        As in `view_pupil_diameter`.
-    """
-    shifts, a0, f, B, p = as_floats(shift, focus_distance, focal_length, view_pupil_diameter, microlens_pitch)
-    require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
-    for name, length in (("focal length", f), ("pupil of a view", B), ("microlens pitch", p)):
-        require(length > 0, name, length, limit="> 0 m")
-    travel = shifts * p
-    with np.errstate(divide="ignore"):  # a shift by a whole view sends the image to infinity
-        moved = np.where(travel < B, image_distance(a0, f) * travel / np.where(travel < B, B - travel, 1.0), np.inf)
-        s = focus_shift(a0, f) + moved
-        return np.asarray(np.where(s > 0, f + f * (f / np.where(s > 0, s, 1.0)), np.inf))

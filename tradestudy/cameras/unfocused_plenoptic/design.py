@@ -19,6 +19,7 @@ disparity is d = −d', positive for points nearer than the focus.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Final
@@ -41,7 +42,8 @@ from tradestudy.cameras.unfocused_plenoptic.views import (
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.plenoptic_depth_of_field import refocus_distance, view_pupil_diameter
+from tradestudy.optics.plenoptic_depth_of_field import view_pupil_diameter
+from tradestudy.optics.refocusing import Refocusing
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.units import ANGLE, LENGTH, NUMBER
@@ -90,6 +92,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
     """
 
     method: ClassVar[Method] = METHOD
+    refocuses: ClassVar[bool] = True
     rays_per_pixel: ClassVar[int] = 12  # its microlenses show the texture more sharply than those of other kinds
 
     focus_distance: float
@@ -203,16 +206,21 @@ class UnfocusedPlenoptic(PlenopticCamera):
         """The thin lens in place of the entrance pupil that images as the main lens does, for views and their blur."""
         return self.main_lens.thin(float(self.from_pupil(self.focus_distance)))
 
-    def refocus_distance(self, shift: ArrayLike) -> FloatArray:
-        """Distance in focus [m] for a shift between neighbouring views [microlenses]; see `refocus_distance`."""
-        from_pupil = refocus_distance(
-            shift,
-            float(self.from_pupil(self.focus_distance)),
-            focal_length=self._thin.focal_length,
-            view_pupil_diameter=self.view_pupil_diameter,
+    @cached_property
+    def refocusing(self) -> Refocusing:
+        """See `Camera.refocusing`; the views of the outermost pixels are those in a row through the middle."""
+        lens, pixel = self.main_lens, self.sensor.pixel_pitch
+        ratio = lens.pupil_ratio
+        return Refocusing(
+            focus_distance=self.focus_distance,
+            focal_length=lens.focal_length,
+            view_slope=pixel / self.microlenses.gap,
             microlens_pitch=self.microlenses.pitch,
+            pupil_distance=self.principal_distance / ratio if ratio else math.inf,
+            principal_distance=self.principal_distance,
+            views_across=self.views_across,
+            pupil_views=self._micro_image_used / pixel,
         )
-        return np.asarray(from_pupil - self.main_lens.entrance_pupil)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """``d = Δu c (1/a − 1/a₀)`` [m on the array], from the pupil: 0 in the plane of focus, negative beyond."""
@@ -370,7 +378,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
     def properties(self) -> Properties:
         """Distances, microlenses, views and field of view."""
         array, lens, sensor = self.microlenses, self.main_lens, self.sensor
-        nearer, farther = (float(self.refocus_distance(shift)) for shift in (1.0, -1.0))
+        nearer, farther = (float(self.refocusing.distance(shift)) for shift in (1.0, -1.0))
         return (
             ("distance from main lens to array, z", DerivedValue(self.mla_distance, LENGTH)),
             ("microlens focal length, f_L", DerivedValue(array.gap, LENGTH)),
