@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,10 @@ import xarray as xr
 
 from tradestudy.results.views.designs import (
     common_ranges,
-    crossover_words,
+    design_details,
     favoured_words,
     feasible_designs,
     feasible_words,
-    usable_span_words,
 )
 
 CAMERAS = {"rig": "Rig", "r5": "R5"}
@@ -69,8 +67,11 @@ def test_the_feasible_region_is_described_by_the_values_of_its_designs() -> None
     results = tree(grid((0, 0), (1, 0), (1, 1)), grid((-50, -60), (5, -3), (20, 12)))
     assert feasible_words(results) == (
         "3 of 6 designs meet both requirements: the rig with baseline 100 mm to 200 mm and focal length 4 mm to 8 mm "
-        "(not every combination). Largest margin, 20 %: the rig with baseline 200 mm and focal length 4 mm. Of the "
-        "others, 3 miss “close enough” and 3 miss “far enough” (some miss both)"
+        "(not every combination)"
+    )
+    assert design_details(results) == (
+        "Largest margin, 20 %: the rig with baseline 200 mm and focal length 4 mm. Of the others, 3 miss “close "
+        "enough” and 3 miss “far enough” (some miss both)"
     )
     found = feasible_designs(results)
     assert found is not None
@@ -81,27 +82,26 @@ def test_the_feasible_region_is_described_by_the_values_of_its_designs() -> None
 
 def test_one_feasible_design_and_all_feasible_designs_are_described() -> None:
     one = feasible_words(tree(grid((0, 0), (1, 0), (0, 0)), grid((-5, -5), (5, -5), (-5, -5))))
-    assert one.startswith("1 of 6 designs meets both requirements: the rig with baseline 100 mm and focal length 4 mm.")
-    assert feasible_words(tree(1, 7)).startswith("Every design meets both requirements: ")
+    assert one == "take the rig with baseline 100 mm and focal length 4 mm: 1 of 6 designs meets both requirements"
+    assert feasible_words(tree(1, 7)).startswith("every design meets both requirements: ")
     by_any = feasible_words(tree(1, 7, of="any"))
-    assert by_any.startswith("Every design meets both requirements, with one camera or another: ")
+    assert by_any.startswith("every design meets both requirements with one camera or another: ")
 
 
 def test_without_a_feasible_design_the_nearest_one_is_named_with_the_requirement_it_misses() -> None:
     margins = grid((-50, -60), (-40, -30), (-20, -25))
     margins[2, 0] = (10.0, -4.0)
-    assert feasible_words(tree((margins > 0.0) * 1, margins)) == (
-        "None of 6 designs meets both requirements; the rig with baseline 200 mm and focal length 4 mm comes closest: "
-        "it misses “far enough” (worst 2 %)"
+    results = tree((margins > 0.0) * 1, margins)
+    assert feasible_words(results) == (
+        "none of 6 designs meets both requirements: the rig with baseline 200 mm and focal length 4 mm comes closest"
     )
+    assert design_details(results) == "The closest design misses “far enough” (worst 2 %)"
 
 
 def test_every_requirement_that_the_nearest_design_misses_is_named_worst_missed_first() -> None:
     margins = grid((-50, -60), (-40, -30), (-20, -25))
     margins[2, 0] = (-4.0, -10.0)
-    assert feasible_words(tree(0, margins)).endswith(
-        "it misses “far enough” (worst 2 %) and “close enough” (worst 1 %)"
-    )
+    assert design_details(tree(0, margins)).endswith("misses “far enough” (worst 2 %) and “close enough” (worst 1 %)")
 
 
 def test_a_wish_does_not_make_a_design_infeasible() -> None:
@@ -135,41 +135,6 @@ def test_the_favoured_camera_is_counted_over_designs_and_equal_places_are_merged
     assert second.endswith("R5 in every design")
 
 
-def test_the_range_of_the_crossover_is_given_or_that_there_is_none() -> None:
-    dims = ("baseline", "focal_length", "design_crossing")
-
-    def reported(values: Any) -> str:
-        places = np.broadcast_to(values, (3, 2, 1))
-        return crossover_words(tree(design_crossover_distance=(dims, places))).replace("\N{NO-BREAK SPACE}", " ")
-
-    assert re.search(r"Rig and R5 .*\bnot\b.*\bany distance", reported(np.nan))
-    assert reported(0.5) == "Rig and R5 are equally certain at 0.5 m"
-    some = np.array([[0.2, 0.3], [0.4, 0.5], [np.nan, np.nan]])[..., None]
-    assert re.fullmatch(r"Rig and R5 .* between 0\.2 m and 0\.5 m, .*; in 2 designs\b.* no.*", reported(some))
-
-
-def test_usable_ranges_are_given_only_for_cameras_that_the_sweep_changes() -> None:
-    dims = ("baseline", "focal_length", "camera", "interval")
-    near, far = np.full((3, 2, 2, 1), 0.3), np.full((3, 2, 2, 1), 4.0)
-    near[:, 0, 0, 0] = (0.1, 0.2, np.nan)
-    far[2, 0, 0, 0] = np.nan
-    results = tree()
-    depth = xr.Dataset(
-        {
-            "usable_near": (dims, near),
-            "usable_far": (dims, far),
-            "depth_uncertainty": ((*dims[:3], "distance"), np.ones((3, 2, 2, 2))),
-        },
-        coords={"camera": list(CAMERAS), "distance": [0.1, 4.0]},
-    )
-    results["depth"] = xr.DataTree(depth)
-    (reported,) = usable_span_words(results)
-    assert reported.replace("\N{NO-BREAK SPACE}", " ") == (
-        "Depending on the design, the usable range of Rig begins between 0.1 m and 0.3 m and ends at 4 m; "
-        "in 1 design it is usable nowhere"
-    )
-
-
 def test_ranges_of_several_requirements_are_intersected_and_takeovers_joined() -> None:
     """One requirement holds on 1–3 by one camera, on 3–5 by another, and on 7–9; the other on 2–8."""
     data = xr.Dataset(
@@ -188,5 +153,4 @@ def test_a_design_that_misses_only_a_guard_band_names_the_right_requirement() ->
     met[..., 0] = 0.0
     margins = np.zeros((3, 2, 2))
     margins[..., 0], margins[..., 1] = 50.0, 5.0
-    reported = feasible_words(tree(met, margins))
-    assert reported.endswith("comes closest: it misses “close enough” (worst 1 %)")
+    assert design_details(tree(met, margins)) == "The closest design misses “close enough” (worst 1 %)"

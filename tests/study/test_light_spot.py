@@ -235,7 +235,7 @@ def test_the_conclusion_is_the_summed_difference_from_the_reference(result: Resu
         else:
             change = np.abs(image(result, one["method"]) - whole).sum() / whole.sum()
             assert one["difference"] == pytest.approx(change, rel=1e-9)
-    (line,) = [line for line in result.lines() if line.startswith("Summed difference")]
+    (line,) = [line for line in result.lines() if line.startswith("Pictures of the light spot differ")]
     assert line.count("%") == len(pictures) - 1
 
 

@@ -9,7 +9,7 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Appendices, Contents, PageBreak, Report, literal, pictures_of
-from tradestudy.report.sections.answer import describe_answer, describe_stretches, list_stretches
+from tradestudy.report.sections.answer import describe_answer, describe_stretches
 from tradestudy.report.sections.budget import list_budgets
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.depth_numbers import describe_datasheet, describe_decision, list_depths
@@ -31,7 +31,6 @@ from tradestudy.report.sections.program import (
     describe_cost,
     describe_effects,
     describe_hard_cases,
-    list_decisions,
     list_hard_cases,
 )
 from tradestudy.report.sections.registers import (
@@ -96,7 +95,6 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_contradictions(tree),
         *describe_method(tree),
         *describe_effects(tree),
-        *list_stretches(tree),
         *list_depths(tree, drawings),
         *list_budgets(tree),
         *describe_decision(tree, drawings),
@@ -104,10 +102,9 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_requirements(tree),
         *describe_depth_of_field(tree, drawings),
         *describe_disparity_causes(tree),
-        *describe_calibration(tree, run, drawings),
+        *describe_calibration(tree, drawings),
         *describe_datasheet(tree),
         *describe_cost(tree, drawings),
-        *list_decisions(tree),
         *describe_provenance(run),
     )
     body = (*sections, Appendices(), *appendices) if appendices else sections

@@ -13,17 +13,14 @@ from tradestudy.report.document import (
     Block,
     Bullets,
     Callout,
-    Column,
     Heading,
     Paragraph,
     Span,
     Spans,
-    Table,
-    literal,
     say,
     with_subscripts,
 )
-from tradestudy.report.words import distance_with_error, length, part_words, share
+from tradestudy.report.words import length, part_words, share
 from tradestudy.results.views.conclusions import (
     lower_bounds,
     measure_first,
@@ -38,7 +35,6 @@ from tradestudy.results.views.decision import (
     answer_title,
     best_cameras,
     flips,
-    handovers,
     readings_in_words,
     solved_questions,
     tied,
@@ -47,11 +43,10 @@ from tradestudy.results.views.depth import (
     best_of_any_matcher,
     is_swept,
     least_broken,
-    measured_words,
     off_axis_words,
     offset_words,
 )
-from tradestudy.results.views.designs import feasible_words
+from tradestudy.results.views.designs import design_details
 from tradestudy.results.views.groups import (
     camera_titles,
     consequences,
@@ -62,6 +57,7 @@ from tradestudy.results.views.groups import (
     titles_in,
     unconverged,
 )
+from tradestudy.results.views.headline import answers
 from tradestudy.results.views.requirement_conclusions import (
     VERDICTS,
     RequirementConclusion,
@@ -91,14 +87,14 @@ def describe_answer(tree: xr.DataTree) -> Iterator[Block]:
             yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
         return
     yield Heading(text="The answer", anchor="answer")
-    designs, solved = feasible_words(tree), tuple(_solved(tree))
+    designs, solved = design_details(tree), tuple(_solved(tree))
     if designs:
         yield Callout(title="Which design", blocks=(Paragraph(f"{designs}."),), tone="answer")
     yield from _requirements(requirement_conclusions(tree), _DECLARED if is_swept(tree) else "")
     if solved:
         yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
-    if measured := tuple(say("{sentence}.", sentence=sentence) for sentence in measured_words(tree, of_scene="")):
-        yield Callout(title="Depth measured in rendered pictures", blocks=(Bullets(measured),))
+    if others := tuple(answers(tree)[1:]):
+        yield Callout(title="Other answers", blocks=(Bullets(others),), tone="answer")
     sentences = [
         *_qualified(tree),
         *_doubted(tree),
@@ -118,28 +114,10 @@ def describe_stretches(tree: xr.DataTree) -> Iterator[Block]:
     yield Heading(text="Camera by distance", anchor="stretches")
     yield Callout(
         title=_which(titles_in(tree, "depth")) + (_DECLARED if is_swept(tree) else ""),
-        blocks=(Bullets((*_widest(best_cameras(tree), " ([](#stretch-table))"), *_never_best(tree), *_changes(tree))),),
+        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_best(tree))),),
         tone="answer",
         name="answer-cameras",
     )
-
-
-def list_stretches(tree: xr.DataTree) -> Iterator[Block]:
-    """Tabulate every range of distances with its best camera, where the answer names only the widest."""
-    if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
-        return
-    best = best_cameras(tree)
-    if _narrower(best):
-        yield Heading(text="Best camera by distance", anchor="every-stretch")
-        yield Table(
-            name="stretch-table",
-            caption="The best camera in each range of distances.",
-            columns=(Column(title="From"), Column(title="To"), Column(title="Best camera", weight=1)),
-            rows=tuple(
-                (distance(start), distance(end), literal(answer_title(best.titles, names)))
-                for start, end, names in best.reported
-            ),
-        )
 
 
 def describe_design(
@@ -149,7 +127,7 @@ def describe_design(
     if best is not None:
         yield Callout(
             title=f"{_which({key: best.titles[key] for key in best.cameras})}, {words}",
-            blocks=(Bullets(tuple(_widest(best))),),
+            blocks=(Bullets(tuple(_stretches(best))),),
             tone="answer",
             name="answer-cameras",
         )
@@ -212,16 +190,12 @@ def _requirement(one: RequirementConclusion) -> Spans:
 
 def _never_best(tree: xr.DataTree) -> Iterator[Spans]:
     """Candidates that are best nowhere, or usable nowhere, and why."""
-    words = tuple(never_best_words(tree))
-    for one in words[:_MOST_OTHERS]:
-        yield say("{words}.", words=one)
-    nowhere = tuple(never_usable(tree))
-    for title, why in nowhere[:_MOST_OTHERS]:
-        yield say("**{title} is usable nowhere** ({why}).", title=title, why=why)
-    for count, what in ((len(words), "best nowhere"), (len(nowhere), "usable nowhere")):
-        if count > _MOST_OTHERS:
-            left = counted(count - _MOST_OTHERS, "other camera is", "other cameras are")
-            yield say("{left} " + what + " ([](#usable-range-table)).", left=left)
+    nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
+    words = [*never_best_words(tree), *nowhere]
+    yield from (say("{words}.", words=one) for one in words[:_MOST_OTHERS])
+    if len(words) > _MOST_OTHERS:
+        left = counted(len(words) - _MOST_OTHERS, "other camera is", "other cameras are")
+        yield say("{left} best nowhere, or usable nowhere ([](#usable-range-table)).", left=left)
 
 
 def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
@@ -291,17 +265,9 @@ def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
     """Which assumption to replace by a measurement first."""
     if first := measure_first(tree):
         head, _, rest = first.partition(": ")
-        named = rests_on(tree)
-        if rest in named:  # the sentence before names it
-            short = rest.partition(" of ")[0]
-            alike = sum(one.startswith(f"{short} of ") for one in named) > 1
-            yield (
-                say("**Measure that first.**")
-                if len(named) == 1
-                else say("**Measure the {what} first.**", what=rest.partition(", assumed ")[0] if alike else short)
-            )
-        else:
-            yield say("**{head}:** {rest}.", head=head, rest=rest) if rest else say("{head}.", head=head)
+        if rest in rests_on(tree):  # the sentence before gives its value and share
+            rest = rest.partition(", assumed ")[0]
+        yield say("**{head}:** {rest}.", head=head, rest=rest) if rest else say("{head}.", head=head)
 
 
 def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
@@ -346,21 +312,6 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
             first=first,
             second=second,
         )
-
-
-def _widest(best: BestCameras, where: str = "") -> Iterator[Spans]:
-    """The sentences on the widest ranges, as ratios of distances, in their order, and the number of the others."""
-    every, ranges, left = tuple(_stretches(best)), best.reported, _narrower(best)
-    widest = sorted(range(len(every)), key=lambda k: ranges[k][0] / ranges[k][1])[: len(every) - left]
-    yield from (every[k] for k in sorted(widest))
-    if left:
-        yield say("**{left} narrower ranges**" + where + ".", left=str(left))
-
-
-def _narrower(best: BestCameras) -> int:
-    """How many ranges the answer leaves to a table; never just one, which takes as little room as a mention of it."""
-    left = len(best.reported) - _MOST_STRETCHES
-    return left if left > 1 else 0
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:
@@ -441,31 +392,3 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     cause = first if first == last else f"{first} at the near end and {last} at the far end"
     mostly = all(depth.largest_shares[index] > 0.5 for index in ends_at)
     return f"±{near} to ±{far}{off}, {'mostly' if mostly else 'the largest part'} from {cause}{where[4:]}"
-
-
-def _changes(tree: xr.DataTree) -> Iterator[Spans]:
-    """Where the better usable camera of the main pair changes, and how far other readings move that."""
-    if not has(tree, "decision", "change_distance"):
-        return
-    decision, titles = group(tree, "decision").sel(error_source="both"), camera_titles(tree)
-    first, second = (with_article(titles[decision.attrs[end]]) for end in ("first", "second"))
-    handed = [list(handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
-    own = "at " + " and ".join(distance_with_error(*place) for place in handed[0]) if handed[0] else "at no distance"
-    others = [place for row in handed[1:] for place, _ in row]
-    alone = sum(not row for row in handed[1:])
-    if len(handed) == 1:  # other bullets say it already
-        return
-    ends = list(dict.fromkeys(distance(end) for end in (min(others), max(others)))) if others else []
-    where = f"{'between' if len(ends) > 1 else 'at'} {' and '.join(ends)}"
-    count = len(handed) - 1
-    among = f"{count - alone} of the {count} other" if alone else "the other"
-    readings = "readings (sets of assumptions)," if count > 1 else "reading (set of assumptions),"
-    nowhere = f"; under the remaining {alone if alone > 1 else 'one'}, never" if alone else ""
-    moved = f"; under {among} {readings} {'there too' if where == own else where}{nowhere}" if others else ""
-    yield say(
-        "The better usable camera switches between {first} and {second} **{own}**{moved}.",
-        first=first,
-        second=second,
-        own=own,
-        moved=moved,
-    )

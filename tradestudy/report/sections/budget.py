@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import interval, length, or_dash, share
-from tradestudy.results.views.depth import at_the_bound, best_of_any_matcher, false_matches_declared, table_depth
+from tradestudy.results.views.depth import false_matches_declared, table_depth
 from tradestudy.results.views.designs import BY_UNIT
 from tradestudy.results.views.finding import detailed_cameras
 from tradestudy.results.views.groups import FloatArray, group, has, perfectly_calibrated, titles_in
@@ -83,8 +83,6 @@ def _left_out(tree: xr.DataTree, data: xr.Dataset) -> Iterator[str]:
         yield f"The chosen models leave out the calibration errors of {listed(noise_only)}."
     if false_matches_declared(tree):
         yield "False matches are left out."
-    if bound := best_of_any_matcher(at_the_bound(tree)):
-        yield bound
 
 
 def _budgets_of(data: xr.Dataset, usable: npt.NDArray[np.bool_], key: str, title: str) -> Table:

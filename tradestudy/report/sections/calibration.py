@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -23,10 +23,10 @@ from tradestudy.report.document import (
     with_subscripts,
 )
 from tradestudy.report.words import or_dash, parameter_dimension, share
-from tradestudy.results.views.depth import decided_by_calibration, nominal, table_depth, table_distances
+from tradestudy.results.views.depth import table_depth, table_distances
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import FRACTION, Dimension, pretty, significant
-from tradestudy.wording import counted, distance, in_words, lens_in_words, with_article
+from tradestudy.wording import distance, in_words, lens_in_words
 
 _CLEARLY = 2.0  # standard errors
 _NAMES: Final[Mapping[str, str]] = {
@@ -279,35 +279,6 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:+.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
 
 
-def describe_ranks(tree: xr.DataTree) -> Iterator[Block]:
-    """Say how likely the first camera of the main pair errs less, for a rig and a measurement; then list all pairs."""
-    decision, titles, places = group(tree, "decision"), camera_titles(tree), table_distances(tree)
-    pair = decision.isel(pair=0)
-    first, second = (with_article(titles[str(pair[name].item())]) for name in ("pair_first", "pair_second"))
-
-    def between(error_source: str) -> str:
-        there = (
-            pair["rank_first"].sel(rank_error_source=error_source).sel(rank_distance=places, method="nearest").values
-        )
-        low, high = share(float(there.min())), share(float(there.max()))
-        return low if low == high else f"{low} to {high}"
-
-    yield Paragraph(
-        say(
-            "From {near} to {far}, the probability that a given unit of **{first}** has a smaller depth error than a "
-            "given unit of {second} is **{rig}** if all noise is averaged out, and **{reading}** in a single "
-            "measurement.",
-            first=first,
-            second=second,
-            rig=between("calibration"),
-            reading=between("both"),
-            near=distance(float(places.min())),
-            far=distance(float(places.max())),
-        )
-    )
-    yield _rank_table(tree)
-
-
 def _rank_table(tree: xr.DataTree) -> Table:
     """List the probabilities of the ranks of every pair at the declared distances."""
     data, titles = group(tree, "decision"), camera_titles(tree)
@@ -345,16 +316,13 @@ def _rank_table(tree: xr.DataTree) -> Table:
 
 
 _TWO_DIGITS = 100.0
-_SOURCES = ("corners", "target", "posterior")
 
 
-def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the calibrations of the cameras and their effect on depth; nothing for a study without depth."""
     if not has(tree, "depth"):
         return
-    inputs = run.get("inputs", {})
     yield Heading(text="Calibration", anchor="calibration")
-    yield _sources(tree, inputs if isinstance(inputs, Mapping) else {})
     yield from describe_posteriors(tree, drawings)
     yield Heading(text="How far averaging helps", anchor="averaging", level=2)
     yield _averaging(tree)
@@ -364,70 +332,8 @@ def describe_calibration(tree: xr.DataTree, run: Mapping[str, Any], drawings: Ma
         yield from _refusals(tree)
     if has(tree, "decision", "rank_first"):
         yield Heading(text="Which camera has the smaller error", anchor="ranks", level=2)
-        yield from describe_ranks(tree)
+        yield _rank_table(tree)
         yield from pictures_of(drawings, "rank-probability")
-
-
-def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
-    """List where each calibration comes from, and which of its errors are declared."""
-    rows: list[tuple[Text, ...]] = []
-    on_board = False
-    for key, title in titles_in(tree, "depth").items():
-        start = f"cameras.{key}.calibration."
-        own = {path.removeprefix(start): str(value) for path, value in inputs.items() if path.startswith(start)}
-        names = list(dict.fromkeys(path.split(".")[1] for path in own if path.startswith("errors.")))
-        on_board |= bool(names) and any(path.split(".")[0] in ("target", "corners") for path in own)
-        since = dict.fromkeys(path.split(".")[1] for path in own if path.startswith("stability."))
-        since = {name: None for name in since if name in _SINCE}
-        rows.append(
-            (
-                title,
-                _source(tree, key, own, names),
-                ", ".join(map(in_words, names)) or "none",
-                ", ".join(map(in_words, since)) or "none",
-            )
-        )
-    return Table(
-        name="calibration-source-table",
-        caption="Sources of the calibrations."
-        + (
-            " Where a board was used, the declared errors are priors, or errors that the board cannot reveal."
-            if on_board
-            else ""
-        ),
-        columns=(
-            Column(title="Camera", weight=2),
-            Column(title="Source", weight=2),
-            Column(title="Declared errors", weight=4),
-            Column(title="Drift", weight=2),
-        ),
-        rows=tuple(rows),
-    )
-
-
-_SINCE = ("temperature", "pressure", "color", "ageing")
-
-
-def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[str]) -> str:
-    """Describe the source of one calibration."""
-    found = next((name for name in _SOURCES if any(path.split(".")[0] == name for path in own)), "")
-    if found == "target":
-        return (
-            f"a simulated board, {counted(int(own['target.views']), 'view')}"
-            if "target.views" in own
-            else "a simulated board"
-        )
-    if found == "corners":
-        where = f"corners of a board, {own.get('corners.file', '')}".removesuffix(", ")
-        data = group(tree, "calibration") if has(tree, "calibration", "posterior_lens_model") else None
-        if data is None or key not in data["posterior"].values:
-            return where
-        return f"{where}; lens model {lens_words(str(data['posterior_lens_model'].sel(posterior=key).item()))}"
-    if found == "posterior":
-        return f"a saved posterior, {own.get('posterior.file', '')}".removesuffix(", ")
-    if errors:
-        return "declared errors"
-    return "unknown" if decided_by_calibration(nominal(tree), key) else "assumed perfect"
 
 
 def _averaging(tree: xr.DataTree) -> Table:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -13,19 +14,18 @@ from tradestudy.report.document import Block, Column, Heading, Paragraph, Table,
 from tradestudy.report.words import distance_with_error, interval, length, or_dash, percent, share, with_error
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.depth import (
-    at_the_bound,
-    best_of_any_matcher,
     declared_matchers,
     false_matches_declared,
     nominal,
-    offset_words,
     table_depth,
     table_distances,
 )
 from tradestudy.results.views.finding import detailed_cameras
-from tradestudy.results.views.groups import FloatArray, camera_titles, depth_methods, group, has, records, titles_in
+from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, records, titles_in
 from tradestudy.units import ANGLE, pretty, significant
-from tradestudy.wording import counted, distance, in_words, span, with_article
+from tradestudy.wording import counted, distance, span, with_article
+
+_LOCKING: Final = " Declared pixel locking is not temporal noise: it is the same in every repeated measurement."
 
 
 def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
@@ -43,8 +43,8 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "disparity. *Plane-fit RMS*: scatter about a plane fitted to a flat target, taken as the temporal "
             "noise; how calibration errors bend the plane is left out. *Fill rate*: the fraction of the picture seen "
             "by both cameras of a rig, or by enough microlenses, times the fraction of measurements that do not fail; "
-            "0 where the camera is unusable. *Field*: width and height of the area that one camera sees.{matching}",
-            matching=_of_matching(tree),
+            "0 where the camera is unusable. *Field*: width and height of the area that one camera sees.{locking}",
+            locking=_LOCKING if declared_matchers(tree) else "",
         )
     )
     places = [float(place) for place in data["sheet_distance"].values]
@@ -65,14 +65,6 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     if further := data.sizes["camera"] - len(shown):
         where = "`tables/datasheet_by_camera.csv` and `tables/datasheet_by_camera_sheet_distance.csv`"
         yield Paragraph(say(f"The data sheets of {counted(further, 'further camera')} are in {where}."))
-
-
-def _of_matching(tree: xr.DataTree) -> str:
-    """Name the cameras whose disparity error is a bound, and say why pixel locking is not temporal noise."""
-    text = best_of_any_matcher(at_the_bound(tree))
-    if declared_matchers(tree):
-        text += " Declared pixel locking is not temporal noise: it is the same in every repeated measurement."
-    return f" {text.strip()}" if text else ""
 
 
 def _working(tree: xr.DataTree, key: str, places: Sequence[float]) -> Iterator[tuple[Text, ...]]:
@@ -115,7 +107,6 @@ def list_depths(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[
         declared = "place" in tree["decision"].coords if has(tree, "decision") else False
         yield Heading(text=f"Depth at {'the declared' if declared else 'selected'} distances", anchor="depth-numbers")
         yield _values_at_places(tree)
-        yield _decisive_parts(tree)
         yield from _over_places(tree)
         yield from pictures_of(drawings, "close_range", "mid_range")
 
@@ -189,10 +180,8 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             * _leaves_out_calibration(tree)
             + " ∞: the interval has no far end." * ("∞" in shown)
             + " *: not converged; the sampling error exceeds the tolerance." * ("*" in shown)
-            + "".join(f" {one[:1].upper()}{one[1:]}." for one in offset_words(tree))
             + _numerical_error(tree)
-            + _noise_is_coarse(tree)
-            + "".join(f" {sentence}" for sentence in (best_of_any_matcher(at_the_bound(tree)),) if sentence),
+            + _noise_is_coarse(tree),
         ),
     )
 
@@ -229,32 +218,6 @@ def _numerical_error(tree: xr.DataTree) -> str:
         f" Numerical error of u both, at all usable distances: at most {share(float(values.max()))}."
         if values.size
         else ""
-    )
-
-
-def _decisive_parts(tree: xr.DataTree) -> Table:
-    """List the part with the largest share at the declared distances."""
-    places = table_distances(tree)
-    shares = table_depth(tree)["variance_share"].sel(distance=places, method="nearest").transpose("camera", ..., "part")
-    parts = list(map(in_words, shares["part"].values.astype(str)))
-
-    def cell(values: FloatArray) -> str:
-        if not np.isfinite(values).any():
-            return "—"
-        largest = int(np.nanargmax(values))
-        return f"{parts[largest]}, {share(float(values[largest]))}"
-
-    return Table(
-        name="parts-table",
-        caption="What decides the uncertainty: the error source with the largest share of the variance of inverse "
-        "depth.",
-        columns=(
-            Column(title="Camera", weight=1),
-            *(Column(title=distance(float(place)), weight=1) for place in places),
-        ),
-        rows=tuple(
-            (title, *map(cell, shares.sel(camera=key).values)) for key, title in titles_in(tree, "depth").items()
-        ),
     )
 
 

@@ -13,7 +13,6 @@ from tradestudy.report.document import (
     Column,
     Heading,
     Paragraph,
-    Spans,
     Table,
     Text,
     pictures_of,
@@ -23,7 +22,6 @@ from tradestudy.report.words import length, share
 from tradestudy.results.views.depth import SharpCamera, by_first_criterion, sharp_cameras, sharp_ranges
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
-from tradestudy.wording import counted, listed
 
 _MOST_ROWS = 12  # cameras on the first page
 _SPOT = {
@@ -40,27 +38,11 @@ def describe_sharp_answer(tree: xr.DataTree) -> Iterator[Block]:
     rows = sharp_cameras(tree)
     yield Heading(text="What stays sharp", anchor="sharp-answer")
     yield _answer_table(tree, rows)
-    for finding in _diffraction_finding(tree):
-        yield Paragraph(finding)
 
 
 def _scene(tree: xr.DataTree) -> str:
     data = group(tree, "depth_of_field")
     return f"{length(float(data.attrs['scene_near']))} to {length(float(data.attrs['scene_far']))}"
-
-
-def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
-    """Count the cameras in which diffraction alone leaves nothing sharp, by each criterion that includes it."""
-    data = group(tree, "depth_of_field")
-    words: list[str] = []
-    for name in data["sharp"].values:
-        one = data.sel(sharp=name)
-        if str(one["diffraction"].item()) != "none":
-            blind = int(np.sum(np.asarray(one["extent"].values, dtype=np.float64) == 0.0))
-            of = "" if words else f" of {counted(data.sizes['camera'], 'camera')}"
-            words.append(f"“{_criterion_words(one)}” in {blind or 'none'}{of}")
-    if words:
-        yield say("Diffraction alone exceeds the criterion {words}.", words=listed(words))
 
 
 def _criterion_words(one: xr.Dataset) -> str:

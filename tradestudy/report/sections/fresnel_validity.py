@@ -31,13 +31,13 @@ _METRICS = {"peak": "Peak", "l1": "L1", "largest": "Largest"}
 
 
 def describe_fresnel_answer(tree: xr.DataTree) -> Iterator[Block]:
-    """Say from which f-number on Fresnel's law may be used, for each lens, and how the lens phase affects that."""
+    """Say how large the error of Fresnel's law is at the f-numbers of the camera, on the axis and off it."""
     if not has(tree, "fresnel_validity", "psf_error"):
         return
     data = group(tree, "fresnel_validity")
     yield Heading(text="The answer", anchor="fresnel-answer")
     yield Callout(
-        title="From which f-number on Fresnel may replace Kirchhoff",
+        title="Error of Fresnel's approximation in the cameras",
         blocks=(
             Paragraph(
                 f"The error of Fresnel's point-spread function is its absolute difference from Kirchhoff's, integrated "
@@ -79,18 +79,7 @@ def _range(values: FloatArray) -> str:
 
 
 def _findings(data: xr.Dataset) -> Iterator[Spans]:
-    window, limit = middle_window(data), float(data.attrs["error_limit"])
-    first = str(data["lens_phase"].values[0])
-    for element in data["element"].values:
-        one = data.sel(element=element)
-        limits = np.asarray(one["limit_f_number"].sel(lens_phase=first, metric="l1", window=window).values, dtype=float)
-        yield say(
-            "**{title}, {phase} phase: from {f_numbers} on**, the error is below {limit}.",
-            title=element_title(data, str(element)),
-            phase=first,
-            f_numbers=_f_numbers(limits, data),
-            limit=share(limit),
-        )
+    window = middle_window(data)
     yield say(
         "At the f-numbers of the camera and wavelengths from {start} to {end}, the error is: {each}.",
         start=length(float(data["wavelength"].values[0])),
@@ -125,22 +114,6 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
         wavelength=length(float(data.attrs["field_wavelength"])),
         parts="; ".join(parts),
     )
-
-
-def _f_numbers(limits: FloatArray, data: xr.Dataset) -> str:
-    """Write the f-numbers from which on a limit holds at the wavelengths."""
-
-    def one(value: float) -> str:
-        if value == 0.0:
-            return f"below f/{significant(float(data['f_number'].values[0]))}"
-        return (
-            f"f/{significant(value)}" if np.isfinite(value) else f"beyond f/{significant(float(data['f_number'][-1]))}"
-        )
-
-    low, high = one(float(limits.min())), one(float(limits.max()))
-    waves = data["wavelength"].values
-    at = [length(float(waves[index])) for index in (limits.argmax(), limits.argmin())]
-    return low if low == high else f"{high} (at {at[0]}) or {low} (at {at[1]})"
 
 
 def _measures(data: xr.Dataset) -> Iterator[Block]:

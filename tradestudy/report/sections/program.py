@@ -260,29 +260,16 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
     if matter:
         yield Table(
             name="effects-that-matter",
-            caption="The model of each effect that can change an answer, and the change due to what it leaves out.",
+            caption=say(
+                "The model of each effect that can change an answer, and the change due to what it leaves out. "
+                "`tables/effects_by_decision.csv` lists every model that was compared."
+            ),
             columns=_COLUMNS,
             rows=tuple(_grouped(_detailed(tree, matter))),
             notes=(_EVIDENCE, *_nothing(tree, rows), *_further(tree, matter)),
         )
     else:
         yield from (Paragraph(say(text)) for text in _nothing(tree, rows))
-
-
-def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
-    """List every model of each effect for which there was a choice."""
-    rows = [row for row in _rows(tree) if not row["reason"]]
-    if rows:
-        yield Heading(text="Every model that was compared", anchor="every-model")
-        yield Table(
-            name="effects-all",
-            caption="Every model of each effect that offers a choice. Change: how much an answer changes "
-            "if this effect alone is simplified to this model. Quantity: the answer that changes most, relative to its "
-            "tolerance. A dot marks the models in use.",
-            columns=_COLUMNS,
-            rows=tuple(_grouped(_detailed(tree, rows), marked=True)),
-            notes=(_EVIDENCE, *_further(tree, rows)),
-        )
 
 
 def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
@@ -328,16 +315,15 @@ def _further(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Spans]:
         yield say(f"The models of {counted(len(further), 'further camera')} are in {where}.")
 
 
-def _grouped(rows: list[dict[str, Any]], *, marked: bool = False) -> Iterator[tuple[str, ...]]:
+def _grouped(rows: list[dict[str, Any]]) -> Iterator[tuple[str, ...]]:
     """Rows of a table, under a heading for each camera or picture."""
     for title in dict.fromkeys(str(row["title"]) for row in rows):
         yield (title,)
-        yield from (_cells(row, marked=marked) for row in rows if row["title"] == title)
+        yield from (_cells(row) for row in rows if row["title"] == title)
 
 
-def _cells(row: Mapping[str, Any], *, marked: bool) -> tuple[str, ...]:
-    mark = "● " if marked and row["chosen"] else ""
-    model = f"{mark}{row['model']}" + (", forced by the study" if row["forced"] else "")
+def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    model = str(row["model"]) + (", forced by the study" if row["forced"] else "")
     quantity = IN_WORDS[row["quantity"]]
     if row["forced"]:
         return in_words(str(row["slot"])), model, "see above", "—", "—"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
@@ -22,7 +23,7 @@ from tradestudy.results.views.depth import (
     table_depth,
     uniform_shares,
 )
-from tradestudy.results.views.designs import crossover_words, favoured_words, usable_span_words
+from tradestudy.results.views.designs import favoured_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, few, in_words, listed, with_article
@@ -52,11 +53,9 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
 
 
 def _of_designs(tree: xr.DataTree) -> Iterator[Spans]:
-    """Which cameras the designs of a sweep favour, and how they move crossovers and usable ranges."""
-    favoured = "; ".join(favoured_words(tree))
-    sentences = [f"Best {favoured}" if favoured else "", crossover_words(tree), *usable_span_words(tree)]
-    for sentence in filter(None, sentences):
-        yield say("{sentence}.", sentence=sentence)
+    """Which cameras the designs of a sweep favour."""
+    if favoured := "; ".join(favoured_words(tree)):
+        yield say("Best {favoured}.", favoured=favoured)
 
 
 def _pictured(drawings: Mapping[str, Drawing], title: str, anchor: str, *names: str) -> Iterator[Block]:
@@ -146,38 +145,11 @@ def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
     """Say which camera matching noise and calibration errors favour, each alone, and at how many distances."""
     if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
         return
-    decision, titles = group(tree, "decision"), camera_titles(tree)
-    pair, declared = [str(decision.attrs[end]) for end in ("first", "second")], decision.isel(reading=0)
-    yield say(
-        "Between {first} and {second}, {noise}; {calibration}.",
-        first=with_article(titles[pair[0]]),
-        second=with_article(titles[pair[1]]),
-        noise=f"matching noise alone {_favoured(declared.sel(error_source='noise'), pair, titles, 's')}",
-        calibration=f"calibration errors alone {_favoured(declared.sel(error_source='calibration'), pair, titles, '')}",
-    )
-
-
-def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], s: str) -> str:
-    """Count the wins, ties and undecided distances of one error source; `s` ends the verbs of one in the singular.
-
-    Equal uncertainties are ties.
-    """
-    names = [str(name) for name in decision["more_certain"].values]
-    neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
-    undecided = int(np.isnan(neither).sum())
-    wins = {key: names.count(key) for key in pair}
-    parts = [
-        f"favour{s} {with_article(titles[key])} at {wins[key]}"
-        for key in sorted(pair, key=lambda key: -wins[key])
-        if wins[key] > 0
-    ]
-    parts += [f"leave{s} a tie at {neither.size - undecided}"] if neither.size > undecided else []
-    parts += [f"decide{s} nothing at {undecided}"] if undecided else []
-    if len(parts) == 1 and len(names) > 1:
-        parts = [f"{parts[0].rpartition(' at ')[0]} at all {len(names)} declared distances"]
-    else:
-        parts[0] += f" of {counted(len(names), 'declared distance')}"
-    return ", ".join(parts)
+    declared, titles = group(tree, "decision").isel(reading=0), {**camera_titles(tree), "": "neither"}
+    for source, alone in (("noise", "Matching noise"), ("calibration", "Calibration errors")):
+        names = declared["more_certain"].sel(error_source=source).values.tolist()
+        each = [f"{titles[name]} at {count}" for name, count in Counter(names).most_common()]
+        yield say(f"{alone} alone: {listed(each)} of {counted(len(names), 'declared distance')}.")
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:
@@ -255,18 +227,14 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
         return
     found = group(tree, "disparity_causes")
     titles = titles_in(tree, "disparity_causes")
-    middle = found.sizes["distance"] // 2
     yield Heading(text="What the disparity error is made of", anchor="disparity-causes")
     yield Paragraph(
         say(
             "A disparity error derived from the simulated picture is the smallest that any matcher can reach. To find "
             "its causes, the program recomputes it with one change at a time: without defocus blur, without "
-            "diffraction, or with the light of the brightest of these cameras. At {place} (see "
-            "[](#disparity-causes-table) for the other distances):",
-            place=distance(float(found["distance"][middle])),
+            "diffraction, or with the light of the brightest of these cameras."
         )
     )
-    yield Bullets(tuple(_largest_cause_in_words(found.sel(camera=key), titles, middle) for key in titles))
     yield from _in_use(tree, found, titles)
     yield from _of_matchers(tree)
     yield _table(found, titles)
@@ -328,56 +296,6 @@ def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-def _largest_cause_in_words(camera: xr.Dataset, titles: Mapping[str, str], middle: int) -> str:
-    """Say which cause counts most for one camera at one distance, and where others do."""
-    there = camera.isel(distance=middle)
-    own = _largest(there)
-    others: dict[str, list[str]] = {}
-    for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"])):
-        other = _largest(place)
-        if other is not None and other != own:
-            others.setdefault(_CAUSES[other], []).append(distance(float(place["distance"])))
-    words = listed([f"{cause} at {listed(places)}" for cause, places in others.items()])
-    return _sentence(there, titles) + (
-        f" Elsewhere, {'one of them' if own is None else 'another cause'} counts most: {words}." if others else ""
-    )
-
-
-def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
-    title, error = titles[str(there["camera"].item())], float(there["disparity_error_px"])
-    if np.isnan(error):
-        return f"{title}: no picture is formed there."
-    light = f"{title}: {significant(float(there['electrons']))} electrons per pixel"
-    changed = _changed(there)
-    words = {
-        "no blur": "without blur",
-        "no diffraction": "without diffraction",
-        "light of the brightest": f"with the light of {titles.get(str(there['brightest_camera'].item()), '')}",
-    }
-    order = sorted(changed, key=lambda name: changed[name])
-    if np.isinf(error):
-        left = listed(
-            [
-                f"{'no texture either' if np.isinf(changed[name]) else f'an error of {significant(changed[name])} px'} "
-                f"{words[name]}"
-                for name in order
-            ]
-        )
-        return f"{light}, and no texture left to match. There would be {left}."
-    changes = listed([f"{_value_or_same(error, changed[name])} {words[name]}" for name in order])
-    largest = _largest(there)
-    real = _is_real(there)
-    subject = "bound" if real else "error"
-    what = f"None of these causes increases the {subject}"
-    if largest is not None:
-        cause = _CAUSES[largest]
-        what = f"{cause[0].upper()}{cause[1:]} counts most"
-    if real:
-        matched = f"a disparity error of {significant(float(there['matched_error_px']))} px by the declared matcher"
-        return f"{light}, {matched}, with a bound of {significant(error)} px. {what}: the bound would be {changes}."
-    return f"{light}, a disparity error of {significant(error)} px. {what}: the error would be {changes}."
-
-
 def _is_real(there: xr.Dataset) -> bool:
     """Whether the study declares a matcher for the camera."""
     return "matcher" in there and bool(str(there["matcher"].item()))
@@ -395,10 +313,6 @@ def _largest(there: xr.Dataset) -> str | None:
     factors = {name: _error_ratio(error, value) for name, value in _changed(there).items()}
     name = max(factors, key=lambda name: factors[name], default="")
     return name if name and factors[name] > 1.0 else None
-
-
-def _value_or_same(error: float, changed: float) -> str:
-    return "unchanged" if _error_ratio(error, changed) == 1.0 else f"{significant(changed)} px"
 
 
 def _error_ratio(error: float, changed: float) -> float:
@@ -430,7 +344,8 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
             if real
             else "Derived disparity error in pixels with every effect, and"
         )
-        + " with one cause removed; in brackets, how many times smaller that makes it.",
+        + " with one cause removed; in brackets, how many times smaller that makes it. Bold: the cause that counts "
+        "most.",
         columns=(
             Column(title="Camera", weight=6),
             Column(title="Electrons", align="right"),
@@ -469,7 +384,9 @@ def _row(there: xr.Dataset, title: str, changes: Sequence[str]) -> tuple[Text, .
     window = [significant(float(there["matched_window_px"]))] if "matched_window_px" in there else []
     if np.isnan(error):
         return (title, "—", *("—" for _ in window), *("—" for _ in matched), "no picture", *("—" for _ in changes))
-    cells = (_cell(there, error, name) for name in changes)
+    most = _largest(there)
+    written = {name: _cell(there, error, name) for name in changes}
+    cells = [say("**{cell}**", cell=cell) if name == most else cell for name, cell in written.items()]
     return (title, significant(float(there["electrons"])), *window, *matched, significant(error), *cells)
 
 

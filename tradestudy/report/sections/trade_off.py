@@ -133,17 +133,3 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
             for name in data["candidate"].values
         ),
     )
-    if data.sizes.get("requirement", 0):
-        says = group(tree, "requirements")["says"]
-        yield Table(
-            name="requirement-probability",
-            caption="Fraction of the combinations in which each requirement is met at all its distances at once.",
-            columns=(Column(title="Requirement", weight=4), Column(title="Probability", align="right")),
-            rows=tuple(
-                (
-                    str(says.sel(requirement=name).item()),
-                    share(float(data["requirement_probability"].sel(requirement=name)), digits=2),
-                )
-                for name in data["requirement"].values
-            ),
-        )

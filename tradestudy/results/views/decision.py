@@ -183,18 +183,6 @@ def readings_in_words(data: xr.Dataset) -> dict[str, str]:
     return dict(zip(map(str, data["reading"].values), map(str, data["reading_says"].values), strict=True))
 
 
-def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:
-    """Distances [m] where the better camera of the pair switches, with their errors.
-
-    Expects ``/decision`` of one reading and one ``error_source``.
-    """
-    for place, error, nearer, farther in zip(
-        *(decision[f"change_{name}"].values for name in ("distance", "error", "nearer", "farther")), strict=True
-    ):
-        if np.isfinite(place) and nearer and farther:
-            yield float(place), float(error)
-
-
 def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
     """The inverse questions of a study with their answers, in words."""
     if not has(tree, "decision", "solved_says", "solved_answer"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -224,16 +223,6 @@ def largest_parts(depth: xr.Dataset) -> tuple[npt.NDArray[np.object_], FloatArra
     return np.asarray(largest), np.asarray(shares.max(axis=-1))
 
 
-def decided_by_calibration(depth: xr.Dataset, camera: str) -> bool:
-    """Whether calibration, and not measurement noise alone, contributes to a camera's depth uncertainty."""
-    return bool(
-        np.nanmax(
-            np.append(of_camera(depth, "depth_uncertainty_by_error_source", camera, error_source="calibration"), 0.0)
-        )
-        > 0.0
-    )
-
-
 def largest_source(tree: xr.DataTree, camera: str, distance: float) -> str | None:
     """The error source with the largest uncertainty of its own on the axis, at a distance of ``/sensitivity`` [m]."""
     sources = group(tree, "sensitivity")["source_uncertainty"].sel(camera=camera, field=0.0, distance=distance)
@@ -404,53 +393,7 @@ def scene_by_error(tree: xr.DataTree) -> list[dict[str, Any]]:
     return sorted(errors, key=lambda row: row["error"])
 
 
-def measured_words(tree: xr.DataTree, *, of_scene: str = "In pictures of the scene, ") -> tuple[str, ...]:
-    """How well cameras measured planes and the scene, without full stops; empty if the study measured neither.
-
-    ``of_scene`` begins the sentences on the scene; empty where a heading says it.
-    """
-    return (*_of_planes(tree), *(f"{of_scene}{sentence}" for sentence in _of_scene(tree)))
-
-
 def spreads_over_predicted(data: xr.Dataset, camera: str) -> FloatArray:
     """The measured spread relative to the predicted one, of every plane of ``/depth_loop`` that a camera measured."""
     over = np.ravel(data["depth_relative_spread"].sel(camera=camera).values)
     return np.asarray(over[np.isfinite(over)], dtype=np.float64)
-
-
-def _of_planes(tree: xr.DataTree) -> Iterator[str]:
-    """For each camera, the range over its planes of the ratio of measured to predicted spread."""
-    if not has(tree, "depth_loop", "depth_spread"):
-        return
-    data, titles = group(tree, "depth_loop"), camera_titles(tree)
-    reached: list[str] = []
-    failed: dict[str, list[str]] = {}  # the cameras, by the reason that all their planes share
-    for name in data["camera"].values:
-        over, title = spreads_over_predicted(data, str(name)), titles[str(name)]
-        if not over.size:
-            reasons = np.unique(data["reason"].sel(camera=name).values.astype(str))
-            failed.setdefault(f": {reasons[0]}" if reasons.size == 1 and reasons[0] else "", []).append(title)
-            continue
-        low, high = significant(float(over.min()), 2), significant(float(over.max()), 2)
-        reached.append(f"{low} for {title}" if low == high else f"{low} to {high} for {title}")
-    if reached:
-        yield f"In pictures of planes, the ratio of measured to predicted depth spread is {'; '.join(reached)}"
-    for reason, cameras in failed.items():
-        yield f"In pictures of planes, {listed(cameras)} measured nothing{reason}"
-
-
-def _of_scene(tree: xr.DataTree) -> Iterator[str]:
-    """Spread, bias and fill rate of each camera."""
-    for row in (row for row in measured_numbers(tree) if row["of"] == "scene"):
-        if not np.isfinite(row["spread"]):
-            yield f"{row['camera']} measured nothing"
-            continue
-        keys = ("spread", "predicted", "bias", "predicted_bias")
-        spread, predicted, bias, shift = (pretty(row[key], LENGTH, digits=2) for key in keys)
-        yield (
-            f"{row['camera']} measured {pretty(row['filled'], FRACTION, digits=2)} of the points visible in two "
-            f"pictures, with a spread of ±{spread}"
-            + (f" (predicted: ±{predicted})" if np.isfinite(row["predicted"]) else "")
-            + f" and a bias of {bias}"
-            + (f" (predicted: within ±{shift} in 68 % of cases)" if row["predicted_bias"] > 0.0 else "")
-        )

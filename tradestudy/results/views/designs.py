@@ -11,7 +11,6 @@ import numpy.typing as npt
 import xarray as xr
 
 from tradestudy.results.views.decision import answer_title
-from tradestudy.results.views.depth import swept
 from tradestudy.results.views.groups import FloatArray, camera_titles, dotted_path, group, has
 from tradestudy.units import (
     ANGLE,
@@ -29,13 +28,14 @@ from tradestudy.units import (
     rounded_inwards,
     significant,
 )
-from tradestudy.wording import counted, distance, in_words, listed, with_article
+from tradestudy.wording import distance, in_words, listed, with_article
 
 BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
 _STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that its words leave out
 _MANY_TIMES: Final = 1.0
 _NEARLY_ONE: Final = 1.1  # a smaller factor reads better as a percentage
 _SAME: Final = 1e-3  # of a distance
+_BOTH: Final = 2
 _SHORTEST_SPREAD: Final = 3  # parts of a path such as calibration.errors.yaw.standard_deviation
 
 
@@ -273,40 +273,36 @@ def all_requirements(count: int) -> str:
 
 
 def feasible_words(tree: xr.DataTree) -> str:
-    """Sentences on the feasible designs, without the last full stop; empty without a sweep or a requirement."""
+    """Which designs are feasible, as a clause; empty without a sweep or a requirement."""
     found = feasible_designs(tree)
     if found is None:
         return ""
     what = all_requirements(found.required)
     what += " that must hold" if found.wishes and found.required > 1 else ""
-    what += ", with one camera or another" if found.by_any else ""
-    known = np.isfinite(found.best.margin) and found.best.margin > -1.0
-    share = pretty(abs(found.best.margin), FRACTION, digits=2) if known else ""
+    what += " with one camera or another" if found.by_any and len(camera_titles(tree)) > 1 else ""
     if not found.count:
-        return (
-            f"None of {found.designs} designs meets {what}; {found.best.words} comes closest: it misses "
-            f"{listed([f'“{says}” ({reason})' for says, reason in found.misses])}"
-        )
+        return f"none of {found.designs} designs meets {what}: {found.best.words} comes closest"
     if found.count == found.designs:
-        return f"Every design meets {what}: {found.region}. {_largest(found, share)}"
-    which = f"{found.count} of {found.designs} designs {'meets' if found.count == 1 else 'meet'} {what}"
-    among = "" if found.fills_region else " (not every combination)"
-    others = (
-        [f"{count} {'misses' if count == 1 else 'miss'} “{says}”" for says, count in found.missed]
-        if found.required > 1
-        else []
+        return f"every design meets {what}: {found.region}"
+    counts = f"{found.count} of {found.designs} designs {'meets' if found.count == 1 else 'meet'} {what}"
+    return (
+        f"take {found.region}: {counts}" if found.fills_region else f"{counts}: {found.region} (not every combination)"
     )
-    several = {2: "both"}.get(found.required, "several")
+
+
+def design_details(tree: xr.DataTree) -> str:
+    """The margin of the best design and what the others miss, in sentences, without the last full stop."""
+    found = feasible_designs(tree)
+    if found is None:
+        return ""
+    if not found.count:
+        return f"The closest design misses {listed([f'“{says}” ({reason})' for says, reason in found.misses])}"
+    margin = f"Largest margin, {_margin_size(found.best.margin)}" if np.isfinite(found.best.margin) else "Best"
+    missed = [f"{count} {'misses' if count == 1 else 'miss'} “{says}”" for says, count in found.missed]
     overlap = sum(count for _, count in found.missed) > found.designs - found.count
-    some = f" (some miss {several})" if overlap else ""
-    suffix = f". Of the others, {listed(others)}{some}" if others else ""
-    return f"{which}: {found.region}{among}. {_largest(found, share)}{suffix}"
-
-
-def _largest(found: Feasible, share: str) -> str:
-    if not share:
-        return f"Best: {found.best.words}"
-    return f"Largest margin, {_margin_size(found.best.margin)}: {found.best.words}"
+    some = f" (some miss {'both' if found.required == _BOTH else 'several'})" if overlap else ""
+    others = f". Of the others, {listed(missed)}{some}" if len(missed) > 1 else ""
+    return f"{margin}: {found.best.words}{others}"
 
 
 def margin_words(margin: float) -> str:
@@ -357,52 +353,3 @@ def _favoured(titles: dict[str, str], data: xr.Dataset, axes: list[str], names: 
         return ", ".join(parts)
     parts = [f"{answer_title(titles, every[k], 'no camera')} in {counts[k]}" for k in order]
     return f"{parts[0]} of {names.size} designs, {', '.join(parts[1:])}"
-
-
-def crossover_words(tree: xr.DataTree) -> str:
-    """How far the crossover of the main pair moves over the designs, without a full stop; empty without a pair."""
-    if not has(tree, "decision", "design_crossover_distance"):
-        return ""
-    data, titles = group(tree, "decision"), camera_titles(tree)
-    first, second = (titles[str(data.attrs[end])] for end in ("first", "second"))
-    places = data["design_crossover_distance"].values
-    found = places[np.isfinite(places)]
-    none = int(np.sum(~np.isfinite(places).any(axis=-1)))
-    if not found.size:
-        return f"{first} and {second} are not equally certain at any distance in any design"
-    least, most = (distance(float(end)) for end in (found.min(), found.max()))
-    where = f"at {least}" if least == most else f"at a distance between {least} and {most}, depending on the design"
-    suffix = f"; in {counted(none, 'design')}, at no distance" if none else ""
-    return f"{first} and {second} are equally certain {where}{suffix}"
-
-
-def usable_span_words(tree: xr.DataTree) -> Iterator[str]:
-    """How the usable range of each camera varies over the designs, for cameras that the sweep moves."""
-    if not has(tree, "depth", "usable_near") or not swept(group(tree, "depth")):
-        return
-    depth = group(tree, "depth")
-    for name, title in camera_titles(tree).items():
-        if name not in depth["camera"].values:
-            continue
-        one = depth.sel(camera=name)
-        nearest = np.ravel(one["usable_near"].min("interval").values)
-        farthest = np.ravel(one["usable_far"].max("interval").values)
-        usable = np.isfinite(nearest)
-        if not usable.any():
-            continue
-        moved = [
-            float(ends[usable].max()) - float(ends[usable].min()) > _SAME * float(ends[usable].max())
-            for ends in (nearest, farthest)
-        ]
-        if not any(moved) and usable.all():
-            continue
-        near, far = (
-            _moved_words(ends[usable], moves=moves) for ends, moves in zip((nearest, farthest), moved, strict=True)
-        )
-        nowhere = f"; in {counted(int((~usable).sum()), 'design')} it is usable nowhere" if not usable.all() else ""
-        yield f"Depending on the design, the usable range of {title} begins {near} and ends {far}{nowhere}"
-
-
-def _moved_words(ends: FloatArray, *, moves: bool) -> str:
-    least, most = distance(float(ends.min())), distance(float(ends.max()))
-    return f"between {least} and {most}" if moves else f"at {most}"

@@ -25,6 +25,7 @@ from tradestudy.results.views.depth import (
     SharpCamera,
     by_first_criterion,
     declared_place,
+    measured_numbers,
     off_axis,
     scene_by_error,
     sharp_cameras,
@@ -32,13 +33,13 @@ from tradestudy.results.views.depth import (
     swept,
     where_known,
 )
-from tradestudy.results.views.designs import all_requirements, feasible_designs, margin_words, path_words, value_words
+from tradestudy.results.views.designs import all_requirements, feasible_words, margin_words, path_words, value_words
 from tradestudy.results.views.groups import camera_titles, dotted_path, group, has, titles_in
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers
 from tradestudy.units import FRACTION, LENGTH, PIXELS, display_unit, pretty, rounded, significant
-from tradestudy.wording import DECLARED_VALUE, counted, distance, fewest_digits, listed, plain_span, with_article
+from tradestudy.wording import DECLARED_VALUE, counted, distance, few, fewest_digits, listed, plain_span, with_article
 
 _ALONE: Final = "for depth alone, "
 _METRE: Final = 0.1  # a range of distances that reaches this far is written in metres, [m]
@@ -51,17 +52,23 @@ _NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it 
 
 def headline(tree: xr.DataTree) -> str:
     """The answer in one sentence, with a full stop; empty where the results hold no answer."""
+    return next(iter(answers(tree)), "")
+
+
+def answers(tree: xr.DataTree) -> list[str]:
+    """The headline, and a sentence on everything else that a study of several subjects answers, with full stops."""
     requirements = requirement_conclusions(tree)
-    ways = (_of_sweep, _of_light, _of_fresnel, hard_case_words, _of_pictures)
-    words = next(filter(None, (way(tree) for way in ways)), "")
+    ways = (_of_sweep, _of_light, _of_fresnel, hard_case_words, _of_scene, _of_planes)
+    found = [way(tree) for way in ways]
     if sharp := _of_sharpness(tree):
         depth = _of_cameras(tree, requirements).removeprefix(_ALONE) if requirements else ""
         depth = depth.replace("take ", "to measure depth, ", 1)
-        words = "; ".join(filter(None, (sharp, depth)))
-    words = words or _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
-    words = words or _of_requirements(requirements) or next(_questions(tree), "")
-    words = words.replace("\N{NO-BREAK SPACE}", " ")
-    return f"{words[0].upper()}{words[1:]}." if words else ""
+        found.insert(0, "; ".join(filter(None, (sharp, depth))))
+    if not any(found):
+        words = _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
+        found = [words or _of_requirements(requirements) or next(_questions(tree), "")]
+    plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in found if words)
+    return [f"{words[0].upper()}{words[1:]}." for words in plain]
 
 
 def compared_headline(trees: Sequence[xr.DataTree], changed: int) -> str:
@@ -80,27 +87,18 @@ def compared_headline(trees: Sequence[xr.DataTree], changed: int) -> str:
 
 
 def _of_sweep(tree: xr.DataTree) -> str:
-    """Which designs meet the requirements."""
-    feasible = feasible_designs(tree)
-    if feasible is None:
-        return ""
-    what = all_requirements(feasible.required)
-    what += " with one camera or another" if feasible.by_any and len(camera_titles(tree)) > 1 else ""
-    if not feasible.count:
-        return f"none of {feasible.designs} designs meets {what}: {feasible.best.words} comes closest{_deciding(tree)}"
-    if feasible.count == feasible.designs:
-        return f"every design meets {what}: {feasible.region}"
-    counts = f"{feasible.count} of {feasible.designs} designs {'meets' if feasible.count == 1 else 'meet'} {what}"
-    if feasible.fills_region:
-        return f"take {feasible.region}: {counts}{_deciding(tree)}"
-    return f"{counts}; {feasible.best.words} has the largest margin{_deciding(tree)}"
+    """Which designs meet the requirements, and which swept number decides."""
+    words = feasible_words(tree)
+    return words and words + _deciding(tree)
 
 
 def _deciding(tree: xr.DataTree) -> str:
     """Which swept number decides a camera's depth uncertainty and which hardly matters, if one of several does."""
+    if not has(tree, "decision", "design_best_camera"):
+        return ""
     depth = group(tree, "depth")
     axes = [axis for axis in swept(depth) if depth[axis].dtype.kind in "fiu" and depth[axis].size > 1]
-    if len(axes) < _NAMED or not has(tree, "decision", "design_best_camera"):
+    if len(axes) < _NAMED:
         return ""
     places = group(tree, "decision")["design_place"].values
     owner = dotted_path(tree, axes[0]).removeprefix("cameras.").partition(".")[0]
@@ -127,9 +125,13 @@ def _deciding(tree: xr.DataTree) -> str:
 
 def _of_light(tree: xr.DataTree) -> str:
     """How far pictures of a light spot by simpler methods differ from that by the most complete one."""
-    others = [one for one in light_numbers(tree) if one["method"] != one["reference"]]
+    pictures = light_numbers(tree)
+    others = [one for one in pictures if one["method"] != one["reference"]]
     if not others:
-        return ""
+        words = "the light spot is computed by {}, to {}".format
+        return "".join(
+            words(title_within_a_sentence(one["method"]), pretty(one["error"], FRACTION, digits=2)) for one in pictures
+        )
     each = [
         f"{pretty(one['difference'], FRACTION, digits=2)} ({title_within_a_sentence(one['method'])})" for one in others
     ]
@@ -161,24 +163,37 @@ def _of_fresnel(tree: xr.DataTree) -> str:
     return f"Fresnel's approximation agrees with Kirchhoff's integral on the axis to {within}: {each}"
 
 
-def _of_pictures(tree: xr.DataTree) -> str:
-    """Which camera measured the rendered scene best, and how; or how far planes deviate from predictions."""
-    if scene := scene_by_error(tree):
-        first, *others = scene
-        best = " best, by spread and bias together" if others else ""
-        words = f"{with_article(first['camera'])} measures the scene{best}: to {_spread_words(first)}"
-        return "; ".join(
-            [words, *(f"{with_article(row['camera'])}, to {_spread_words(row)}" for row in others[:_MEASURED])]
-        )
+def _of_scene(tree: xr.DataTree) -> str:
+    """Which camera measured the rendered scene best, and how, and which measured nothing."""
+    clauses, scene = [], scene_by_error(tree)
+    for row in scene[:1]:
+        best = " best, by spread and bias together" if len(scene) > 1 else ""
+        clauses.append(f"{with_article(row['camera'])} measures the scene{best}: to {_spread_words(row)}")
+    clauses += [f"{with_article(row['camera'])}, to {_spread_words(row)}" for row in scene[1 : _MEASURED + 1]]
+    blind = [row["camera"] for row in measured_numbers(tree) if row["of"] == "scene" and np.isnan(row["spread"])]
+    return "; ".join([*clauses, *_blind_words(blind)])
+
+
+def _of_planes(tree: xr.DataTree) -> str:
+    """How far the spreads that cameras measured in pictures of planes deviate from predictions."""
     if not has(tree, "depth_loop", "depth_spread"):
         return ""
     data, titles = group(tree, "depth_loop"), titles_in(tree, "depth_loop")
-    spreads = {title: over for key, title in titles.items() if (over := spreads_over_predicted(data, key)).size}
-    if not spreads:
-        return ""
-    every = np.concatenate(list(spreads.values()))
-    low, high = (significant(float(end), 2) for end in (every.min(), every.max()))
-    return f"{listed(list(map(with_article, spreads)))} measure planes with {low} to {high} times the predicted spread"
+    spreads = {title: spreads_over_predicted(data, key) for key, title in titles.items()}
+    measuring = [title for title, over in spreads.items() if over.size]
+    clauses = []
+    if measuring:
+        every = np.concatenate(list(spreads.values()))
+        low, high = (significant(float(end), 2) for end in (every.min(), every.max()))
+        measure = "measures" if len(measuring) == 1 else "measure"
+        who = few(list(map(with_article, measuring)))
+        clauses = [f"{who} {measure} planes with {low} to {high} times the predicted spread"]
+    return "; ".join([*clauses, *_blind_words([title for title in spreads if title not in measuring])])
+
+
+def _blind_words(titles: Sequence[str]) -> Iterator[str]:
+    if titles:
+        yield f"{few(list(map(with_article, titles)))} measured nothing in rendered pictures"
 
 
 def _spread_words(row: dict[str, Any]) -> str:

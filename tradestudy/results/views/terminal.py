@@ -21,8 +21,8 @@ from tradestudy.results.views.conclusions import (
     worths,
 )
 from tradestudy.results.views.decision import solved_questions
-from tradestudy.results.views.depth import measured_numbers, measured_words, off_axis_words, offset_words
-from tradestudy.results.views.designs import feasible_designs, feasible_words
+from tradestudy.results.views.depth import measured_numbers, off_axis_words, offset_words
+from tradestudy.results.views.designs import design_details, feasible_designs
 from tradestudy.results.views.groups import (
     camera_titles,
     consequences,
@@ -32,14 +32,14 @@ from tradestudy.results.views.groups import (
     records,
     unconverged,
 )
-from tradestudy.results.views.headline import headline
+from tradestudy.results.views.headline import answers, headline
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
     requirement_conclusions,
     requirement_sentence,
 )
 from tradestudy.results.views.trade_off import candidates_by_rank, trade_off_conclusion
-from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers, wave_words
+from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers
 from tradestudy.wording import counted, few, listed, plain_span, with_unit_symbols
 
 _SEVERAL: Final = 2
@@ -87,14 +87,14 @@ def terminal_lines(tree: xr.DataTree, most: int = 6) -> Iterator[str]:
 
 def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     ranges, requirements, rests = best_ranges(tree), requirement_conclusions(tree), rests_on(tree)
-    if answer := headline(tree):
-        yield answer
+    said = answers(tree)
+    yield from said[:1]
     most -= 1
     lines = []
     # For one swept parameter and one requirement, the sentence of the requirement already says this.
     feasible = feasible_designs(tree)
     if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):
-        lines.append(feasible_words(tree))
+        lines.append(design_details(tree))
     sentences = [(requirement_sentence(one), requirement_sentence(one, brief=True)) for one in requirements]
     judged = [full if len(full) <= _LONGEST_LINE else brief for full, brief in sentences]
     lines += judged[:1]
@@ -104,7 +104,7 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     lines += judged[1:]  # fewer lines may leave out a lesser requirement, but no answer to a question
     if weighed := trade_off_conclusion(tree):
         lines.append(f"Weighing all criteria: {weighed}")
-    lines += [*measured_words(tree), *wave_words(tree), *_claim_words(tree)]
+    lines += [*(one.removesuffix(".") for one in said[1:]), *_claim_words(tree)]
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":
         last = [_line("Rests on (measure first)", rests)]
@@ -113,8 +113,8 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     if worse := off_axis_words(tree):
         unless = ", unless a place is named" if requirements else ""
         last.append(f"On the optical axis{unless}; off it, {few(worse)}")
-    said = {one.camera for one in requirements if one.at_lower_bound and one.met}
-    if bounds := [title for title in lower_bounds(tree) if title not in said]:
+    named = {one.camera for one in requirements if one.at_lower_bound and one.met}
+    if bounds := [title for title in lower_bounds(tree) if title not in named]:
         last.append(f"Lower bound, as no matcher is declared: the disparity error of {few(bounds)}")
     if biased := offset_words(tree):
         last.append(f"Biased: {few(biased)}")
@@ -129,13 +129,14 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
         nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
         head = "Best" if len(camera_titles(tree)) >= _SEVERAL else "Usable"
         last.append(_line(f"{head}{designs}", [*_range_words(ranges), *never_best_words(tree), *nowhere]))
-    lines = [one for one in lines if f"{one}." != answer]
+    lines = [one for one in lines if f"{one}." not in said[:1]]
     room = max(most - len(last), needed + 1)
     if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
         hidden = lines[room - 1 :]
         missed = sum(one.startswith("Not met") for one in hidden)
         yield from lines[: room - 1]
-        suffix = f", including {counted(missed, 'requirement')} not met" if missed else ""
+        of = " by the study as declared" if feasible else ""
+        suffix = f", including {counted(missed, 'requirement')} not met{of}" if missed else ""
         yield f"and {counted(len(hidden), 'more conclusion')} in the report{suffix}"
     else:
         yield from lines

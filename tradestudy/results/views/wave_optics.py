@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from tradestudy.light_methods import most_complete, title_within_a_sentence
+from tradestudy.light_methods import most_complete
 from tradestudy.results.views.groups import group, has
-from tradestudy.units import FRACTION, pretty, significant
-from tradestudy.wording import listed
 
 
 def middle_window(fresnel_validity: xr.Dataset) -> float:
@@ -91,42 +88,3 @@ def hard_case_words(tree: xr.DataTree) -> str:
     """How many hard cases the program gets right, without a full stop; empty if the study computed none."""
     found = hard_case_numbers(tree)
     return f"The program gets {found['met']} of {found['cases']} hard cases right" if found else ""
-
-
-def wave_words(tree: xr.DataTree) -> Iterator[str]:
-    """Sentences, without full stops, on the light spot, Fresnel's law and hard cases, if computed."""
-    yield from _of_light(light_numbers(tree))
-    yield from _of_fresnel(fresnel_numbers(tree))
-    if words := hard_case_words(tree):
-        yield words
-
-
-def _of_light(pictures: list[dict[str, Any]]) -> Iterator[str]:
-    others = [one for one in pictures if one["method"] != one["reference"]]
-    if others:
-        each = "; ".join(
-            f"{title_within_a_sentence(one['method'])} {pretty(one['difference'], FRACTION, digits=3)}"
-            for one in others
-        )
-        reference = title_within_a_sentence(others[0]["reference"])
-        yield f"Summed difference of the light spot from that by {reference}: {each}"
-    elif pictures:
-        method, error = title_within_a_sentence(pictures[0]["method"]), pictures[0]["error"]
-        yield f"The light spot is computed by {method}, stated error {pretty(error, FRACTION, digits=2)}"
-
-
-def _of_fresnel(limits: list[dict[str, Any]]) -> Iterator[str]:
-    for element in dict.fromkeys(one["element"] for one in limits):
-        each = [one for one in limits if one["element"] == element]
-        within = f"{pretty(each[0]['limit'], FRACTION)} over {significant(each[0]['window'])} Airy radii"
-        phases: dict[str, list[str]] = {}
-        for one in each:
-            phases.setdefault(_f_number(one["f_number"]), []).append(one["lens_phase"])
-        words = ", ".join(f"{where} ({listed(names)} lens phase)" for where, names in phases.items())
-        yield f"{element}: Fresnel agrees with Kirchhoff to {within} {words}"
-
-
-def _f_number(value: float) -> str:
-    if value == 0.0:
-        return "at every f-number"
-    return f"from f/{significant(value)}" if np.isfinite(value) else "at no f-number"
