@@ -253,24 +253,6 @@ def test_a_usable_range_moves_appears_and_vanishes(
     assert found[-1].endswith("the usable range of 1 camera.")
 
 
-def test_usable_ranges_of_a_sweep_without_the_declared_design_are_counted() -> None:
-    def swept(*ends: float, path: str = "cameras.a.baseline") -> xr.DataTree:
-        found = tree()
-        attributes = {"units": "m", "declared": 0.07, "path": path}
-        axis = xr.Variable("baseline", [0.05, 0.1, 0.2][: len(ends)], attributes)
-        designs = [tree(usable={"a": (0.1, end)})["depth"].to_dataset() for end in ends]
-        found["depth"] = xr.DataTree(xr.concat(designs, dim=axis, data_vars="all"))
-        return found
-
-    (line,) = compared(swept(5.0, 6.0, 7.0), swept(5.0, 6.5, 8.0)).conclusions
-    assert str(line) == "Usable range of Near head: moved in 2 of 3 designs"
-    assert compared(swept(5.0, 6.0), swept(5.0, 6.0, 7.0)).conclusions == ()  # the two that both have
-    other = swept(5.0, 6.5, 8.0, path="cameras.b.baseline")
-    other["depth"]["depth_uncertainty"] *= 2.0
-    both = compared(swept(5.0, 6.0, 7.0), other)  # over the baselines of different cameras, which share a name
-    assert (both.conclusions, both.results) == ((), ())
-
-
 def test_an_end_that_moves_by_less_than_its_error_is_unchanged() -> None:
     def moved(after: float, **known: float) -> bool:
         return sentences(tree(usable={"a": (1.0, 4.0)}, **known), tree(usable={"a": (1.0, after)}, **known)) != [REST]

@@ -32,7 +32,7 @@ def test_one_is_singular(number: int, text: str) -> None:
         ("Raytrix R5", "the Raytrix R5"),
         ("OAK-D", "the OAK-D"),
         ("Short-base stereo rig", "the short-base stereo rig"),
-        ("Single-focus R5 for rock", "the single-focus R5 for rock"),
+        ("Single-focus R5 set to 150 mm", "the single-focus R5 set to 150 mm"),
         ("Stereo rig", "the stereo rig"),
         ("MAHLI focus stack", "the MAHLI focus stack"),
         ("Head B", "Head B"),
@@ -67,7 +67,15 @@ def test_the_first_of_several_broken_limits_is_named_and_a_condition_is_its_own_
 
 
 @pytest.mark.parametrize(
-    ("items", "text"), [([], ""), (["a"], "a"), (["a", "b"], "a and b"), (["a", "b", "c"], "a, b and c")]
+    ("items", "text"),
+    [
+        ([], ""),
+        (["a"], "a"),
+        (["a", "b"], "a and b"),
+        (["a", "b", "c"], "a, b and c"),
+        (["A, x", "B", "C"], "A, x; B; and C"),
+        (["A (1, 2)", "B"], "A (1, 2) and B"),
+    ],
 )
 def test_the_last_two_of_a_list_are_joined_by_and(items: list[str], text: str) -> None:
     assert listed(items) == text

@@ -8,11 +8,12 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from tradestudy.units import LENGTH, pretty, significant
+from tradestudy.units import LENGTH, pretty, rounded, significant
 
 NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
+_BRACKETS: Final = re.compile(r"\([^()]*\)")
 _DESIGNATION: Final = re.compile(r"[A-Za-z]|\d+")
 _DEVICE: Final = re.compile("(camera|head|rig|webcam)s?", re.IGNORECASE)
 _ORDINARY: Final = re.compile(
@@ -56,9 +57,11 @@ def with_article(title: str) -> str:
     return f"the {title[:1].lower() + title[1:] if is_ordinary else title}"
 
 
-def listed(items: Sequence[str]) -> str:
-    """Join items for a sentence: "a", "a and b", "a, b and c"."""
-    return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
+def listed(items: Sequence[str], last: str = "and") -> str:
+    """Join items for a sentence: "a", "a and b", "a, b and c"; items with commas outside brackets as "a, x; and b"."""
+    has_commas = len(items) > 1 and any(", " in _BRACKETS.sub("", one) for one in items)
+    mark, word = ("; ", f"; {last} ") if has_commas else (", ", f" {last} ")
+    return word.join(part for part in (mark.join(items[:-1]), *items[-1:]) if part)
 
 
 def few(items: Sequence[str], most: int = 3) -> str:
@@ -92,7 +95,7 @@ def distance(value: float, digits: int = 3) -> str:
     return pretty(value, LENGTH, digits).replace(" ", "\N{NO-BREAK SPACE}")
 
 
-def span(start: float, end: float) -> str:
+def span(start: float, end: float, digits: int = 0) -> str:
     """Write a range of distances [m], both ends in one unit and with enough digits to tell them apart."""
     in_metres = 0.1 <= end < math.inf
 
@@ -103,12 +106,34 @@ def span(start: float, end: float) -> str:
         first, last = written(digits)
         return not last.startswith(f"{first}\N{NO-BREAK SPACE}") if in_metres else first != last
 
-    return " to ".join(written(fewest_digits(differ)))
+    return " to ".join(written(digits or fewest_digits(differ)))
 
 
-def plain_span(start: float, end: float) -> str:
+def plain_span(start: float, end: float, digits: int = 0) -> str:
     """Write a range of distances [m] as `span` does, with plain spaces: for results, terminals and other programs."""
-    return span(start, end).replace("\N{NO-BREAK SPACE}", " ")
+    return span(start, end, digits).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def within(
+    near: float,
+    far: float,
+    near_to: Callable[[float], int] = math.ceil,
+    far_to: Callable[[float], int] = math.floor,
+) -> tuple[float, float, int]:
+    """The ends of a range of distances [m], rounded inwards by default, and their number of digits.
+
+    They have three digits, or as many more as a range needs that is narrower than their steps.
+    """
+
+    def ends(digits: int) -> tuple[float, float]:
+        return rounded(near, digits, near_to), rounded(far, digits, far_to)
+
+    def fits(digits: int) -> bool:
+        first, last = ends(digits)
+        return first < last and max(abs(first - near), abs(last - far)) <= far - near if far < math.inf else True
+
+    digits = fewest_digits(fits)
+    return *ends(digits), digits
 
 
 def range_words(start: float, end: float) -> str:

@@ -57,7 +57,7 @@ def with_best(tree: xr.DataTree, best: list[str]) -> xr.DataTree:
 def test_tied_cameras_are_named_together(make_tree: MakeTree) -> None:
     tree = with_best(make_tree(), ["r5"] * 5 + [f"{RIG}, {WIDE}"] * 5)
     sentence = next(text for text in texts(report_of(tree)) if "(tied)" in text)
-    assert re.search(r": Stereo 100 mm, f = 30\.5 mm, and Stereo 100 mm, 65\.24° across \(tied\), .*±", sentence)
+    assert re.search(r": Stereo 100 mm, f = 30\.5 mm; and Stereo 100 mm, 65\.24° across \(tied\), .*±", sentence)
     bars = figures.figure(tree, "whole_range").axes[1].patches
     colors = {camera.key: camera.style.color for camera in traces(tree)}
     far = [bar for bar in bars if bar.get_y() > 2.5 and bar.get_x() > 0.3]
@@ -94,7 +94,7 @@ def test_the_table_of_verdicts_names_ties(make_tree: MakeTree) -> None:
     decision["winner"][0, 1], decision["more_certain"][0, 1] = f"r5, {WIDE}", ""
     tree["decision"] = xr.DataTree(decision)
     row = table(report_of(tree), "verdict-table")[1]
-    assert row[1] == "Raytrix R5, Keplerian, and Stereo 100 mm, 65.24° across (tied)"
+    assert row[1] == "Raytrix R5, Keplerian; and Stereo 100 mm, 65.24° across (tied)"
     assert row[3] == "tied"
     assert answer_title({"a": "A"}, "", "neither") == "neither"
 

@@ -15,7 +15,7 @@ from tradestudy.answers.registers import cameras_group
 from tradestudy.imaging.picture import CHANGES
 from tradestudy.models.plan import plan_of
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import Block, Paragraph, Table, Text, all_blocks, spans
+from tradestudy.report.document import Block, Table, Text, all_blocks, spans
 from tradestudy.report.sections.results import describe_disparity_causes
 from tradestudy.results import GROUPS
 from tradestudy.study.loading import load_definition
@@ -70,25 +70,6 @@ def test_the_largest_numerical_error_names_camera_and_place(found: xr.Dataset) -
     assert float(reported[1]) == pytest.approx(100.0 * relative[camera, place], rel=0.05)
     assert reported[2] == load_definition(STUDY, QUICK).file.cameras[camera].title
     assert reported[3] == f"{1e3 * place:g} mm"
-
-
-def test_disparity_errors_used_by_depth_are_distinguished_from_those_with_every_effect(found: xr.Dataset) -> None:
-    cameras = cameras_group(load_definition(STUDY, QUICK))
-    used = found[["disparity_error_px"]].copy(deep=True)
-    tree = {"/cameras": cameras, "/disparity_causes": found}
-    alike = xr.DataTree.from_dict({**tree, "/depth": used, "/depth_at_places": used})
-    assert not any("instead of" in plain(block.text) for block in section_of(alike) if isinstance(block, Paragraph))
-    used["disparity_error_px"][0, 1] *= 0.9
-    used["disparity_error_px"][0, 2] *= 0.8
-    other = xr.DataTree.from_dict({**tree, "/depth": used, "/depth_at_places": used})
-    (reported,) = (
-        plain(block.text)
-        for block in section_of(other)
-        if isinstance(block, Paragraph) and "px for" in plain(block.text)
-    )
-    whole = float(found["disparity_error_px"][0, 2])
-    title = load_definition(STUDY, QUICK).file.cameras["pair-f9.8"].title
-    assert reported.endswith(f"{0.8 * whole:.3g} px instead of {whole:.3g} px for {title} at 58 mm.")
 
 
 # ---- the numbers ----------------------------------------------------------------------------------------------------
@@ -189,22 +170,6 @@ def test_declared_errors_have_no_causes(tree: xr.DataTree) -> None:
         assert "disparity_causes" not in one.children
         blocks = tuple(all_blocks(compose_report(one, {}, {}).blocks))
         assert not any(isinstance(block, Table) and block.name == NAME for block in blocks)
-
-
-@pytest.mark.parametrize(("used", "reported"), [(1.0, False), (1.1, True), (np.nan, False)])
-def test_errors_that_depth_uses_are_compared_only_where_both_exist(
-    found: xr.Dataset, used: float, reported: bool
-) -> None:
-    found = found.sel(camera=["pair-f9.8"]).copy(deep=True)
-    found["disparity_error_px"][:, 0] = np.nan
-    found["disparity_error_px_changed"][:, 0] = np.nan
-    depth = used * found[["disparity_error_px"]]
-    cameras = cameras_group(load_definition(STUDY, QUICK))
-    tree = xr.DataTree.from_dict(
-        {"/cameras": cameras, "/disparity_causes": found, "/depth": depth, "/depth_at_places": depth}
-    )
-    words = [plain(block.text) for block in section_of(tree) if isinstance(block, Paragraph)]
-    assert any("px instead of" in text for text in words) == reported
 
 
 def test_a_camera_alone_is_compared_with_none(found: xr.Dataset) -> None:

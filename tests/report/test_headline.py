@@ -35,7 +35,7 @@ def changed(tree: xr.DataTree, best: Sequence[tuple[float, str]], *drop: str) ->
     [
         ([(10.0, "r5")], "From 0.05 to 10 m take the Raytrix R5, Keplerian"),
         ([(10.0, "")], "No camera is usable from 0.05 to 10 m"),
-        ([(10.0, "r5, stereo-65deg")], "m take the Raytrix R5, Keplerian or Stereo 100 mm, 65.24° across"),
+        ([(10.0, "r5, stereo-65deg")], "m take the Raytrix R5, Keplerian; or Stereo 100 mm, 65.24° across"),
         ([(1.0, ""), (10.0, "r5")], "; elsewhere no camera is usable"),
     ],
 )  # fmt: skip
@@ -55,7 +55,7 @@ def test_missed_requirements_are_counted(make_tree: Callable[..., xr.DataTree]) 
 
 
 def test_a_rounded_stretch_lies_within_the_true_one(make_tree: Callable[..., xr.DataTree]) -> None:
-    """0.1512 to 0.8288 m is written as 0.16 to 0.82 m: outside of it, nobody is usable."""
+    """0.1512 to 0.8288 m is written as 0.152 to 0.828 m everywhere: outside of it, nobody is usable."""
     tree = make_tree()
     depth = tree["depth"].to_dataset().copy(deep=True)
     depth["usable_near"][:], depth["usable_far"][:] = np.nan, np.nan
@@ -64,7 +64,7 @@ def test_a_rounded_stretch_lies_within_the_true_one(make_tree: Callable[..., xr.
     places = tree["decision"]["distance"].values
     near, far = places[places < 0.1512].max(), places[places < 0.8288].max()
     found = headline(changed(tree, [(near, ""), (far, "r5"), (10.0, "")], "requirements", "criteria", "depth_of_field"))
-    assert found == "From 0.16 to 0.82 m take the Raytrix R5, Keplerian; elsewhere no camera is usable."
+    assert found == "From 0.152 to 0.828 m take the Raytrix R5, Keplerian; elsewhere no camera is usable."
 
 
 def test_neighbouring_stretches_end_at_different_distances(make_tree: Callable[..., xr.DataTree]) -> None:

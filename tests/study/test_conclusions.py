@@ -534,8 +534,8 @@ usable_range: {{blur: 1 px}}
 def test_few_distances_do_not_hide_that_a_camera_is_usable_between_them(tmp_path: Path) -> None:
     """A lens of f/2 at 655 mm is sharp to a pixel from 0.627 to 0.686 m, between two of four distances."""
     answer, *_, line = between(tmp_path, 4, {"pair": ("2", "60 mm")}).lines()
-    assert answer == "The pair is usable from 0.63 to 0.68 m."
-    assert line.startswith("Usable: pair from 0.627 to 0.686 m; no camera is usable from 0.4 to 0.627 m and from 0.686")
+    assert answer == "The pair is usable from 0.628 to 0.685 m."
+    assert line.startswith("Usable: pair from 0.628 to 0.685 m; no camera is usable from 0.4 to 0.628 m and from 0.685")
 
 
 def test_few_distances_do_not_hide_that_a_camera_is_best_between_them(tmp_path: Path) -> None:

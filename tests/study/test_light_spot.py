@@ -18,7 +18,7 @@ from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.models import spot_images
 from tradestudy.models.point_spreads import LensAndPoint, spread_measures
-from tradestudy.report.document import Bullets, Callout, spans
+from tradestudy.report.document import Callout, Paragraph, Table, spans
 from tradestudy.report.sections.light_spot import describe_light_spot_answer
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
@@ -174,29 +174,32 @@ def test_seconds_are_in_the_record_and_never_in_the_results(result: Result) -> N
     assert np.array_equal(pixels, image(result, "kirchhoff"))
 
 
-def findings(result: Result, data: xr.Dataset) -> list[str]:
-    blocks = describe_light_spot_answer(xr.DataTree.from_dict({"/images": data}), result.run_record)
+def answer_of(result: Result, data: xr.Dataset) -> tuple[str, Table]:
+    """What the first page says about the picture of the study, and its table of all methods."""
+    blocks = list(describe_light_spot_answer(xr.DataTree.from_dict({"/images": data}), result.run_record))
     (box,) = (block for block in blocks if isinstance(block, Callout))
-    (bullets,) = box.blocks
-    assert isinstance(bullets, Bullets)
-    return ["".join(span.text for span in spans(item)).replace("\u00a0", " ") for item in bullets.items]
+    (told,) = box.blocks
+    assert isinstance(told, Paragraph)
+    (table,) = (block for block in blocks if isinstance(block, Table))
+    return "".join(span.text for span in spans(told.text)).replace("\u00a0", " "), table
 
 
 def test_the_answer_describes_the_picture_of_the_study(result: Result) -> None:
     data = result.data["images"].to_dataset()
-    assert re.search(r"computed in [0-9.]+ s\.$", findings(result, data)[-1])
+    assert re.search(r"computed in [0-9.]+ s\.$", answer_of(result, data)[0])
     for method, said in (
         ("kirchhoff", "the reference itself."),
-        ("geometric", "the same picture as above."),
+        ("geometric", "the same picture as in the table."),
     ):
-        found = findings(result, data.assign(chosen_image=data["image"].sel(propagator=method, drop=True)))
-        assert found[-1].endswith(said)
-        assert not [text for text in found if "—" in text]
+        found, _ = answer_of(result, data.assign(chosen_image=data["image"].sel(propagator=method, drop=True)))
+        assert found.endswith(said)
+        assert "—" not in found
     # Without methods to compare there is one picture, the study's own, which takes its time.
     single = data.sel(propagator=["kirchhoff"], against=["kirchhoff"])
     seconds = {"image: chosen": 3.0}
     alone = replace(result, run_record={**result.run_record, "seconds": seconds})
-    assert findings(alone, single)[0].endswith("is the reference: computed in 3 s (published: about 50 hours).")
+    (row,) = answer_of(alone, single)[1].rows
+    assert row[1:3] == ("3\u00a0s", "about 50 hours")
 
 
 def test_report_shows_seconds_hours_and_why_they_do_not_compare(result: Result, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from tradestudy.results.views.depth import (
     sharp_ranges,
     swept,
 )
-from tradestudy.results.views.groups import group, has, records, swept_paths
+from tradestudy.results.views.groups import group, has, records
 from tradestudy.results.views.requirement_conclusions import (
     MetRange,
     RequirementConclusion,
@@ -349,10 +349,10 @@ class UsableStretch:
 
 
 def compare_usable(runs: Sequence[Run]) -> Answers:
-    """Compare usable ranges in the declared design; for sweeps without one, count the designs where they moved."""
+    """Compare usable ranges in the declared design."""
     keys, titles = common_cameras(runs, "depth"), titles_of(runs)
     if not keys or not all(nominal_is_declared(run.tree) for run in runs):
-        return Answers.of([_over_designs(runs, key, titles[key]) for key in keys])
+        return Answers.of([])
     low, high = common_range(runs, "depth")
     found = []
     for key in keys:
@@ -438,23 +438,3 @@ def _limit_words(found: Sequence[Sequence[UsableStretch]], end: int) -> str:
         return ""
     limits = dict.fromkeys(stretches[0].limits[end].replace("_", " ") for stretches in found)
     return ARROW.join(f"the {one}" for one in limits if one)
-
-
-def _over_designs(runs: Sequence[Run], key: str, title: str) -> Difference | None:
-    """In how many of the shared designs the usable range of a camera moved."""
-    columns = ["usable_near", "usable_far", "usable_near_error", "usable_far_error", "near_limit", "far_limit"]
-    tables = [group(run.tree, "depth") for run in runs]
-    names = swept(tables[0])
-    if any(swept_paths(table) != swept_paths(tables[0]) for table in tables):
-        return None
-    aligned = xr.align(*(table[columns].sel(camera=[key]) for table in tables), join="inner", exclude=("interval",))
-    designs = [one.stack(design=names) for one in aligned]
-    count = designs[0].sizes["design"]
-    shares = [left_out_share(run.tree, key, "usable_range") for run in runs]
-    moved = 0
-    for index in range(count):
-        found = [_usable(one.isel(design=index), key, share) for one, share in zip(designs, shares, strict=True)]
-        moved += any(_moved_ends(found[0], other) for other in found[1:])
-    if not moved:
-        return None
-    return Difference(what=f"Usable range of {title}", values=(f"moved in {moved} of {counted(count, 'design')}",))

@@ -45,7 +45,7 @@ from tradestudy.figures.style import (
     traces,
 )
 from tradestudy.results import judged_uncertainty
-from tradestudy.results.views.decision import has_winners, reported_winners, tied, winners
+from tradestudy.results.views.decision import has_winners, reported_winners, shown_ends, tied, winners
 from tradestudy.results.views.depth import field_words, nominal, of_camera, where_measured, where_usable, worst_corner
 from tradestudy.results.views.groups import FloatArray, group, records
 from tradestudy.wording import distance as distance_words
@@ -370,7 +370,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
 
 def crossovers(tree: xr.DataTree) -> list[float]:
     """The distances [m] at which the best camera changes; none where there are too many to mark and to name."""
-    edges = [edge for _, edge, _ in list(reported_winners(tree))[:-1]] if has_winners(tree) else []
+    edges = [edge for _, edge, _ in list(shown_ends(tuple(reported_winners(tree))))[:-1]] if has_winners(tree) else []
     return edges if len(edges) <= _MOST_CROSSOVERS else []
 
 

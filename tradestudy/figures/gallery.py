@@ -44,7 +44,7 @@ from tradestudy.figures.program import cost_drawing, hard_cases_drawing
 from tradestudy.figures.style import MOST_CAMERAS, CameraTrace, selection_words, traces
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.results import JUDGED
-from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners
+from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners, shown_ends
 from tradestudy.results.views.depth import (
     field_words,
     largest_parts,
@@ -60,7 +60,7 @@ from tradestudy.results.views.designs import design_words, parameter_words
 from tradestudy.results.views.finding import MOST_CURVES
 from tradestudy.results.views.groups import camera_titles, has, titles_in
 from tradestudy.units import LENGTH, pretty, significant
-from tradestudy.wording import counted, distance, in_words, listed, span, with_article
+from tradestudy.wording import counted, distance, in_words, listed, span, with_article, within
 
 CLOSE_RANGE_ENDS = 1.0  # m: where the paper's figure 8 ends and its figure 9 begins
 _NEAR_ZERO = 0.1  # of the farthest distance: an axis that would begin nearer begins at the camera
@@ -173,7 +173,9 @@ def _design_words(tree: xr.DataTree) -> str:
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
     """Say where each camera is usable, in one sentence per camera."""
-    where = [" and ".join(f"from {span(a, b)}" for a, b in where_usable(depth, camera.key)) for camera in shown]
+    where = [
+        " and ".join(f"from {span(*within(a, b))}" for a, b in where_usable(depth, camera.key)) for camera in shown
+    ]
     return "".join(
         f"{camera.title}: usable {places or 'nowhere'}. " for camera, places in zip(shown, where, strict=True)
     )
@@ -185,7 +187,11 @@ def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
     chosen = candidates(tree)
     titles = camera_titles(tree)
     nobody = "no candidate" if chosen else "no camera"
-    found = [f"{answer_title(titles, names, nobody)} from {span(a, b)}" for a, b, names in reported_winners(tree)]
+    ranges = tuple(reported_winners(tree))
+    found = [
+        f"{answer_title(titles, names, nobody)} from {span(*ends)}"
+        for (_, _, names), ends in zip(ranges, shown_ends(ranges), strict=True)
+    ]
     return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {'; '.join(found)}."
 
 
@@ -322,7 +328,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="readings",
         caption=f"Which assumption reverses the verdict on certainty: ratio of the uncertainty of {numerator} to that "
-        f"of {denominator}, under every reading (names as in the table above). Left of 1 (shaded), {numerator} is more "
+        f"of {denominator}, under every reading (named in the list above). Left of 1 (shaded), {numerator} is more "
         f"certain; right of 1, {denominator}. The panels show the effect of noise and calibration errors, of noise "
         "alone, and of calibration errors alone. Open marks: the reverse of the "
         + " ".join(["verdict that the study as declared gives.", *unbounded]),

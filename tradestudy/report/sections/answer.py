@@ -36,6 +36,7 @@ from tradestudy.results.views.decision import (
     best_cameras,
     flips,
     readings_in_words,
+    shown_ends,
     solved_questions,
     tied,
 )
@@ -275,49 +276,30 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     found = tuple(flips(tree))
     if not any(one.alternatives for one in found):
         return
+    decision, titles = group(tree, "decision"), camera_titles(tree)
     # Where neither is usable under a reading or in the study itself, or they are tied, nothing is reversed.
-    reversed_by = {
+    turning = {
         one.place: [name for name, winner in one.flipped if len(tied(winner)) == len(tied(one.winner)) == 1]
         for one in found
     }
-    turned = [one for one in found if reversed_by[one.place]]
-    decision, titles = group(tree, "decision"), camera_titles(tree)
-    first, second = (with_article(titles[decision.attrs[one]]) for one in ("first", "second"))
-    if turned:
-        names = list(dict.fromkeys(name for one in turned for name in reversed_by[one.place]))
-        says = readings_in_words(decision)
-        counts = sorted({len(reversed_by[one.place]) for one in turned})
-        who = "the reading “{only}” **reverses**" if len(names) == 1 else "other readings **reverse**"
-        count = str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
-        yield say(
-            "In [](#verdict-table), " + who + " the choice between {first} and {second} {places}{counts}.",
-            places="at every distance"
-            if len(turned) == len(found)
-            else f"only at {listed([distance(one.place) for one in turned])}",
-            only=says[names[0]],
-            counts=f" ({count} of {max(one.alternatives for one in found)})" if len(names) > 1 else "",
-            first=first,
-            second=second,
-        )
-    elif any(one.flipped for one in found):
-        yield say(
-            "Other readings change the choice between {first} and {second}, but none reverses it ([](#verdict-table)).",
-            first=first,
-            second=second,
-        )
-    else:
-        yield say(
-            "No other reading changes which of {first} and {second} is better at the declared distances "
-            "([](#verdict-table)).",
-            first=first,
-            second=second,
-        )
+    names = list(dict.fromkeys(name for some in turning.values() for name in some))
+    places = [distance(place) for place, some in turning.items() if some]
+    says = [f"“{readings_in_words(decision)[name]}”" for name in names]
+    yield say(
+        "{who} the choice between {first} and {second} {where} ([](#verdict-table)).",
+        who=say("The reading {says} **reverses**", says=says[0])
+        if len(says) == 1
+        else say("{count} other readings **reverse**", count=str(len(says)) if says else "No"),
+        first=with_article(titles[decision.attrs["first"]]),
+        second=with_article(titles[decision.attrs["second"]]),
+        where="at any declared distance" if not places else f"at {listed(places)}",
+    )
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:
     """One sentence per range of distances with the same best camera."""
-    for start, end, names in best.reported:
-        where, camera = span(start, end), answer_title(best.titles, names)
+    for (start, end, names), shown in zip(best.reported, shown_ends(best.reported), strict=True):
+        where, camera = span(*shown), answer_title(best.titles, names)
         middle = float(np.sqrt(start * end))
         among = [best.cameras[key] for key in best.candidates or best.cameras if key in best.cameras]
         if not names and any(near <= middle <= far for one in among for near, far in one.usable):
@@ -369,7 +351,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
             if near < end and far > start
         )
     ]
-    others = f"; usable in at least part of this range, but not a candidate: {', '.join(beside)}" if beside else ""
+    others = f"; usable in at least part of this range, but not a candidate: {listed(beside)}" if beside else ""
     return (f" ({'; '.join(explained)})" if explained else "") + others
 
 

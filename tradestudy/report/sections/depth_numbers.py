@@ -10,9 +10,10 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
+from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.words import distance_with_error, interval, length, or_dash, percent, share, with_error
 from tradestudy.results import judged_uncertainty
+from tradestudy.results.views.decision import readings_in_words
 from tradestudy.results.views.depth import (
     declared_matchers,
     false_matches_declared,
@@ -21,9 +22,9 @@ from tradestudy.results.views.depth import (
     table_distances,
 )
 from tradestudy.results.views.finding import detailed_cameras
-from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, records, titles_in
+from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
 from tradestudy.units import ANGLE, pretty, significant
-from tradestudy.wording import counted, distance, span, with_article
+from tradestudy.wording import counted, distance, span, with_article, within
 
 _LOCKING: Final = " Declared pixel locking is not temporal noise: it is the same in every repeated measurement."
 
@@ -51,7 +52,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     for key, title in shown.items():
         one = data.sel(camera=key)
         near, far = (float(one[name]) for name in ("near_limit", "far_limit"))
-        usable = "usable nowhere" if math.isnan(near) else f"usable from {span(near, far)}"
+        usable = "usable nowhere" if math.isnan(near) else f"usable from {span(*within(near, far))}"
         across, down = (pretty(float(one[f"{axis}_field_of_view"]), ANGLE) for axis in ("horizontal", "vertical"))
         yield Table(
             name=f"datasheet-{key}",
@@ -176,37 +177,11 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             "counted as infinitely wrong. Relative: the larger of u both and r, by which cameras are judged, divided "
             f"by the distance. {content} interval: central {content} of single "
             "measurements."
-            + " Where u both equals u noise, the chosen models leave calibration errors out."
-            * _leaves_out_calibration(tree)
             + " ∞: the interval has no far end." * ("∞" in shown)
             + " *: not converged; the sampling error exceeds the tolerance." * ("*" in shown)
-            + _numerical_error(tree)
-            + _noise_is_coarse(tree),
+            + _numerical_error(tree),
         ),
     )
-
-
-def _noise_is_coarse(tree: xr.DataTree) -> str:
-    """Warn if noise alone has no tolerance and omitted effects change it by more than the general tolerance."""
-    if not has(tree, "effects", "joint_change", "tolerance"):
-        return ""
-    effects = group(tree, "effects")
-    noise, whole = (effects.sel(quantity=name) for name in ("depth_noise", "depth_uncertainty"))
-    coarse = noise["joint_change"].values > np.nan_to_num(whole["tolerance"].values, nan=np.inf)
-    if not np.any(coarse & np.isnan(noise["tolerance"].values)):
-        return ""
-    largest = share(float(np.nanmax(np.where(coarse, noise["joint_change"].values, np.nan))))
-    return (
-        f" The study declares no tolerance for u noise: omitted effects change it by up to {largest} "
-        "(to limit this, declare accuracy.depth_noise)."
-    )
-
-
-def _leaves_out_calibration(tree: xr.DataTree) -> bool:
-    """Whether the models of a camera leave out calibration errors that it has."""
-    decisions = records(tree, "effects", "decision")
-    chosen = (row for row in decisions if row["chosen"] and row["slot"] == "calibration")
-    return any(row["model"] == "off" and (row["forced"] or not row["reason"]) for row in chosen)
 
 
 def _numerical_error(tree: xr.DataTree) -> str:
@@ -289,7 +264,7 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
     pair = {end: with_article(titles[decision.attrs[end]]) for end in ("first", "second")}
-    others = decision.sizes["reading"] > 1
+    others, says = decision.sizes["reading"] > 1, readings_in_words(decision)
     yield Heading(text="The decision under every reading", anchor="decision")
     yield Paragraph(
         say(
@@ -302,49 +277,9 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
         )
     )
     if others:
-        yield _ratio_table(decision, pair)
+        yield Bullets(tuple(say("**{name}**: {says}.", name=name, says=meaning) for name, meaning in says.items()))
         yield from pictures_of(drawings, "readings")
     yield from _crossovers(decision)
-
-
-def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
-    """List the ratio of uncertainties, noise and calibration together, for every reading and place."""
-    both = decision[["uncertainty_ratio", "certainty_flips"]].sel(error_source="both").transpose("reading", "place")
-
-    def cell(ratio: float, flips: bool) -> Text:
-        text = or_dash(ratio)
-        return say("**{text}**", text=text) if flips else text
-
-    places, undecided = decision["place"].values, bool(np.isnan(both["uncertainty_ratio"]).any())
-    unbounded = bool(np.isposinf(both["uncertainty_ratio"]).any())
-    return Table(
-        name="reading-table",
-        caption=f"Ratio of the uncertainty of {pair['first']} to that of {pair['second']}, from noise and calibration "
-        "errors together, under every reading; bold where the reading reverses which camera is more certain.",
-        columns=(
-            Column(title="Reading"),
-            Column(title="Assumption", weight=1),
-            *(Column(title=distance(float(place)), align="right") for place in places),
-        ),
-        rows=tuple(
-            (str(reading), str(says), *map(cell, ratios.tolist(), flips.tolist()))
-            for reading, says, ratios, flips in zip(
-                decision["reading"].values,
-                decision["reading_says"].values,
-                both["uncertainty_ratio"].values,
-                both["certainty_flips"].values,
-                strict=True,
-            )
-        ),
-        notes=(
-            f"Below 1, {pair['first']} is more certain; above 1, {pair['second']}, whether or not they are usable "
-            "there."
-            + f" ∞: only the uncertainty of {pair['first']} has no bound." * unbounded
-            + (
-                " Dash: a camera does not see the point there, or neither uncertainty has a bound." if undecided else ""
-            ),
-        ),
-    )
 
 
 def _crossovers(decision: xr.Dataset) -> Iterator[Block]:

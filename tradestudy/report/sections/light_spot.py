@@ -58,16 +58,17 @@ _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "f
 
 
 def describe_light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
-    """Say how far the methods differ on the detector, and how long each takes."""
+    """Say how the picture of the study is computed, how far methods differ on the detector, and how long each takes."""
     if not has(tree, "images", "image"):
         return
     data = group(tree, "images")
     yield Heading(text="The answer", anchor="light-spot-answer")
     yield Callout(
-        title="How far the methods differ, and what each costs",
-        blocks=(Bullets(tuple(_findings(data, run))),),
+        title="The study's own picture",
+        blocks=(Paragraph(_chosen(data, run, reference_method(data))),),
         tone="answer",
     )
+    yield _comparison(data, run)
     if any(data["published_words"].values):
         yield Paragraph(_NOT_STATED)
 
@@ -77,7 +78,6 @@ def describe_light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
     if has(tree, "images", "image"):
         yield Heading(text="How the light spot is computed", anchor="light-spot")
         yield from _method(group(tree, "images"))
-        yield _comparison(group(tree, "images"), run)
         yield from _benchmarks(group(tree, "images"), run)
     if has(tree, "point_spread", "value"):
         yield Heading(text="How far points spread", anchor="point-spread")
@@ -98,30 +98,6 @@ def _duration(seconds: float) -> str:
     return f"{significant(seconds, 2)}\N{NO-BREAK SPACE}s" if np.isfinite(seconds) else "—"
 
 
-def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
-    reference = reference_method(data)
-    for method in sorted(map(str, data["propagator"].values), key=lambda name: name != reference):
-        one = data.sel(propagator=method)
-        published = str(one["published_words"].item())
-        seconds = _seconds(run, f"image: {method}")
-        if (
-            np.isnan(seconds) and data.sizes["propagator"] == 1
-        ):  # the study declares no methods: this is its own picture
-            seconds = _seconds(run, "image: chosen")
-        took = f"computed in {_duration(seconds)}" + (f" (published: {published})" if published else "")
-        if method == reference:
-            legs = " (to the array and behind it)" if long_title(method).endswith("both legs") else ""
-            yield say("**{method}**{legs} is the reference: {took}.", method=long_title(method), legs=legs, took=took)
-        else:
-            yield say(
-                "**{method}: {difference}** difference from the reference, summed over all pixels; {took}.",
-                method=long_title(method),
-                difference=share(float(one["difference"].sel(against=reference))),
-                took=took,
-            )
-    yield _chosen(data, run, reference)
-
-
 def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     """Describe the picture of the study, its difference from the reference, and its computing time."""
     picture, compared = data["chosen_image"], data["image"].sel(propagator=reference)
@@ -129,14 +105,14 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     if reference in same:
         found = "It is the reference itself"
     elif same:
-        found = "It is the same picture as above"
+        found = "It is the same picture as in the table"
     else:
         difference = share(float(abs(picture - compared).sum() / compared.sum()))
         took = f"computed in {_duration(_seconds(run, 'image: chosen'))}"
         found = f"Its difference from the reference, summed over all pixels, is {difference}; {took}"
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
-        "**The study's own picture** is computed by {method}; its stated error of {error} is {side} the {tolerance} to "
+        "It is computed by {method}; its stated error of {error} is {side} the {tolerance} to "
         "which it is sampled. {found}.",
         method=title_within_a_sentence(str(data.attrs["chosen_method"])),
         error=share(error),
@@ -148,13 +124,14 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
 
 def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
     reference, asked = reference_method(data), float(data.attrs["compared_tolerance"])
+    own = "image: chosen" if data.sizes["propagator"] == 1 else ""  # a study that declares no methods
     rows: list[tuple[Text, ...]] = []
     for method in (str(name) for name in data["propagator"].values):
         one = data.sel(propagator=method)
         rows.append(
             (
                 long_title(method),
-                _duration(_seconds(run, f"image: {method}")),
+                _duration(_seconds(run, f"image: {method}" if f"image: {method}" in run.get("seconds", {}) else own)),
                 str(one["published_words"].item()) or "—",
                 share(error := float(one["numerical_error"])) + f" (above {share(asked)})" * (error > asked),
                 *(

@@ -31,7 +31,7 @@ from tradestudy.results.views.designs import BY_UNIT
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, origin_words, records
 from tradestudy.results.views.requirement_conclusions import ALL, ANY, VERDICTS, requirement_conclusions
 from tradestudy.units import ANGLE, NUMBER, pretty, significant
-from tradestudy.wording import distance, in_words, listed, span
+from tradestudy.wording import distance, in_words, span
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES: Final[Mapping[str, str]] = {
@@ -131,20 +131,12 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
         return
     counts = Counter(str(row["basis"]) for row in rows)
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
-    yield Paragraph(
-        say(
-            "{counts}.{order}{sources}",
-            counts="Of these values, "
-            + listed([f"{counts[one]} {'is' if counts[one] == 1 else 'are'} {_BASES.get(one, one)}" for one in known])
-            if len(known) > 1
-            else f"Every value is {_BASES.get(known[0], known[0])}",
-            order=_ORDER.format(given=_SET if known[0] == "set for this run" else "") if len(known) > 1 else "",
-            sources=" Sections, tables and figures in the notes are those of the paper." if counts["paper"] else "",
-        )
-    )
     yield Table(
         name="assumption-register",
-        caption="Assumptions register. A value that several cameras share is listed once.",
+        caption="Assumptions register: first values set for this run alone, then those that no source supports. A "
+        "value that several cameras share is listed once."
+        + " Sections, tables and figures in the notes are those of the paper."
+        * bool(counts["paper"]),
         columns=(
             Column(title="Camera", weight=3),
             Column(title="Input", weight=4),
@@ -153,10 +145,6 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
         ),
         rows=tuple(_by_basis(rows, known, tree)),
     )
-
-
-_SET: Final = ", after values set for this run alone, on the command line or in Python"
-_ORDER: Final = " Values that no source supports come first{given}."
 
 
 def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -> Iterator[tuple[Text, ...]]:

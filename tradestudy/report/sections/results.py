@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
@@ -20,13 +21,12 @@ from tradestudy.results.views.depth import (
     is_swept,
     least_broken,
     nominal,
-    table_depth,
     uniform_shares,
 )
 from tradestudy.results.views.designs import favoured_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
-from tradestudy.wording import counted, distance, few, in_words, listed, with_article
+from tradestudy.wording import counted, distance, few, in_words, listed, with_article, within
 
 _NOWHERE = "nowhere"
 _MISSING = (
@@ -94,10 +94,9 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
     for key, title in titles_in(tree, "depth").items():
         camera = depth.sel(camera=key)
         intervals = [
-            (distance(float(near)), in_words(str(near_limit)), distance(float(far)), in_words(str(far_limit)))
-            for near, far, near_limit, far_limit in zip(
-                camera["usable_near"].values,
-                camera["usable_far"].values,
+            (distance(near, digits), in_words(str(near_limit)), distance(far, digits), in_words(str(far_limit)))
+            for (near, far, digits), near_limit, far_limit in zip(
+                itertools.starmap(within, zip(camera["usable_near"].values, camera["usable_far"].values, strict=True)),
                 camera["near_limit"].values,
                 camera["far_limit"].values,
                 strict=True,
@@ -232,44 +231,13 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
         say(
             "A disparity error derived from the simulated picture is the smallest that any matcher can reach. To find "
             "its causes, the program recomputes it with one change at a time: without defocus blur, without "
-            "diffraction, or with the light of the brightest of these cameras."
+            "diffraction, or with the light of the brightest of these cameras. The computation of depth leaves out "
+            "effects that change its uncertainty by less than the tolerance, so the disparity errors that it uses "
+            "(“Sub-pixel RMS” in the data sheets) can differ from these."
         )
     )
-    yield from _in_use(tree, found, titles)
     yield from _of_matchers(tree)
     yield _table(found, titles)
-
-
-def _in_use(tree: xr.DataTree, found: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
-    """Say how much the disparity errors in use for depth, which leaves effects out, differ from these at most."""
-    if not has(tree, "depth", "disparity_error_px"):
-        return
-    used = table_depth(tree)["disparity_error_px"]
-    differences = []
-    for key, title in titles.items():
-        whole = found["matched_error_px" if _is_real(found.sel(camera=key)) else "disparity_error_px"].sel(camera=key)
-        own = used.sel(camera=key, distance=found["distance"])
-        with np.errstate(
-            invalid="ignore", divide="ignore"
-        ):  # where no texture is left to match, or no picture is formed
-            apart = np.abs(np.log(own.values / whole.values))
-        compared = np.flatnonzero(np.isfinite(apart))
-        if not compared.size:
-            continue
-        place = compared[apart[compared].argmax()]
-        with_all, without = significant(float(whole[place])), significant(float(own[place]))
-        if with_all != without:
-            differences.append(
-                f"{without} px instead of {with_all} px for {title} at {distance(float(own['distance'][place]))}"
-            )
-    if differences:
-        yield Paragraph(
-            say(
-                "These disparity errors include every effect. The computation of depth leaves out effects that change "
-                "the depth uncertainty by less than the tolerance, and therefore uses {differences}.",
-                differences=listed(differences),
-            )
-        )
 
 
 def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:

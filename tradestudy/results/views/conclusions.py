@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.decision import answer_title, candidates, reported_winners
+from tradestudy.results.views.decision import answer_title, candidates, reported_winners, shown_ends
 from tradestudy.results.views.depth import (
     at_the_bound,
     least_broken,
@@ -37,10 +37,14 @@ _CLEAR: Final = 2.0  # standard errors
 
 @dataclass(frozen=True, kw_only=True)
 class BestRange:
-    """A range of distance [m] and the titles of the cameras that measure best in it; none where none is usable."""
+    """A range of distance [m] and the titles of the cameras that measure best in it; none where none is usable.
+
+    Sentences give its ends as `where` does.
+    """
 
     near: float
     far: float
+    where: str
     cameras: tuple[str, ...]
     words: str
 
@@ -58,14 +62,17 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
             return "no depth uncertainty has a bound"
         return f"no {'candidate' if candidates(tree) else 'camera'} is usable"
 
+    found = tuple(reported_winners(tree))
+    where = [plain_span(*ends) for ends in shown_ends(found)]
     return tuple(
         BestRange(
             near=near,
             far=far,
+            where=words,
             cameras=tuple(titles[name] for name in names.split(", ") if name),
-            words=f"{answer_title(titles, names, nobody(near, far))} from {plain_span(near, far)}",
+            words=f"{answer_title(titles, names, nobody(near, far))} from {words}",
         )
-        for near, far, names in reported_winners(tree)
+        for (near, far, names), words in zip(found, where, strict=True)
     )
 
 
@@ -239,7 +246,8 @@ def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
     for name in among:
         inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, name)]
         usable = np.any([np.zeros(places.shape, dtype=np.bool_), *inside], axis=0)
-        uncertainty[name] = np.where(usable, decision["judged_uncertainty"].sel(camera=name).values, np.inf)
+        judged = decision["judged_uncertainty"].sel(camera=name).values
+        uncertainty[name] = np.where(usable & np.isfinite(judged), judged, np.inf)
     smallest = np.min(list(uncertainty.values()), axis=0)
     for name in among:
         known = np.isfinite(uncertainty[name])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -14,7 +15,7 @@ import xarray as xr
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.depth import by_design, largest_parts, nominal, nominal_is_declared, swept
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, ranges_of, records, titles_in
-from tradestudy.wording import distance
+from tradestudy.wording import distance, listed, within
 
 TIED = ", "
 """Separates the names of tied cameras, whose difference is below its stated error."""
@@ -36,7 +37,7 @@ def tied(names: str) -> tuple[str, ...]:
 def answer_title(titles: Mapping[str, str], names: str, nobody: str = "") -> str:
     """The words for one answer: a camera, several that are tied, or `nobody`."""
     found = [titles[name] for name in tied(names)]
-    return f"{', and '.join(found)} (tied)" if len(found) > 1 else "".join(found) or nobody
+    return f"{listed(found)} (tied)" if len(found) > 1 else "".join(found) or nobody
 
 
 def candidates(tree: xr.DataTree) -> tuple[str, ...]:
@@ -92,6 +93,14 @@ def worth_reporting(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tupl
     found = _without_brief_ties(list(ranges))
     whole = found[-1][1] - found[0][0]
     return (one for one in found if distance(one[0]) != distance(one[1]) or one[1] - one[0] > _SLIVER * whole)
+
+
+def shown_ends(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tuple[float, float, int]]:
+    """The ends of ranges as `span` writes them: rounded inwards, but to the nearest between two cameras."""
+    names = [ranges[0][2], *(one[2] for one in ranges), ranges[-1][2]] if ranges else []
+    to = [round if bool(a) == bool(b) else math.floor if a else math.ceil for a, b in itertools.pairwise(names)]
+    for number, (near, far, _) in enumerate(ranges):
+        yield within(near, far, to[number], to[number + 1])
 
 
 def _without_brief_ties(found: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:

@@ -77,8 +77,7 @@ def camera_finding(tree: xr.DataTree) -> str:
     if len(every.split()) <= MOST_WORDS:
         return every
     longest = max(taken, key=lambda one: one.far / one.near)
-    where = plain_span(longest.near, longest.far)
-    return f"Over the longest stretch, {where}, {with_article(longest.cameras[0])} is the most certain."
+    return f"Over the longest stretch, {longest.where}, {with_article(longest.cameras[0])} is the most certain."
 
 
 def _growth(tree: xr.DataTree) -> str:

@@ -38,13 +38,11 @@ from tradestudy.results.views.groups import camera_titles, dotted_path, group, h
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers
-from tradestudy.units import FRACTION, LENGTH, PIXELS, display_unit, pretty, rounded, significant
-from tradestudy.wording import DECLARED_VALUE, counted, distance, few, fewest_digits, listed, plain_span, with_article
+from tradestudy.units import FRACTION, LENGTH, PIXELS, pretty, significant
+from tradestudy.wording import DECLARED_VALUE, counted, distance, few, listed, plain_span, with_article
 
 _ALONE: Final = "for depth alone, "
-_METRE: Final = 0.1  # a range of distances that reaches this far is written in metres, [m]
 _MOST_STRETCHES: Final = 5
-_FEW_DIGITS: Final = 2
 _HARDLY, _CLEARLY = 1.1, 1.5  # factors of the depth uncertainty over the values of a swept number
 _MEASURED: Final = 3  # cameras beside the best that a sentence on pictures names
 _NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it gives the number
@@ -222,7 +220,7 @@ def _of_sharpness(tree: xr.DataTree) -> str:
 
 def _expense(camera: SharpCamera) -> str:
     parts = "" if camera.moving_parts == "—" else f", {counted(int(camera.moving_parts), 'moving part')}"
-    return f"{_worst(camera.resolution, camera.resolution)} in {counted(camera.images, 'exposure')}{parts}"
+    return f"{pretty(camera.resolution, LENGTH)} in {counted(camera.images, 'exposure')}{parts}"
 
 
 def _percent(share: float) -> str:
@@ -320,7 +318,7 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
     if not taken:
         causes = {why for _, why in never_usable(tree, even_all=True)}
         why = f" ({causes.pop()})" if len(causes) == 1 else ""  # if they differ, the report gives each camera's cause
-        return f"no camera is usable from {' to '.join(_ends(ranges[0].near, ranges[-1].far))}{why}"
+        return f"no camera is usable from {plain_span(ranges[0].near, ranges[-1].far)}{why}"
     if len(group(tree, "depth")["camera"]) == 1:
         return _of_one_camera(tree, taken)
     shown = taken
@@ -329,8 +327,7 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
         shown = [one for one in taken if one in longest]
     parts, last = [], math.nan
     for number, one in enumerate(shown):
-        handed = number + 1 < len(shown) and shown[number + 1].near == one.far
-        near, far = _ends(one.near, one.far, handed_until=shown[number + 1].far if handed else math.inf)
+        near, far = one.where.split(" to ")
         begins = "" if one.near == last else f"from {near} "
         parts.append(f"{begins}to {far} {'' if number else 'take '}{_camera_words(one.cameras)}")
         last = one.far
@@ -342,20 +339,19 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
 
 
 def _camera_words(titles: Sequence[str]) -> str:
-    return " or ".join(map(with_article, titles)) + (" (equally uncertain)" if len(titles) > 1 else "")
+    return listed(list(map(with_article, titles)), "or") + (" (equally uncertain)" if len(titles) > 1 else "")
 
 
 def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     """The usable range of the only camera, its uncertainty at both ends, and how much larger that is off the axis."""
     name = str(group(tree, "depth")["camera"].values[0])
     distances, judged = where_known(tree, name)
-    where = " and ".join(f"from {' to '.join(_ends(one.near, one.far))}" for one in taken)
+    where = " and ".join(f"from {one.where}" for one in taken)
     title = with_article(camera_titles(tree)[name])
     if not distances.size:
         return f"{title} is usable {where}"
-    worst = float(np.max(judged))
     ends = {0: None, distances.size - 1: None}  # one if they are the same
-    values = [f"±{_worst(judged[k], worst)} at {distance(distances[k])}" for k in ends]
+    values = [f"±{pretty(float(judged[k]), LENGTH)} at {distance(distances[k])}" for k in ends]
     causes = rests_on(tree)
     limits = f"; on average, {causes[0].partition(' of ')[0]} decides most of it" if causes else ""
     worst_place = off_axis(tree, name)
@@ -363,31 +359,3 @@ def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     if _HARDLY < worst_place.ratio < math.inf:
         off = f" on the axis, and off it up to {significant(worst_place.ratio, 2)} times as much ({worst_place.where})"
     return f"depth by {title} is usable {where}, with {listed(values)}{off}{limits}"
-
-
-def _worst(uncertainty: float, largest: float) -> str:
-    """An uncertainty [m] in the unit that suits the largest one, rounded up to two digits."""
-    unit = display_unit(largest, LENGTH)
-    return f"{significant(rounded(uncertainty / unit.size, 2, math.ceil), 2)}{unit.label}"
-
-
-def _ends(near: float, far: float, *, handed_until: float = math.inf) -> tuple[str, str]:
-    """Both ends of a range of distances [m] in one unit, rounded inwards to as few digits as tell them apart.
-
-    The far end is rounded to the nearest value instead where another camera takes over, which is as certain there, and
-    then differs from the far end of that camera's range.
-    """
-    unit, size = ("m", 1.0) if far >= _METRE else ("mm", 1e-3)
-
-    def written(digits: int) -> tuple[str, str]:
-        last = far / size if handed_until < math.inf else rounded(far / size, digits, math.floor)
-        return significant(rounded(near / size, digits, math.ceil), digits), significant(last, digits)
-
-    def apart(digits: int) -> bool:
-        first, last = written(digits)
-        if last == significant(rounded(handed_until / size, digits, math.floor), digits):
-            return False
-        return float(first) < float(last)
-
-    first, last = written(_FEW_DIGITS if apart(_FEW_DIGITS) else fewest_digits(apart))
-    return first, f"{last} {unit}"

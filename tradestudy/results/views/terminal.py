@@ -40,7 +40,7 @@ from tradestudy.results.views.requirement_conclusions import (
 )
 from tradestudy.results.views.trade_off import candidates_by_rank, trade_off_conclusion
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers
-from tradestudy.wording import counted, few, listed, plain_span, with_unit_symbols
+from tradestudy.wording import counted, few, listed, with_unit_symbols
 
 _SEVERAL: Final = 2
 _LONGEST_LINE: Final = 400  # characters
@@ -53,7 +53,7 @@ def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
     nobody: dict[str, list[str]] = {}
     for one in ranges:
         if not one.cameras:
-            where = f"from {plain_span(one.near, one.far)}"
+            where = f"from {one.where}"
             nobody.setdefault(one.words.removesuffix(where), []).append(where)
     yield from (why + listed(where) for why, where in nobody.items())
 
