@@ -486,8 +486,8 @@ def _warned(study: Study, *, quiet: bool = False) -> Study:
     """Print what was read from calibration files and the study's warnings; return the study."""
     if quiet:
         return study
-    for line in study.imported:
-        _say(f"read: {line}", err=True)
+    for reading in study.definition.document.imported:
+        _say(f"read: {reading.lines[0]}", *reading.lines[1:], err=True)
     from tradestudy.study.plausibility import implausible
 
     for warning in implausible(study.definition):  # with the place on the command line

@@ -230,7 +230,7 @@ class Study:
     @property
     def imported(self) -> tuple[str, ...]:
         """What was read from calibration files, one line for each imported camera."""
-        return self.definition.document.imported
+        return tuple(map(str, self.definition.document.imported))
 
     @property
     def folder_name(self) -> str:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, cast, get_args
+from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
 from tradestudy.errors import Problem, escaped
 from tradestudy.units import significant
@@ -114,6 +114,35 @@ class MappingEntry:
 Entry = ScalarEntry | ListEntry | MappingEntry
 
 
+TOPICS: Final = ("format", "cameras", "lens model", "lengths", "not used")
+"""What the lines of a `Reading` say."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What was read from the calibration files of one camera; as text, in one line.
+
+    Parameters
+    ----------
+    camera
+        Name of the camera in the study.
+    said
+        Topics, of `TOPICS`, and what was read.
+    """
+
+    camera: str
+    said: tuple[tuple[str, str], ...]
+
+    def __str__(self) -> str:
+        return f"{self.camera}: {'; '.join(words for _, words in self.said)}"
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """One line for each topic."""
+        of = {topic: "; ".join(words for about, words in self.said if about == topic) for topic in TOPICS}
+        return (f"{self.camera}: {of[TOPICS[0]]}", *(f"  {of[topic] or f'{topic}: none'}" for topic in TOPICS[1:]))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Document:
     """A study with everything it refers to, and the mistakes found while reading it.
@@ -129,7 +158,7 @@ class Document:
     overrides
         Values set from outside, in the order in which they were given.
     imported
-        What was read from calibration files, one line per camera.
+        What was read from calibration files, for each camera.
     like
         For each camera that is like another, the name of the other.
     """
@@ -138,7 +167,7 @@ class Document:
     problems: tuple[Problem, ...] = ()
     broken: frozenset[Path] = field(default_factory=frozenset)
     overrides: tuple[Override, ...] = ()
-    imported: tuple[str, ...] = ()
+    imported: tuple[Reading, ...] = ()
     like: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property

@@ -119,9 +119,9 @@ def _place(problem: Problem) -> Place:
 
 def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
     """A note for every camera with mistakes that was imported as a single camera: its rig may need two files."""
-    for line in document.imported:
-        path = ("cameras", line.partition(":")[0])
-        if line.endswith(ONE_CAMERA) and any(one.path.startswith(".".join(path)) for one in error.problems):
+    for reading in document.imported:
+        path = ("cameras", reading.camera)
+        if reading.said[-1][1] == ONE_CAMERA and any(one.path.startswith(".".join(path)) for one in error.problems):
             yield document.locate((*path, "kind")).problem((*path, "from"), f"gives {ONE_CAMERA}")
 
 

@@ -26,6 +26,7 @@ from tradestudy.study.document import (
     MappingEntry,
     Member,
     Place,
+    Reading,
     ScalarEntry,
     child,
     count_values,
@@ -130,7 +131,7 @@ class SharedCameras:
         self.folder, self.root = folder, root
         self.problems: list[Problem] = []
         self.broken: list[tree.Path] = []
-        self.imported: list[str] = []
+        self.imported: list[Reading] = []
         self.like: dict[str, str] = {}
         self.done: dict[str, Entry | None] = {}
         self.files: dict[str, tuple[Entry, list[Problem]]] = {}
@@ -209,11 +210,11 @@ class SharedCameras:
         """Merge the study's values of a camera into those of its calibration files."""
         request = self.request(own)
         try:
-            below, line = imported(files, request)
+            below, said = imported(files, request)
         except NoLengthUnitError as error:
             self.note(name, error.problem)
             return self.read_in_any_unit(name, own, files, request)
-        self.imported.append(f"{name}: {line}")
+        self.imported.append(Reading(camera=name, said=said))
         return self.with_own_values(below, _without_size(own, below, request), name, (*SHARING, *OF_IMPORTS))
 
     def read_in_any_unit(

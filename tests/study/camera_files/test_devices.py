@@ -44,6 +44,10 @@ def test_the_former_name_of_the_pose_and_inputs_of_the_optimisation(tmp_path: Pa
     [
         ("LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=150", "is a splined model"),
         ("LENSMODEL_CAHVORE_linearity=0.34", "is a non-central model"),
+        (
+            "LENSMODEL_CAHVOR",
+            "mrcal's own command: mrcal-convert-lensmodel LENSMODEL_OPENCV8 left.cameramodel",
+        ),
         ("LENSMODEL_FANCY", "is unknown"),
     ],
 )

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from scipy.io import savemat
+from typer.testing import CliRunner
 
 import tradestudy
 from tests.study.camera_files import everybody, written
@@ -21,6 +22,7 @@ from tests.study.camera_files.test_brought import DATA, new
 from tests.study.camera_files.test_import import calibrated, refusal
 from tests.study.camera_files.written import K1, K2, R, T, study
 from tradestudy.calibration.corners.real_rig import observe_pair
+from tradestudy.cli import app
 
 POINTS = np.array([[0.1, -0.05, 1.3], [-0.2, 0.15, 0.9], [0.3, 0.2, 2.0], [0.0, 0.0, 0.5], [-0.1, -0.12, 0.7]])
 OTHERS = "other-formats"
@@ -58,6 +60,19 @@ def test_rectified_points_are_where_the_projections_have_them(name: str, tmp_pat
     pixels = [(rows := whole @ p.T)[:, :2] / rows[:, 2:] for p in written.rectified()[2:]]
     np.testing.assert_allclose(seen(path), np.hstack(pixels), atol=1e-9)
     assert "; pictures rectified" in tradestudy.load(path).imported[0]
+
+
+@pytest.mark.parametrize("name", {**everybody.RAW, **everybody.RECTIFIED})
+def test_five_lines_say_what_was_read(name: str, tmp_path: Path) -> None:
+    path = study(tmp_path, rig={**everybody.RAW, **everybody.RECTIFIED}[name](tmp_path))
+    (line,) = tradestudy.load(path).imported
+    said = CliRunner().invoke(app, ["check", str(path)]).stderr.splitlines()
+    first, cameras, lens, lengths, unused = said[: said.index(next(one for one in said if "not used: " in one)) + 1]
+    assert re.fullmatch(r"read: rig: .+: \w.*", first)
+    assert re.match(r"  640 × 480 px; .+ is left, .+ right", cameras)
+    assert re.match(r"  lens models? pinhole with(out)? ", lens)
+    assert re.match(r"  baseline 60.[0-9] mm; length unit m", lengths)
+    assert unused == f"  not used: {line.partition('; not used: ')[2] or 'none'}"
 
 
 def test_cameras_on_a_body_may_have_four_coefficients(tmp_path: Path) -> None:

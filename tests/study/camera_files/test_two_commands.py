@@ -24,8 +24,9 @@ def test_two_commands_lead_from_an_opencv_file_to_a_report(tmp_path: Path, monke
     assert made.exit_code == 0, made.output
     ran = runner.invoke(app, ["run", "my-rig.yaml", "--no-pdf"])
     assert ran.exit_code == 0, ran.output
-    assert "read: rig: stereo.yml: OpenCV FileStorage; lens model pinhole with k1 k2; " in ran.output
-    assert "; length unit mm, by length_unit of the study; " in ran.output
+    assert "read: rig: stereo.yml: OpenCV FileStorage\n" in ran.output
+    assert "\n  lens model pinhole with k1 k2; field of view " in ran.output
+    assert "; length unit mm, by length_unit of the study\n" in ran.output
     # The pictures overlap by 60 % from B f / (0.4 W) = 0.2 m on.
     assert re.search(r"Met: 2 % from 0\.2\d m to 0\.4\d m, by rig", ran.output)
     assert re.search(

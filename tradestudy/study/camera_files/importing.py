@@ -142,8 +142,27 @@ def known_formats() -> str:
     return ", ".join(one.name for one in FORMATS)
 
 
-def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntry, str]:
-    """The camera from calibration files, and a line that describes them.
+_SHOWN: Final = {
+    PICTURE_SIZE: ("cameras", ""),
+    "length unit": ("lengths", "length unit "),
+    FITTED_LENS: ("lens model", "lens model "),
+    "order of cameras": ("cameras", ""),
+    "distortion": ("lens model", "distortion: "),
+    "translation": ("lengths", "translation "),
+    "rectification": ("cameras", "rectification "),
+    libpleno.RELAY: ("lens model", ""),
+    libpleno.ARRAY_POSE: ("lens model", ""),
+    "scaling of depth": ("lengths", ""),
+    "uncertainty": ("lengths", ""),
+    "pictures": ("cameras", "pictures "),
+    OTHER_CAMERAS: ("not used", "not used: camera "),
+    UNUSED: ("not used", "not used: "),
+}
+"""The conventions that are shown when a file is read: their topic, and what introduces them."""
+
+
+def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntry, tuple[tuple[str, str], ...]]:
+    """The camera from calibration files, and what was read, by topic (see `Reading`).
 
     Raises
     ------
@@ -170,27 +189,13 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
     stated = [*kind.stated_by(found), *conventions_stated(tuple(_further(found, files, request)))]
     names = " and ".join(dict.fromkeys(file.label for file in files))
     read_as = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
-    labels = {
-        PICTURE_SIZE: "",
-        "length unit": "length unit ",
-        FITTED_LENS: "lens model ",
-        "order of cameras": "",
-        "distortion": "distortion: ",
-        "translation": "translation ",
-        "rectification": "rectification ",
-        libpleno.RELAY: "",
-        libpleno.ARRAY_POSE: "",
-        "scaling of depth": "",
-        "uncertainty": "",
-        "pictures": "pictures ",
-        OTHER_CAMERAS: "not used: camera ",
-        UNUSED: "not used: ",
-    }
-    shown = [*_lens_and_baseline(found), *(label + read_as[name] for name, label in labels.items() if name in read_as)]
-    if isinstance(found, ImportedCamera):
-        shown.append(ONE_CAMERA)
-    line = f"{names}: {'; '.join([first.name, *shown])}"
-    return _tree(stated, {key: place for file in files for key, place in file.places.items()}, files[0]), line
+    said = (
+        ("format", f"{names}: {first.name}"),
+        *_lens_and_baseline(found),
+        *((topic, label + read_as[name]) for name, (topic, label) in _SHOWN.items() if name in read_as),
+        *((("cameras", ONE_CAMERA),) if isinstance(found, ImportedCamera) else ()),
+    )
+    return _tree(stated, {key: place for file in files for key, place in file.places.items()}, files[0]), said
 
 
 def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> Iterator[Convention]:
@@ -210,21 +215,21 @@ def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> 
     yield from unused_keys(files, request, found)
 
 
-def _lens_and_baseline(found: Imported) -> Iterator[str]:
+def _lens_and_baseline(found: Imported) -> Iterator[tuple[str, str]]:
     """Lens models, field of view and baseline in words."""
     cameras = [found] if isinstance(found, ImportedCamera) else []
     if isinstance(found, ImportedRig):
         cameras = [found.left, found.right]
     words = [_lens_words(camera) for camera in cameras]
     if len({*words}) == 1:
-        yield f"lens model {words[0]}"
+        yield "lens model", f"lens model {words[0]}"
     elif words:
-        yield f"lens models {words[0]} (left) and {words[1]} (right)"
+        yield "lens model", f"lens models {words[0]} (left) and {words[1]} (right)"
     if angle := _field_of_view(cameras[0]) if cameras else "":
-        yield f"field of view {angle}"
+        yield "lens model", f"field of view {angle}"
     if isinstance(found, ImportedRig | ImportedCorners):
         baseline = found.baseline if isinstance(found, ImportedCorners) else math.hypot(*found.translation)
-        yield f"baseline {pretty(baseline, LENGTH)}"
+        yield "lengths", f"baseline {pretty(baseline, LENGTH)}"
 
 
 def _lens_words(camera: ImportedCamera) -> str:

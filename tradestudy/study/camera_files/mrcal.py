@@ -28,7 +28,13 @@ _MODELS: Final[Mapping[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "LENSMODEL_STEREOGRAPHIC": ("stereographic", ()),
     "LENSMODEL_LONLAT": ("longitude-latitude", ()),
 }
-_REFUSED: Final = {"SPLINED": "a splined model", "NONCENTRAL": "a non-central model", "CAHVORE": "a non-central model"}
+_REFUSED: Final = {
+    "SPLINED": "a splined model",
+    "NONCENTRAL": "a non-central model",
+    "CAHVORE": "a non-central model",
+    "CAHVOR": "a model of the direction of symmetry",
+}
+_CONVERT: Final = "fit one of these models to it by mrcal's own command: mrcal-convert-lensmodel LENSMODEL_OPENCV8"
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
@@ -85,8 +91,9 @@ def _camera(top: Located) -> ImportedCamera:
     name = named.text()
     if name not in _MODELS:
         why = next((words for part, words in _REFUSED.items() if part in name), "unknown")
+        remedy = "" if why == "unknown" else f"; {_CONVERT} {top.file.path.name}"
         short = re.sub(r"[^A-Z0-9_].*", "", name)[:40]
-        raise named.fail(f"the lens model '{short}' is {why}; one of {', '.join(_MODELS)} is expected")
+        raise named.fail(f"the lens model '{short}' is {why}; one of {', '.join(_MODELS)} is expected{remedy}")
     model, names = _MODELS[name]
     numbers = intrinsics.numbers(4 + len(names))
     ignored: tuple[Convention, ...] = ()
