@@ -210,7 +210,7 @@ def _within(intervals: Sequence[Interval], distance: FloatArray) -> BoolArray:
 
 def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
     """Which of two cameras is more certain, and which wins among the usable ones, at places [m], by error source."""
-    usable = {name: is_usable(case, name, places) for name in pair}
+    usable = {name: is_usable(case, name, places, distribution) for name in pair}
     winners, certain, ratios = [], [], []
     for source in ERROR_SOURCES:
         uncertainty, error = {}, {}
@@ -277,7 +277,9 @@ def _changes(
     """
     ordered = np.array(sorted({place for of_source in places.values() for place in of_source}))
     beside = np.concatenate([ordered * (1.0 - _OFFSET), ordered * (1.0 + _OFFSET)])
-    usable = {name: is_usable(case, name, beside) for name in pair}
+    usable = {
+        name: _within(usable_intervals(case.cameras[name], case.criteria, case.distance), beside) for name in pair
+    }
     sure, changes = {name: np.zeros(beside.shape) for name in pair}, {}
     for error_source, errors in places.items():
         uncertainty = {name: judged_uncertainty(case.cameras[name], beside, error_source) for name in pair}
@@ -301,17 +303,25 @@ def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Cr
     lead = _sure_lead(ratios)
     decided = np.flatnonzero(lead)
     turns = np.flatnonzero(lead[decided[1:]] != lead[decided[:-1]])
+    stretches = list(zip(decided[turns], decided[turns + 1], strict=True))
+    if not stretches:
+        return ()
+    # The lead does not change from the end of one stretch to the beginning of the next, so they are searched together.
+    between = np.unique(np.concatenate([np.arange(before, after + 1) for before, after in stretches]))
+    ends = boundaries(
+        lambda places: _below_one(*_depths(cameras, places, error_source)),
+        distance[between],
+        below_one[between],
+        to=_CROSSED_TO,
+    )
     found = []
-    for before, after in zip(decided[turns], decided[turns + 1], strict=True):
-        between = slice(before, after + 1)
-        ends = boundaries(
-            lambda places: _below_one(*_depths(cameras, places, error_source)),
-            distance[between],
-            below_one[between],
-            to=_CROSSED_TO,
-        )
+    for before, after in stretches:
         # Of several, the middle one.
-        passed = [end.distance for end in ends if end.begins == (lead[before] > 0)]
+        passed = [
+            end.distance
+            for end in ends
+            if distance[before] <= end.distance <= distance[after] and end.begins == (lead[before] > 0)
+        ]
         if passed:
             place, error = passed[len(passed) // 2], 0.0
             if len(ratios) > 1:  # drawn: each scramble has a root of its own

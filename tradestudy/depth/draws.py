@@ -16,6 +16,7 @@ from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE, Field, FieldPosition, MeasuredInverseDepth
 from tradestudy.depth.distribution import DepthDistribution, share_of_true_matches, without_rounding
+from tradestudy.depth.remembered import remembered
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
@@ -406,18 +407,10 @@ def exact_distribution(
     return _of_draws(camera, distance, field, error_source, settled_draws(camera, field, error_source))
 
 
+@remembered(4)  # a question at one distance settles the draws there and then reads them
 def _of_draws(
     camera: DepthCamera, distance: FloatArray, field: FieldPosition, error_source: str, draws: int
 ) -> DepthDistribution:
-    return _known(camera, distance.tobytes(), field, error_source, draws)
-
-
-@lru_cache(maxsize=4)
-def _known(
-    camera: DepthCamera, distances: bytes, field: FieldPosition, error_source: str, draws: int
-) -> DepthDistribution:
-    """The distribution, cached because a question at one distance settles the draws there and then reads them."""
-    distance = np.frombuffer(distances)
     probabilities = camera.propagation.probabilities
     drivers, values = _drawn(camera, error_source, field, draws)
     inverse, upper = _read_all(camera, distance, field, error_source, values), 1.0 - np.array(probabilities)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import Final, Protocol
 
 import numpy as np
@@ -26,6 +26,7 @@ from tradestudy.depth.linear import (
     noise_distribution,
     second_order,
 )
+from tradestudy.depth.remembered import remembered
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.sensitivity import shapley_shares
@@ -141,20 +142,15 @@ class Reading(Protocol):
         ...
 
 
+@remembered(256)  # limits, ratios and tables of a camera request it repeatedly
 def distribution(
-    camera: DepthCamera, distance: FloatArray, error_source: str, field: FieldPosition = 0.0
+    camera: DepthCamera, distance: FloatArray, error_source: str, field: FieldPosition = 0.0, /
 ) -> DepthDistribution:
     """The distribution of depth at distances [m], by the camera's model of propagation.
 
     Every model treats noise alone exactly.
     """
-    return _known(camera, distance.tobytes(), field, error_source)
-
-
-@lru_cache(maxsize=256)
-def _known(camera: DepthCamera, distances: bytes, field: FieldPosition, error_source: str) -> DepthDistribution:
-    """The distribution, cached because limits, ratios and tables of a camera request it repeatedly."""
-    distance, model, groups = np.frombuffer(distances), camera.propagation.model, camera.calibration.groups
+    model, groups = camera.propagation.model, camera.calibration.groups
     false_matches = false_match_share(camera, error_source)
     if error_source == "noise" or (error_source == "both" and (model == "off" or not groups)):
         return noise_distribution(camera, distance, field, false_matches)
@@ -207,6 +203,7 @@ class ModelError:
         return self.failures()
 
 
+@remembered(64)
 def model_error(
     camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
 ) -> ModelError:

@@ -14,6 +14,7 @@ from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE, FieldPosition
 from tradestudy.depth.distribution import DepthDistribution, error_radius, last_score, share_of_true_matches
 from tradestudy.depth.draws import MeasuresDepth, fixed_errors, read_draws, uncertain_groups
+from tradestudy.depth.remembered import remembered
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
@@ -88,8 +89,9 @@ def has_covariance(camera: MeasuresDepth) -> bool:
     return all(group.covariance is not None for group in camera.calibration.groups)
 
 
+@remembered(4)  # limits, ratios and tables of a camera request it repeatedly
 def linearised_depth(
-    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, error_source: str = "both"
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, error_source: str = "both", /
 ) -> LinearisedDepth:
     """Linearise the depth measurement of a camera at distances [m] about the means of its errors.
 
@@ -98,13 +100,6 @@ def linearised_depth(
     OutOfRangeError
         An uncertain parameter has no variance.
     """
-    return _linearised(camera, np.asarray(distance, dtype=np.float64).tobytes(), field, error_source)
-
-
-@lru_cache(maxsize=4)
-def _linearised(camera: MeasuresDepth, distances: bytes, field: FieldPosition, error_source: str) -> LinearisedDepth:
-    """The linear model, cached because limits, ratios and tables of a camera request it repeatedly."""
-    distance = np.frombuffer(distances)
     names, mean, covariance = _covariance(camera, error_source)
     deviation = np.sqrt(np.diag(covariance))
     moving = np.flatnonzero(deviation > 0.0)

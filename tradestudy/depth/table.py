@@ -20,6 +20,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.depth.distribution import DepthDistribution, standard_error
 from tradestudy.depth.evaluation import Reading, distribution, finite, imaged, model_error
+from tradestudy.depth.remembered import remembered
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray, lagrange_weights
 
 NODES_PER_FACTOR: Final = 64.0
@@ -106,8 +107,9 @@ def _table(camera: DepthCamera, field: FieldPosition, error_source: str) -> _Tab
     return _Table(distance=distance, nodes=distribution(camera, imaged(camera, distance), error_source, field))
 
 
+@remembered(256)
 def distribution_between(
-    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0
+    camera: DepthCamera, distance: FloatArray, error_source: str = "both", field: FieldPosition = 0.0, /
 ) -> DepthDistribution:
     """The distribution of depth at distances [m], interpolated in the table of the camera where that is safe.
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.depth.evaluation import Reading
+from tradestudy.depth.remembered import remembered
 from tradestudy.depth.table import NODES_PER_FACTOR, distribution_between, narrow_features
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -132,20 +133,22 @@ def boundaries(
     if change.size == 0:
         return ()
     needed = float(np.max((high - low) / low)) / to if to > 0.0 else math.inf
-    shares, columns = _even(change.size, max(2, math.ceil(min(needed, SUBDIVISIONS)))), np.arange(change.size)
+    shares = _even(change.size, max(2, math.ceil(min(needed, SUBDIVISIONS))))
     ends = np.full((2, change.size), np.nan)  # margin of the condition at low and high
     if known.dtype != np.bool_:
         ends = np.stack([known[change], known[change + 1]])
         shares = _towards_zero(*ends)
-    while np.any(high - low > np.maximum(2.0 * np.spacing(high), to * high)):
-        points = np.vstack([low, low + shares * (high - low), high])
-        found = condition(points[1:-1].ravel()).reshape(shares.shape)
-        first = np.argmax(np.vstack([_holds(found) == begins, begins | True]), axis=0)
-        before, low, high = high - low, points[first, columns], points[first + 1, columns]
+    while (wide := np.flatnonzero(high - low > np.maximum(2.0 * np.spacing(high), to * high))).size:
+        before, columns = high[wide] - low[wide], np.arange(wide.size)
+        points = np.vstack([low[wide], low[wide] + shares[:, wide] * before, high[wide]])
+        found = condition(points[1:-1].ravel()).reshape(-1, wide.size)
+        first = np.argmax(np.vstack([_holds(found) == begins[wide], columns >= 0]), axis=0)
+        low[wide], high[wide] = points[first, columns], points[first + 1, columns]
         if found.dtype != np.bool_:
-            kept = np.vstack([ends[0], found, ends[1]])
-            ends = np.stack([kept[first, columns], kept[first + 1, columns]])
-            shares = np.where(high - low < before / SUBDIVISIONS, _towards_zero(*ends), _even(change.size))
+            kept = np.vstack([ends[0, wide], found, ends[1, wide]])
+            ends[:, wide] = kept[first, columns], kept[first + 1, columns]
+            narrowed = high[wide] - low[wide] < before / SUBDIVISIONS
+            shares[:, wide] = np.where(narrowed, _towards_zero(*ends[:, wide]), _even(wide.size))
     return tuple(
         Boundary(distance=float(where), begins=bool(begin))
         for where, begin in zip(np.where(begins, high, low), begins, strict=True)
@@ -241,13 +244,12 @@ def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: Fl
     that a few distances hide none. Ends are found to twelve digits, and those that depend on draws also in each
     scramble. An end at the edge of the range is marked as such.
     """
-    return _intervals(camera, criteria, np.asarray(distance, dtype=np.float64).tobytes())
+    return _intervals(camera, distance, criteria)
 
 
-@lru_cache(maxsize=1024)
-def _intervals(camera: DepthCamera, criteria: UsableCriteria, distances: bytes) -> tuple[Interval, ...]:
-    """The usable intervals, cached because tables, data sheets, requirements and verdicts ask for them."""
-    distance = sought(camera, np.frombuffer(distances))
+@remembered(1024)  # tables, data sheets, requirements and verdicts ask for them
+def _intervals(camera: DepthCamera, distance: FloatArray, criteria: UsableCriteria) -> tuple[Interval, ...]:
+    distance = sought(camera, distance)
     limits = evaluate_limits(camera, criteria, distance)
     ends = usable_ends(camera, criteria, distance, limits)
     found = {
