@@ -78,6 +78,13 @@ focus stack, what one type of microlens sees or, for any other camera, everythin
 one range of distances, or nowhere. `stretch`, `gap`, `overlap` and `resolved` are indices of ranges of distance,
 counted from the nearest.
 """,
+    "refocusing": """
+On which planes each unfocused plenoptic camera can refocus by shifting its views, both depths of field there, and
+baselines and disparities of pairs of views. `plane` is an index of refocused planes: those of `refocusing.shifts`, or
+all distinct planes, from the nearest. `pair` is an index of pairs of views. The largest blur, `refocusing.blur`, is the
+attribute `blur_px`. Distances count from where all distances of the camera count, unless a name says otherwise;
+[Two depths of field](../../explanation/refocusing.md) explains the limits by rays and by blur.
+""",
     "criteria": """
 Criteria besides depth by which the study compares cameras (along `criterion`); the weighted criteria of
 `trade_off.criteria` (along `weighed`), and the ranks of the candidates for all possible weights of these.

@@ -247,6 +247,57 @@ class Camera:
         """
         return self._calibrated.light_chain()
 
+    def refocusing(self, shifts: Any = None, blur: float = 1.0) -> xr.Dataset:
+        """The planes on which an unfocused plenoptic camera refocuses, by the geometry of its design.
+
+        Parameters
+        ----------
+        shifts
+            Shifts between the views of neighbouring pixels [microlenses], any numbers; None for all distinct planes.
+        blur
+            Largest blur that counts as sharp, of a view and of a refocused picture [microlenses].
+
+        Returns
+        -------
+        xarray.Dataset
+            The variables of ``/refocusing`` over ``shift`` [m], and as attributes the range that can be refocused,
+            ``near`` and ``far`` [m], and the number of distinct ``planes``.
+
+        Raises
+        ------
+        OutOfRangeError
+            For other kinds of cameras, and for shifts or a blur that the camera cannot have.
+        """
+        from tradestudy.answers.refocusing import refocused_planes
+
+        return refocused_planes(self._calibrated.refocusing, shifts, blur)
+
+    def triangulation(self, pixels: int, disparity: Any) -> xr.Dataset:
+        """Distances that two views of an unfocused plenoptic camera measure, by the geometry of its design.
+
+        Parameters
+        ----------
+        pixels
+            Number of pixels from one view to the other under a microlens.
+        disparity
+            Disparities between the two views [microlenses], any numbers; 0 in focus, positive for nearer points.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``distance``, ``from_pupil`` and ``from_array`` [m] over ``disparity``: where distances of the camera count
+            from, from the entrance pupil, and from the array; infinite at and beyond infinity. The attribute
+            ``baseline`` [m] is the distance of the views in the entrance pupil.
+
+        Raises
+        ------
+        OutOfRangeError
+            For other kinds of cameras, and for pairs or disparities that the camera cannot have.
+        """
+        from tradestudy.answers.refocusing import triangulated
+
+        return triangulated(self._calibrated.refocusing, pixels, disparity)
+
     def depth_uncertainty(self, distance: Any, errors: ErrorSource = "both") -> xr.DataArray:
         """Half the central 68.27 % interval of the measured depth [m], whatever its bias.
 

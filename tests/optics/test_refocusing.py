@@ -17,29 +17,30 @@ from tradestudy.optics.refocusing import Refocusing
 F_U, HH, D_A, PIXEL, F_S, PITCH = 193.2935, -65.5563, 111.0324, 0.009, 2.75, 0.125
 
 
-def hahne(image_distance: float = F_U, **changes: Any) -> Refocusing:
+def hahne(image_distance: float = F_U, views_across: int = 13) -> Refocusing:
     """That camera in mm, its array at an image distance b_U behind H' and d_A behind the exit pupil."""
-    a0 = F_U * image_distance / (image_distance - F_U) if image_distance > F_U else math.inf
-    exit_pupil = image_distance - D_A
-    ratio = 1.0 / (1.0 - exit_pupil / F_U)  # 1 + e/f, with e from 1/e' = 1/e + 1/f
-    values: dict[str, Any] = {
-        "focus_distance": a0,
-        "focal_length": F_U,
-        "view_slope": PIXEL / F_S,
-        "microlens_pitch": PITCH,
-        "pupil_distance": D_A,
-        "principal_distance": ratio * D_A,
-        "views_across": 13,
-        "pupil_views": 13.0,
-    }
-    return Refocusing(**(values | changes))
+    return Refocusing(
+        focus_distance=F_U * image_distance / (image_distance - F_U) if image_distance > F_U else math.inf,
+        focal_length=F_U,
+        entrance_pupil=entrance_pupil(image_distance - D_A, F_U),
+        principal_separation=HH,
+        view_slope=PIXEL / F_S,
+        microlens_pitch=PITCH,
+        views_across=views_across,
+        pupil_views=13.0,
+    )
+
+
+def entrance_pupil(exit_pupil: float, f: float) -> float:
+    """From 1/e' = 1/e + 1/f; −f for an exit pupil at infinity."""
+    return exit_pupil / (1.0 - exit_pupil / f) if math.isfinite(exit_pupil) else -f
 
 
 def test_distances_that_plenoptisign_prints() -> None:
     """The numbers of its unit tests: d = 962.7459 mm, and its limits, all counted from the array."""
-    camera, to_array = hahne(), F_U + HH
+    camera = hahne()
     limits = camera.ray_limits(1.0)
-    found = [float(one) + to_array for one in (camera.distance(1.0), limits.far, limits.near)]
+    found = [float(camera.from_array(one)) for one in (camera.distance(1.0), limits.far, limits.near)]
     assert found == pytest.approx([962.7459, 1110.0123, 838.1359], abs=5.1e-5)
     assert float(limits.extent) == pytest.approx(271.8764, abs=5.1e-5)
 
@@ -47,9 +48,8 @@ def test_distances_that_plenoptisign_prints() -> None:
 def test_baselines_and_triangulation_that_plenoptisign_prints() -> None:
     """B = 3.7956 mm for views six pixels apart; Z = 5869.2898 mm, which counts from the entrance pupil."""
     camera = hahne()
-    entrance_pupil = (camera.principal_distance / D_A - 1.0) * F_U
     assert camera.baseline([6, 1]) == pytest.approx([3.7956, 0.6326], abs=5.1e-5)
-    assert float(camera.triangulate(6, 1.0)) + entrance_pupil == pytest.approx(5869.2898, abs=5.1e-5)
+    assert float(camera.from_pupil(camera.triangulate(6, 1.0))) == pytest.approx(5869.2898, abs=5.1e-5)
     assert camera.triangulate(1, 0.0) == math.inf
 
 
@@ -89,13 +89,12 @@ RUN = [
 @pytest.mark.parametrize(("image_distance", "views", "shifts", "pairs"), RUN)
 def test_another_program_agrees(image_distance: float, views: int, shifts: Any, pairs: Any) -> None:
     camera = hahne(image_distance, views_across=views)
-    limits, to_array = camera.ray_limits(list(shifts)), image_distance + HH
-    found = np.stack([camera.distance(list(shifts)), limits.far, limits.near], axis=-1) + to_array
+    limits = camera.ray_limits(list(shifts))
+    found = camera.from_array(np.stack([camera.distance(list(shifts)), limits.far, limits.near], axis=-1))
     np.testing.assert_allclose(found, list(shifts.values()), rtol=1e-9)
-    entrance_pupil = (camera.principal_distance / D_A - 1.0) * F_U
     for (pixels, disparity), (baseline, distance) in pairs.items():
         assert camera.baseline(pixels) == pytest.approx(baseline, rel=1e-9)
-        assert float(camera.triangulate(pixels, disparity)) + entrance_pupil == pytest.approx(distance, rel=1e-9)
+        assert float(camera.from_pupil(camera.triangulate(pixels, disparity))) == pytest.approx(distance, rel=1e-9)
 
 
 # The same program for thin lenses (H1H2 = 0 for both) with the exit pupil in the plane of the main lens.
@@ -134,14 +133,13 @@ def test_refocusing_distances_of_thin_lenses_are_those_of_an_independent_program
 
 def thin(a0: float = 0.15, f: float = 12.5e-3, slope: float = 5.5e-6 / 0.432e-3, pitch: float = 126.5e-6) -> Refocusing:
     """A thin lens, which holds its pupil: by default that of the R5."""
-    z = 1.0 / (1.0 / f - 1.0 / a0)
     return Refocusing(
         focus_distance=a0,
         focal_length=f,
+        entrance_pupil=0.0,
+        principal_separation=0.0,
         view_slope=slope,
         microlens_pitch=pitch,
-        pupil_distance=z,
-        principal_distance=z,
         views_across=19,
         pupil_views=18.95,
     )
@@ -200,7 +198,9 @@ def traced(camera: Refocusing, start: tuple[float, float], end: tuple[float, flo
 @pytest.mark.parametrize("shift", [-0.05, 0.0, 0.25, 0.5])
 def test_limits_are_crossings_of_traced_rays(shift: float, pupil_distance: float) -> None:
     """Rays from the edges of two pixels through the edges of two microlenses, bent by lens after lens."""
-    camera = replace(thin(), pupil_distance=pupil_distance)
+    camera = thin()
+    camera = replace(camera, entrance_pupil=entrance_pupil(camera.array_distance - pupil_distance, 12.5e-3))
+    assert camera.pupil_distance == pytest.approx(pupil_distance, rel=1e-12)
     f_s, pixel, p, apart = 0.432e-3, 5.5e-6, 126.5e-6, camera.views_across - 1
     with mpmath.workdps(30):
 

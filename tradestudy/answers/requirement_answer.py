@@ -11,12 +11,19 @@ import numpy as np
 
 from tradestudy.answers.trade_criteria import criterion_of
 from tradestudy.cameras.depth_measurement import FieldPosition
-from tradestudy.cameras.focus import SharpRange
+from tradestudy.cameras.focus import SharpRange, sharp_range
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field import DepthOfField
 from tradestudy.study.definition import Case
-from tradestudy.study.schema.requirements import CriterionPart, SharpPart, criterion_dimension
+from tradestudy.study.schema.requirements import (
+    CriterionPart,
+    RefocusablePart,
+    RefocusedDepthOfFieldPart,
+    SharpPart,
+    criterion_dimension,
+)
 from tradestudy.units import LENGTH, parse, pretty
-from tradestudy.wording import listed, range_words
+from tradestudy.wording import counted, listed, range_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,18 +128,48 @@ def check_criterion(required: CriterionPart, case: Case, name: str) -> Requireme
     if math.isnan(found.number):
         return RequirementAnswer.unknown(name, bound, f"{required.name}: {found.text}")
     value = found.number
-    is_above = required.side == "above"
-    kept = value >= bound if is_above else value < bound
-    small, large = (bound, value) if is_above else (value, bound)
+    return _bounded(name, value, bound, f"{required.name} {pretty(value, dimension)}", above=required.side == "above")
+
+
+def _bounded(
+    name: str, value: float, bound: float, reason: str, *, above: bool, place: float = math.nan
+) -> RequirementAnswer:
+    """An exact answer from a value, which must stay below its bound, or reach it if ``above``."""
+    kept = value >= bound if above else value < bound
+    small, large = (bound, value) if above else (value, bound)
     ratio = large / small if small > 0.0 else math.copysign(math.inf, 1.0 if kept else -1.0)
-    return _exact(
-        name,
-        kept=kept,
-        value=value,
-        bound=bound,
-        margin=ratio - 1.0,
-        reason=f"{required.name} {pretty(value, dimension)}",
-    )
+    return _exact(name, kept=kept, value=value, bound=bound, margin=ratio - 1.0, reason=reason, place=place)
+
+
+def check_refocusable(required: RefocusablePart, case: Case, name: str) -> RequirementAnswer:
+    """Check on which distances one camera can refocus, or its number of distinct planes."""
+    camera, blur = case.all_cameras[name].refocusing, _refocused_blur(case)
+    if required.planes is not None:
+        count = len(camera.planes(blur))
+        return _bounded(name, count, required.planes, counted(count, "distinct plane"), above=True)
+    near, far = camera.reach(blur)
+    limits = DepthOfField(near=np.asarray(near), far=np.asarray(far))
+    return _check_range(sharp_range(("refocused",), [limits]), required.distances, name, "refocusable")
+
+
+def check_refocused_depth(required: RefocusedDepthOfFieldPart, case: Case, name: str) -> RequirementAnswer:
+    """Check the depth of field of a picture that is refocused on a distance; undecided where it cannot be."""
+    camera, blur = case.all_cameras[name].refocusing, _refocused_blur(case)
+    near, far = camera.reach(blur)
+    if not near * _LESS <= required.at <= far * _MORE:
+        reach = f"{pretty(near, LENGTH)} to {pretty(far, LENGTH)}"
+        where = range_words(required.at, required.at)
+        return RequirementAnswer.unknown(name, required.bound, f"cannot refocus {where}, only from {reach}")
+    shift = camera.shift(required.at)
+    limits = camera.blur_limits(shift, blur) if required.limits == "blur" else camera.ray_limits(shift)
+    depth, by = float(limits.extent), "blur" if required.limits == "blur" else "rays"
+    reason = f"depth of field by {by} {pretty(depth, LENGTH)} {range_words(required.at, required.at)}"
+    return _bounded(name, depth, required.bound, reason, above=required.above is not None, place=required.at)
+
+
+def _refocused_blur(case: Case) -> float:
+    assert case.refocusing is not None  # in a valid study
+    return case.refocusing.blur
 
 
 def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer:
@@ -144,10 +181,10 @@ def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer
         reason = f"depth of field {pretty(depth, LENGTH)}" if depth > 0.0 else f"nothing is sharp: {found.reason}"
         kept, margin = depth >= required.above, depth / required.above - 1.0
         return _exact(name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
-    return _check_range(found, required.distances, name)
+    return _check_range(found, required.distances, name, "sharp")
 
 
-def _check_range(found: SharpRange, over: tuple[float, ...], name: str) -> RequirementAnswer:
+def _check_range(found: SharpRange, over: tuple[float, ...], name: str, word: str) -> RequirementAnswer:
     """How far the sharp range extends beyond the required one, at its tighter end, or by how much it falls short."""
     near, far = over
     around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
@@ -155,7 +192,7 @@ def _check_range(found: SharpRange, over: tuple[float, ...], name: str) -> Requi
         first, last = (float(end) for end in around[0])
         beyond = (near / first - 1.0 if first > 0.0 else math.inf, near), (last / far - 1.0, far)
         margin, place = min(beyond)
-        reason = f"sharp from {pretty(first, LENGTH)} to {pretty(last, LENGTH)}"
+        reason = f"{word} from {pretty(first, LENGTH)} to {pretty(last, LENGTH)}"
         # Ends that coincide within rounding count as met.
         margin = max(margin, 0.0)
         return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
@@ -165,10 +202,10 @@ def _check_range(found: SharpRange, over: tuple[float, ...], name: str) -> Requi
     gaps = _gaps(found.union.covered, near, far)
     place = gaps[0][0]
     why = f": {found.reason}" if found.extent == 0.0 and found.reason else ""
-    reason = f"not sharp {listed([range_words(*gap) for gap in gaps])}{why}"
+    reason = f"not {word} {listed([range_words(*gap) for gap in gaps])}{why}"
     margin = -max(unsharp, _LEAST_MISS)
     miss = _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
-    return replace(miss, limit="focus")
+    return replace(miss, limit="focus") if word == "sharp" else miss
 
 
 def _gaps(covered: FloatArray, near: float, far: float) -> list[tuple[float, float]]:

@@ -25,6 +25,8 @@ from tradestudy.study.schema.requirements import (
     BoundOverPart,
     CriterionPart,
     LengthBelowPart,
+    RefocusablePart,
+    RefocusedDepthOfFieldPart,
     Required,
     RequirementPart,
     ShareAbovePart,
@@ -34,7 +36,7 @@ from tradestudy.study.schema.requirements import (
 )
 from tradestudy.study.varying import SweepAxis, Varying, sweep_axes
 from tradestudy.units import FRACTION, LENGTH, pretty
-from tradestudy.wording import limit_words
+from tradestudy.wording import counted, limit_words
 
 _BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # quantities that depend on the matcher
 # Quantities and limits that depend on errors.
@@ -139,6 +141,12 @@ def _bound_words(required: Required) -> str:
             return "sharp"
         case SharpPart():
             return f"at least {pretty(required.above or 0.0, LENGTH)}"
+        case RefocusablePart(planes=None):
+            return "refocusable"
+        case RefocusablePart():
+            return f"at least {counted(required.planes or 0, 'plane')}"
+        case RefocusedDepthOfFieldPart():
+            return f"{'at least' if required.below is None else 'at most'} {pretty(required.bound, LENGTH)}"
         case CriterionPart():
             return f"{'at most' if required.side == 'below' else 'at least'} {required.bound}"
 
@@ -204,7 +212,7 @@ def _concerns_a_matcher(requirement: RequirementPart, case: Case, best: Case) ->
 
 def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> float:
     """The change that omitted effects may make to a requirement's quantity; declared values do not change."""
-    if requirement.quantity == "criterion":
+    if requirement.quantity == "criterion" or requirement.asks_for_refocusing:  # geometry, which no effect changes
         return -math.inf
     is_sharpness = requirement.quantity == "depth_of_field"
     return definition.file.accuracy.asked().tolerances["depth_of_field" if is_sharpness else "depth_uncertainty"]

@@ -11,7 +11,14 @@ from typing import Final
 import numpy as np
 
 from tradestudy.answers.decision import is_usable
-from tradestudy.answers.requirement_answer import RequirementAnswer, check_criterion, check_sharp
+from tradestudy.answers.refocusing import cameras_to_refocus
+from tradestudy.answers.requirement_answer import (
+    RequirementAnswer,
+    check_criterion,
+    check_refocusable,
+    check_refocused_depth,
+    check_sharp,
+)
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.depth_measurement import FieldPosition, place_words, places_within, towards_corners
 from tradestudy.depth.evaluation import Reading, distribution, evaluate_depth, imaged
@@ -25,6 +32,8 @@ from tradestudy.study.schema.requirements import (
     CriterionPart,
     LengthBelowPart,
     MeasuredPart,
+    RefocusablePart,
+    RefocusedDepthOfFieldPart,
     RequirementPart,
     ShareAbovePart,
     ShareBelowPart,
@@ -69,6 +78,10 @@ def check_requirement(
             return check_criterion(criterion, case, name)
         case SharpPart() as sharp:
             return check_sharp(sharp, case, name)
+        case RefocusablePart() as refocusable:
+            return check_refocusable(refocusable, case, name)
+        case RefocusedDepthOfFieldPart() as refocused:
+            return check_refocused_depth(refocused, case, name)
         case UsablePart() as usable:
             return _check_use(usable, _intervals(case, name, usable.distances, known), case, name)
         case measured:
@@ -226,6 +239,8 @@ def _names(requirement: RequirementPart, case: Case) -> list[str]:
     """The cameras that a requirement concerns."""
     if requirement.camera not in (ANY, ALL):
         return [requirement.camera]
+    if requirement.asks_for_refocusing:
+        return list(cameras_to_refocus(case))
     return list(case.cameras if requirement.asks_for_depth else case.all_cameras)
 
 

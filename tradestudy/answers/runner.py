@@ -170,6 +170,10 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         if file.relief is not None:
             groups["/criteria"] = criteria_group(definition)
         progress("depth of field", 1.0)
+    if file.refocusing is not None:
+        from tradestudy.answers.refocusing import refocusing_group
+
+        groups["/refocusing"] = refocusing_group(definition, asked.designs, file.refocusing)
     if file.fresnel_validity is not None:
         from tradestudy.answers.fresnel_validity import fresnel_validity_group
 

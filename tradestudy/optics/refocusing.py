@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -22,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.optics.arrays import FloatArray, require
 from tradestudy.optics.depth_of_field import DepthOfField
-from tradestudy.optics.thin_lens import focus_shift
+from tradestudy.optics.thin_lens import focus_shift, image_distance
 
 _ROUNDING: Final = 1e-9
 
@@ -35,14 +36,12 @@ class Refocusing:
     ----------
     focus_distance, focal_length
         a₀ > f, the distance in focus on the array, which may be infinite, and f of the main lens [m].
+    entrance_pupil, principal_separation
+        Distance e of the entrance pupil behind H, and distance from H to H' [m]; see `Lens`.
     view_slope
         q = p_px/f_L > 0 [1], by which the rays of neighbouring pixels differ.
     microlens_pitch
         p > 0 [m].
-    pupil_distance
-        d_A [m], from the exit pupil to the array; negative for a pupil behind the array; infinity is allowed.
-    principal_distance
-        c [m] of the array, see `Lens.principal_distance`; parts of the entrance pupil are c q wide.
     views_across
         M ≥ 2, views in a row through the middle of the pupil.
     pupil_views
@@ -51,12 +50,39 @@ class Refocusing:
 
     focus_distance: float
     focal_length: float
+    entrance_pupil: float
+    principal_separation: float
     view_slope: float
     microlens_pitch: float
-    pupil_distance: float
-    principal_distance: float
     views_across: int
     pupil_views: float
+
+    @cached_property
+    def array_distance(self) -> float:
+        """z [m] from H' to the array."""
+        return float(image_distance(self.focus_distance, self.focal_length))
+
+    @cached_property
+    def principal_distance(self) -> float:
+        """c = g z − e [m] with g = 1 + e/f: parts of the entrance pupil that belong to a view are c q wide."""
+        return self._pupil_ratio * self.array_distance - self.entrance_pupil
+
+    @cached_property
+    def pupil_distance(self) -> float:
+        """d_A = c/g [m] from the exit pupil to the array; ∞ for a pupil at infinity, negative for one behind it."""
+        return self.principal_distance / self._pupil_ratio if self._pupil_ratio else math.inf
+
+    @property
+    def _pupil_ratio(self) -> float:
+        return 1.0 + self.entrance_pupil / self.focal_length
+
+    def from_pupil(self, distance: ArrayLike) -> FloatArray:
+        """Distances [m] counted from the entrance pupil, as in triangulation by PlenoptiSign."""
+        return np.asarray(np.asarray(distance) + self.entrance_pupil)
+
+    def from_array(self, distance: ArrayLike) -> FloatArray:
+        """Distances [m] counted from the microlens array, as in refocusing by PlenoptiSign."""
+        return np.asarray(np.asarray(distance) + self.principal_separation + self.array_distance)
 
     def distance(self, shift: ArrayLike) -> FloatArray:
         """a [m] that comes into focus when neighbouring views are shifted by α microlenses, of either sign.
@@ -110,13 +136,13 @@ class Refocusing:
         OutOfRangeError
             For a blur that is not positive, or reaches beyond the views.
         """
-        self._require_blur(blur)
+        self.require_blur(blur)
         middle, half = np.asarray(shift, dtype=np.float64), blur / self.pupil_views
         return _between(self.distance(middle + half), self.distance(middle - half))
 
     def reach(self, blur: float) -> tuple[float, float]:
         """Nearest and farthest distance [m] on which it can refocus: each view blurs by |α| ≤ c microlenses."""
-        self._require_blur(blur)
+        self.require_blur(blur)
         near, far = self.distance([blur, -blur])
         return float(near), float(far)
 
@@ -126,7 +152,7 @@ class Refocusing:
         At these shifts, the outermost views are a whole number of microlenses apart, so that views need no
         interpolation. Planes beyond infinity and without a real image do not count.
         """
-        self._require_blur(blur)
+        self.require_blur(blur)
         apart, infinity = self.views_across - 1, float(self.shift(math.inf))
         first, last = math.ceil(max(-blur, infinity) * apart - _ROUNDING), math.floor(blur * apart + _ROUNDING)
         shifts = np.arange(last, first - 1, -1) / apart
@@ -146,7 +172,8 @@ class Refocusing:
             limit=f"below {limit:.4g}, which refocuses on the front focal point", remedy="shift less", unit="",
         )  # fmt: skip
 
-    def _require_blur(self, blur: float) -> None:
+    def require_blur(self, blur: float) -> None:
+        """Refuse a blur that is not positive, or as wide as shifts that reach beyond the views."""
         require(
             0.0 < blur < self.views_across, "largest blur [microlenses]", np.asarray(blur),
             limit=f"above 0 and below {self.views_across}, the number of views across the pupil",

@@ -25,7 +25,13 @@ JUDGED: Final = ("depth_uncertainty", "depth_error_radius")
 """The larger of these variables judges a camera; see `judged_uncertainty`."""
 UNCONVERGED: Final = "unconverged"
 """Attribute of the root: cameras whose calibrations for readings or designs did not converge, a line each."""
-_SWEPT: Final = ("depth", "decision", "criteria", "requirements")  # groups with swept parameters as dimensions
+_SWEPT: Final = (
+    "depth",
+    "decision",
+    "criteria",
+    "refocusing",
+    "requirements",
+)  # groups with swept parameters as dimensions
 _ALSO_IN: Final = "as in /"
 _NOT_IN_WORDS: Final = re.compile("_(px|percent|by_error_source)$")  # units and dimensions, which plots show anyway
 _SEE: Final = re.compile(r"see (\w+)(?! of /)\b")

@@ -25,7 +25,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.building import apply_models, camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
 from tradestudy.study.reader import in_si, with_values
-from tradestudy.study.schema.questions import PROBLEM, DepthOfFieldPart, ReliefPart
+from tradestudy.study.schema.questions import PROBLEM, DepthOfFieldPart, RefocusingPart, ReliefPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.validation import validate, validate_changes
 from tradestudy.study.schema.wave_optics import LOOSEST_PICTURE, FresnelValidityPart, LightSpotPart
@@ -55,6 +55,8 @@ class Case:
     depth_of_field, sharp, relief
         The range that must be sharp, the criteria of sharpness under the applied models, and the relief for which
         criteria are derived.
+    refocusing
+        Which cameras to refocus, and what counts as sharp.
     fresnel_validity, light_spot
         Questions about wave optics.
     fields
@@ -70,6 +72,7 @@ class Case:
     depth_of_field: DepthOfFieldPart | None = None
     sharp: Mapping[str, BlurCriterion] = field(default_factory=dict)
     relief: ReliefPart | None = None
+    refocusing: RefocusingPart | None = None
     fresnel_validity: FresnelValidityPart | None = None
     light_spot: LightSpotPart | None = None
     fields: tuple[float, ...] = ()
@@ -120,7 +123,8 @@ class StudyDefinition:
             With every mistake found.
         """
         definition = cls(document, validate(document, StudyFile))
-        definition.designs  # noqa: B018 - built here so that an impossible camera is refused before anything runs
+        if problems := list(definition._problems_of_refocusing()):  # builds the cameras, which refuses impossible ones
+            raise StudyError(problems)
         return definition
 
     @cached_property
@@ -201,6 +205,7 @@ class StudyDefinition:
             depth_of_field=self.file.depth_of_field,
             sharp=self._sharp(),
             relief=self.file.relief,
+            refocusing=self.file.refocusing,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
             fields=self.file.propagation.field_places,
@@ -260,6 +265,20 @@ class StudyDefinition:
         for mistake in mistakes:
             path = ("cameras", name, "calibration", *mistake.tail)
             yield self.document.problem(path, mistake.what)
+
+    def _problems_of_refocusing(self) -> Iterator[Problem]:
+        """Shifts, pairs of views and blurs that a camera cannot have."""
+        designs, part = self.designs, self.file.refocusing
+        if part is None:
+            return
+        for name in part.asked({key: one.refocuses for key, one in designs.items()}):
+            camera = designs[name].refocusing
+            checks = {"shifts": camera.require_shifts, "pairs": camera.require_pair, "blur": camera.require_blur}
+            for key, check in checks.items():
+                try:
+                    check(getattr(part, key))
+                except OutOfRangeError as error:
+                    yield self.document.problem(("refocusing", key), f"{name}: {error}")
 
     def _saved(self, name: str, file: str, design: DepthCamera) -> Calibration:
         from tradestudy.calibration.posterior_file import (

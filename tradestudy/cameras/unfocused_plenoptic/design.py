@@ -19,7 +19,6 @@ disparity is d = −d', positive for points nearer than the focus.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Final
@@ -210,14 +209,13 @@ class UnfocusedPlenoptic(PlenopticCamera):
     def refocusing(self) -> Refocusing:
         """See `Camera.refocusing`; the views of the outermost pixels are those in a row through the middle."""
         lens, pixel = self.main_lens, self.sensor.pixel_pitch
-        ratio = lens.pupil_ratio
         return Refocusing(
             focus_distance=self.focus_distance,
             focal_length=lens.focal_length,
+            entrance_pupil=lens.entrance_pupil,
+            principal_separation=lens.principal_separation,
             view_slope=pixel / self.microlenses.gap,
             microlens_pitch=self.microlenses.pitch,
-            pupil_distance=self.principal_distance / ratio if ratio else math.inf,
-            principal_distance=self.principal_distance,
             views_across=self.views_across,
             pupil_views=self._micro_image_used / pixel,
         )

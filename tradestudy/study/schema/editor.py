@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -64,7 +66,21 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
     cameras["patternProperties"] = {
         pattern: {"anyOf": [camera, *starts]} for pattern, camera in cameras["patternProperties"].items()
     }
-    return {"$schema": _DIALECT, **opened}
+    uses = Counter(re.findall(r'"#/\$defs/(v\d+)"', json.dumps(opened)))
+    single = {name: one for name, one in opened["$defs"].items() if uses[name] == 1}
+    opened["$defs"] = {name: one for name, one in opened["$defs"].items() if name not in single}
+    return {"$schema": _DIALECT, **_inlined(opened, single)}
+
+
+def _inlined(schema: Any, single: Mapping[str, Any]) -> Any:
+    """A schema with definitions that are used once where they are used; a description beside a reference stays."""
+    if isinstance(schema, list):
+        return [_inlined(below, single) for below in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if (definition := single.get(str(schema.get("$ref")).rpartition("/")[2])) is not None:
+        return _inlined({**definition, **{name: of for name, of in schema.items() if name != "$ref"}}, single)
+    return {name: _inlined(of, single) for name, of in schema.items()}
 
 
 def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,8 +15,10 @@ from tradestudy.declarations.quantities import (
     CameraName,
     ErrorSources,
     NonNegativeAngle,
+    Number,
     ObjectDistance,
     Pair,
+    PositiveCount,
     PositiveFraction,
     PositiveLength,
     PositiveNumber,
@@ -96,6 +98,37 @@ class ReliefPart(Part):
         if not self.surface_tilt < math.pi / 2.0:
             raise MistakeAt(("surface_tilt",), "a surface tilted by 90° shows only its edge")
         return self
+
+
+class RefocusingPart(Part):
+    """Refocusing of unfocused plenoptic cameras by shifting their views against each other.
+
+    `refocusing: {}` asks for all distinct planes of all such cameras.
+    """
+
+    cameras: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
+        default=None, description="Unfocused plenoptic cameras to refocus; default: all."
+    )
+    shifts: Annotated[tuple[Number, ...], Field(max_length=1000), AfterValidator(distinct)] = Field(
+        default=(),
+        description="Shifts between the views of neighbouring pixels, in microlenses, also fractions; positive ones "
+        "refocus nearer than the focus. Default: all distinct planes, at which the outermost views are a whole number "
+        "of microlenses apart.",
+    )
+    pairs: Annotated[tuple[PositiveCount, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
+        default=(),
+        description="Pairs of views to triangulate with, each by the number of pixels between them. Default: "
+        "neighbouring views, and the outermost ones.",
+    )
+    blur: PositivePixels = Field(
+        default=1.0,
+        description="Largest blur that counts as sharp; 1 px is one microlens. That of a view limits the range that "
+        "can be refocused, that of a refocused picture its depth of field.",
+    )
+
+    def asked(self, refocuses: Mapping[str, bool]) -> tuple[str, ...]:
+        """Names of the cameras to refocus, from all names and whether each camera can be refocused."""
+        return self.cameras or tuple(name for name, can in refocuses.items() if can)
 
 
 class UsableRangePart(Part):

@@ -12,6 +12,7 @@ from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.declarations.quantities import (
     CameraName,
     ObjectDistance,
+    PositiveCount,
     PositiveFraction,
     PositiveLength,
     PositiveNumber,
@@ -164,6 +165,51 @@ class SharpPart(Part):
         return _ends(self.over, self.at)
 
 
+class RefocusablePart(Part):
+    """The distances on which the camera must be able to refocus, or the smallest number of distinct planes."""
+
+    exactly_one = (("over", "at", "planes"),)
+
+    over: Span | None = Field(
+        default=None, description="Nearest and farthest distance of the range that must be refocusable throughout."
+    )
+    at: ObjectDistance | None = Field(default=None, description=_AT)
+    planes: PositiveCount | None = Field(
+        default=None, description="Instead of `over`: smallest number of distinct planes that meets the requirement."
+    )
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """Nearest and farthest distance that must be refocusable [m]; empty for a number of planes."""
+        return _ends(self.over, self.at)
+
+
+class RefocusedDepthOfFieldPart(Part):
+    """A bound on the depth of field of a picture that is refocused on a distance."""
+
+    exactly_one = (("below", "above"),)
+
+    at: ObjectDistance = Field(description="Distance on which the picture is refocused.")
+    below: PositiveLength | None = Field(default=None, description="Value below which the depth of field must stay.")
+    above: PositiveLength | None = Field(
+        default=None, description="Instead of `below`: smallest depth of field that meets the requirement."
+    )
+    limits: Literal["blur", "rays"] = Field(
+        default="blur",
+        description="Depth of field by refocusing.blur, or by rays from edges of pixels through edges of microlenses.",
+    )
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """The distance that counts [m], twice."""
+        return self.at, self.at
+
+    @property
+    def bound(self) -> float:
+        """The bound [m]."""
+        return self.below if self.below is not None else self.above or 0.0
+
+
 class CriterionPart(Part):
     """A bound on a criterion that cameras declare under attributes.others, or that the program derives."""
 
@@ -200,7 +246,7 @@ class GuardBandPart(Part):
     as met although its bound is violated.
 
     It affects requirements on depth_uncertainty and failed_fraction, but not those on `usable`, `overlap` or
-    lateral_resolution; a requirement on depth_of_field or on a `criterion` does not accept it.
+    lateral_resolution; a requirement on depth_of_field, on refocusing or on a `criterion` does not accept it.
     """
 
     exactly_one = (("standard_errors", "risk"),)
@@ -225,11 +271,12 @@ class GuardBandPart(Part):
         return -NormalDist().inv_cdf(self.risk)
 
 
-_WITHOUT_USABLE_RANGE = ("depth_of_field", "criterion")
+_OF_REFOCUSING = ("refocusing", "refocused_depth_of_field")
+_WITHOUT_USABLE_RANGE = ("depth_of_field", *_OF_REFOCUSING, "criterion")
 _OF_ANY_CAMERA = ("lateral_resolution", *_WITHOUT_USABLE_RANGE)
 _QUANTITIES = ("depth_uncertainty", "usable", "overlap", "failed_fraction", *_OF_ANY_CAMERA)
 MeasuredPart = BoundOverPart | ShareAbovePart | ShareBelowPart | LengthBelowPart
-Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
+Required = MeasuredPart | UsablePart | SharpPart | RefocusablePart | RefocusedDepthOfFieldPart | CriterionPart
 
 
 class RequirementPart(Part):
@@ -265,6 +312,13 @@ class RequirementPart(Part):
     depth_of_field: SharpPart | None = Field(
         default=None, description="Bound on the depth of field, also for cameras that measure no depth."
     )
+    refocusing: RefocusablePart | None = Field(
+        default=None,
+        description="Distances on which an unfocused plenoptic camera must be able to refocus, or how many planes.",
+    )
+    refocused_depth_of_field: RefocusedDepthOfFieldPart | None = Field(
+        default=None, description="Bound on the depth of field of a refocused picture of an unfocused plenoptic camera."
+    )
     criterion: CriterionPart | None = Field(
         default=None,
         description="Bound on a criterion such as mass, power or moving parts, also for cameras that measure no depth.",
@@ -293,6 +347,11 @@ class RequirementPart(Part):
     def varies_over_picture(self) -> bool:
         """Whether the requirement is on a quantity that is judged at several places of the picture."""
         return self.quantity in ("depth_uncertainty", "failed_fraction")
+
+    @property
+    def asks_for_refocusing(self) -> bool:
+        """Whether the requirement applies only to cameras that can be refocused by shifting views."""
+        return self.quantity in _OF_REFOCUSING
 
     @property
     def asks_for_depth(self) -> bool:

@@ -18,6 +18,7 @@ from tradestudy.study.schema.questions import (
     DecisionPart,
     DepthOfFieldPart,
     ReadingPart,
+    RefocusingPart,
     ReliefPart,
     SolvePart,
     SweepRangePart,
@@ -64,7 +65,8 @@ Location = tuple[str | int, ...]
 _REFERENCES: Final = {
     "camera": (
         "decision.between.[]", "decision.candidates.[]", "decision.compare.[].[]", "scene.image.cameras.[]",
-        "depth_loop.cameras.[]", "trade_off.candidates.[]", "solve.NAME.equal.[]", "solve.NAME.camera",
+        "depth_loop.cameras.[]", "refocusing.cameras.[]", "trade_off.candidates.[]", "solve.NAME.equal.[]",
+        "solve.NAME.camera",
         "claims.NAME.camera", "claims.NAME.against", "requirements.NAME.camera",
     ),
     "reading": ("claims.NAME.under.[]", "claims.NAME.reading", "value_of_information.assumptions.NAME.readings.[]"),
@@ -93,6 +95,7 @@ class StudyFile(Part):
     depth_loop: DepthLoopPart | None = None
     depth_of_field: DepthOfFieldPart | None = None
     relief: ReliefPart | None = None
+    refocusing: RefocusingPart | None = None
     decision: DecisionPart | None = None
     sensitivity: SensitivityPart | None = None
     fresnel_validity: FresnelValidityPart | None = None
@@ -205,6 +208,7 @@ class StudyFile(Part):
         if self.value_of_information is not None:
             set_by_readings = {name: tuple(reading.set) for name, reading in self.readings.items()}
             mistakes += self.value_of_information.mistakes_of_owners(set_by_readings)
+        mistakes += self._mistakes_of_refocusing()
         mistakes += attribute_mistakes(attributes)
         mistakes += requirement_mistakes(
             self.requirements,
@@ -216,6 +220,22 @@ class StudyFile(Part):
         if self.trade_off is not None and set(self.ranked) <= set(attributes):
             mistakes += trade_off_mistakes(self.trade_off, self.ranked, attributes, measuring, relief=has_relief)
         return mistakes
+
+    def _mistakes_of_refocusing(self) -> Iterator[MistakeAt]:
+        """Cameras that views cannot refocus, where the study or a requirement asks for it."""
+        can = {name: part.camera.refocuses for name, part in self.cameras.items()}
+        what = "only pictures of unfocused plenoptic cameras are sums of shifted views; leave this camera out"
+        if self.refocusing is not None and not any(can.values()):
+            yield MistakeAt(("refocusing",), "needs an unfocused plenoptic camera")
+        for i, name in enumerate((self.refocusing and self.refocusing.cameras) or ()):
+            if can.get(name) is False:
+                yield MistakeAt(("refocusing", "cameras", i), f"{name!r} is a {self.cameras[name].kind} camera; {what}")
+        for key, one in self.requirements.items():
+            if one.asks_for_refocusing and self.refocusing is None:
+                yield MistakeAt(("requirements", key, one.quantity), "needs the section refocusing, at least {}")
+            elif one.asks_for_refocusing and can.get(one.camera) is False:
+                kind = self.cameras[one.camera].kind
+                yield MistakeAt(("requirements", key, "camera"), f"{one.camera!r} is a {kind} camera; {what}")
 
     @property
     def ranked(self) -> tuple[str, ...]:
@@ -242,7 +262,7 @@ class StudyFile(Part):
         """The cameras that must measure depth, with the places that name them."""
         for path, name in _named("camera", dict(self)):
             part, key = path[0], str(path[1])
-            if part in ("scene", "trade_off"):  # any camera can take pictures; `trade_off_mistakes` checks the other
+            if part in ("scene", "trade_off", "refocusing"):  # any camera can take pictures; others check the rest
                 continue
             if part == "claims" and self.claims[key].quantity in ("depth_of_field", "depth_of_field_ratio"):
                 continue
