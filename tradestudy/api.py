@@ -201,6 +201,20 @@ def render(
     return RenderedScene(arrays=taken.arrays, pictures=taken.written, depths=scores)
 
 
+def asked_of_camera(path: Path) -> dict[str, str]:
+    """By key, what the study of one imported camera still has to say because the camera's file does not.
+
+    It is empty if the study has mistakes, which `load` reports.
+    """
+    from tradestudy.study.reader import read
+    from tradestudy.study.schema.root import StudyFile
+    from tradestudy.study.schema.validation import asked_values
+
+    document = read(path)
+    problems = () if document.problems else asked_values(document, StudyFile)
+    return {one.path.split(".", 2)[2]: one.what.partition("; ")[2] for one in problems}
+
+
 def usable_span(study: Study) -> tuple[float, float] | None:
     """The longest stretch from 2 cm to 1 km where the only camera of a study is usable [m]; None if there is none."""
     import numpy as np

@@ -11,7 +11,7 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -403,6 +403,11 @@ def new(
             ) from None
         if from_:
             try:
+                if asked := api.asked_of_camera(path):
+                    text = starter(name, calibration_files=from_, said=said, asked=asked)
+                    path.write_text(between(text + questions()), encoding="utf-8")
+                    _say(*_asking(path, asked, context.find_root().info_name))
+                    return
                 study = api.load(path)
                 if isinstance(study.definition.designs["rig"], DepthCamera):
                     text = between(text + questions(), *(api.usable_span(study) or ()))
@@ -530,6 +535,14 @@ def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:
     if further or (len(joined) > 1 and all(Path(one).exists() for one in joined)):
         remedy = "write " + " ".join(f"--from {one}" for one in together)
         raise OutOfRangeError("--from takes one file", value=" ".join(together), remedy=remedy)
+
+
+def _asking(path: Path, asked: Mapping[str, str], program: str | None) -> Iterator[str]:
+    """What a new study asks for, and how to give it."""
+    given = " ".join(f"--set rig.{key}=…" for key in asked)
+    yield f"{path}: write these values into it, or give them to the command below; the calibration file lacks them"
+    yield from (f"  {key}: {what}" for key, what in asked.items())
+    yield f"{program} run {path} {given}"
 
 
 def _not_written(path: Path, error: TradestudyError, said: Sequence[str]) -> str:

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tests.campaigns import record
 from tests.campaigns.fuzz import Tally, Watch, feed, limits
-from tests.study.camera_files import devices, everybody, written
+from tests.study.camera_files import devices, everybody, plenoptic_files, written
 from tradestudy import api
 from tradestudy.errors import StudyError
 
@@ -60,6 +60,10 @@ def sources(folder: Path) -> dict[str, tuple[list[Path], str]]:
         "mrcal cameramodel": ([first, second], "from: [left.cameramodel, right.cameramodel]"),
         "DepthAI calibration": ([devices.device(folder / "oak.json")], "from: oak.json"),
         "libpleno camera": ([devices.plenoptic(folder / "r12.js")], f"from: r12.js, {PLENOPTIC}"),
+        **{
+            name: ([write(folder / file)], f"from: {file}, {said}")
+            for name, (write, file, said) in plenoptic_files.WRITERS.items()
+        },
         **{name: _written(folder / name, write) for name, write in {**everybody.RAW, **everybody.RECTIFIED}.items()},
     }
 

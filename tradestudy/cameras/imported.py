@@ -64,18 +64,21 @@ class Stated:
     path
         Keys in the camera's declaration, outermost first.
     value
-        The value as written in a study file, with its unit.
+        The value as written in a study file, with its unit; None if the file does not give it and the study has to.
     key
         File and key that it comes from.
     basis, note
         What it rests on.
+    instead
+        Keys beside a value that the study has to give, any of which it may give instead.
     """
 
     path: tuple[str, ...]
-    value: Value
+    value: Value | None
     key: str
     basis: Literal["measured", "derived", "assumed"] = "measured"
     note: str = ""
+    instead: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +201,49 @@ class ImportedPlenoptic:
     keys: Mapping[str, str]
 
 
-Imported = ImportedCamera | ImportedRig | ImportedCorners | ImportedPlenoptic
+@dataclass(frozen=True, kw_only=True)
+class ImportedParts:
+    """A plenoptic camera from a file that may lack some of its optics.
+
+    Parameters
+    ----------
+    pixels
+        Columns and rows; None if the file does not state them.
+    values
+        What the file states, and what the study has to give.
+    conventions
+        How the file was read.
+    keys
+        File and key of the whole camera (``camera``) and, if given, of ``pixels``.
+    """
+
+    pixels: tuple[int, int] | None
+    values: tuple[Stated, ...]
+    conventions: tuple[Convention, ...]
+    keys: Mapping[str, str]
+
+    def stated(self, kind: str) -> Iterator[Stated]:
+        """Everything that a camera of this kind states."""
+        key = self.keys["camera"]
+        yield Stated(path=("kind",), value=kind, key=key, basis="derived")
+        yield from (*self.values, *asked_of_depth(key), *conventions_stated(self.conventions))
+
+
+class ImportedFocused(ImportedParts):
+    """Parts of a focused plenoptic camera."""
+
+
+class ImportedUnfocused(ImportedParts):
+    """Parts of an unfocused plenoptic camera."""
+
+
+Imported = ImportedCamera | ImportedRig | ImportedCorners | ImportedPlenoptic | ImportedParts
+
+
+def asked_of_depth(key: str) -> Iterator[Stated]:
+    """How depth is measured, which no file of a plenoptic camera says."""
+    for name in ("estimator", "disparity_error"):
+        yield Stated(path=("depth", name), value=None, key=key)
 
 
 def camera_stated(where: tuple[str, ...], camera: ImportedCamera) -> Iterator[Stated]:

@@ -187,8 +187,18 @@ PositiveLengthOrPixels = Annotated[
     float | InPixels,
     *_or_pixels(quantity(units.LENGTH, above=0.0), quantity(units.PIXELS, above=0.0), "20 um", "0.5 px"),
 ]
-MicrolensPitch = Annotated[
-    float, *quantity(units.LENGTH, above=0.0, known=Known(name="size of a microlens", smallest=1e-7, largest=10.0))
+_MICROLENS = quantity(units.LENGTH, above=0.0, known=Known(name="size of a microlens", smallest=1e-7, largest=10.0))
+MicrolensPitch = Annotated[float, *_MICROLENS]
+MicrolensPitchOrPixels = Annotated[
+    float | InPixels,
+    *_or_pixels(
+        _MICROLENS,
+        quantity(
+            units.PIXELS, above=0.0, known=Known(name="size of a micro-image in pixels", smallest=1.0, largest=1e5)
+        ),
+        "125 um",
+        "23.2 px",
+    ),
 ]
 LensToSensor = Annotated[
     float,

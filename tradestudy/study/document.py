@@ -64,6 +64,21 @@ class ScalarEntry:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AskedEntry(ScalarEntry):
+    """A value that a study has to give because the calibration file of its camera does not.
+
+    Parameters
+    ----------
+    instead
+        Keys beside it, any of which may be given instead.
+    """
+
+    value: Scalar = None
+    text: str = ""
+    instead: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class ListEntry:
     """A list."""
 
@@ -357,7 +372,17 @@ def merged(below: Entry, above: Entry) -> Entry:
             members[key] = Member(member.key_place, merged(members[key].entry, member.entry))
         else:
             members[key] = member
-    return MappingEntry(place=above.place, members=members)
+    return MappingEntry(place=above.place, members=unanswered(members))
+
+
+def unanswered(members: Mapping[str, Member]) -> dict[str, Member]:
+    """Members of a mapping without those that it asks for although another is given instead."""
+    given = {key for key, member in members.items() if not isinstance(member.entry, AskedEntry)}
+    return {
+        key: member
+        for key, member in members.items()
+        if not isinstance(member.entry, AskedEntry) or given.isdisjoint(member.entry.instead)
+    }
 
 
 def removals_of_nothing(below: Entry, above: Entry, path: Path) -> Iterator[tuple[Path, Place, Mapping[str, Member]]]:

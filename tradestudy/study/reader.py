@@ -297,7 +297,7 @@ def _placed(entry: Entry | None, steps: tree.Path, above: tree.Path, new: Member
     old = members.get(key)
     changed = _placed(old.entry if old else None, rest, (*above, key), new)
     members[key] = Member(new.key_place if old is None or not rest else old.key_place, changed)
-    return replace(entry, members=members)
+    return replace(entry, members=tree.unanswered(members))
 
 
 def options(document: Document, tolerance: str | None) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.declarations.part import Part, nearest_name
 from tradestudy.errors import Problem, StudyError, nearest
 from tradestudy.study import document as tree
+from tradestudy.study.camera_files import lytro
 from tradestudy.study.camera_files.binary import MAGIC
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised
 from tradestudy.study.camera_files.importing import nearest as nearest_formats
@@ -96,6 +97,11 @@ def _content(path: Path, place: Place) -> bytes:
         raise refused(place, "it is not a regular file; a file is expected")
     with path.open("rb") as file:
         content = file.read(MOST_BYTES + 1)
+        if content.startswith(lytro.CONTAINER):
+            try:
+                return lytro.frame_metadata(file, path.stat().st_size)
+            except lytro.ContainerError as error:
+                raise refused(place, f"this picture cannot be read: {error}") from None
         # A file of mrcal, NumPy or MATLAB may contain the data from which its camera was calibrated.
         most = _MOST_BYTES_OF_LITERALS if b"lensmodel" in content[:_HEAD] or content.startswith(MAGIC) else MOST_BYTES
         content += file.read(most + 1 - len(content))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from tradestudy.errors import OutOfRangeError
@@ -13,7 +14,14 @@ from tradestudy.study.schema.root import LONGEST_NAME, NAME_PATTERN
 from tradestudy.study.source import comment_after
 
 
-def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = (), said: Sequence[str] = ()) -> str:
+def starter(
+    name: str,
+    kind: str = "",
+    *,
+    calibration_files: Sequence[Path] = (),
+    said: Sequence[str] = (),
+    asked: Mapping[str, str] = MappingProxyType({}),
+) -> str:
     """Return the text of a commented study file to start from.
 
     Parameters
@@ -29,6 +37,9 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     said
         With ``calibration_files``: further keys of the imported camera, each as a line ``key: value``. It has no effect
         otherwise.
+    asked
+        Dotted keys of the imported camera that its files do not give, each with what is expected there; comments name
+        them.
 
     Returns
     -------
@@ -60,7 +71,16 @@ def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = ()
     text = folder.joinpath(file).read_text(encoding="utf-8").replace("NAME", name)
     named = ", ".join(f"'{str(path).replace(chr(39), 2 * chr(39))}'" for path in calibration_files)
     come_from = f"from: [{named}]" if len(calibration_files) > 1 else f"from: {named}"
-    return text.replace("    FROM", "\n".join(f"    {line}" for line in (come_from, *said)))
+    lines = [come_from, *said, *(_comments(asked) if asked else ())]
+    return text.replace("    FROM", "\n".join(f"    {line}" for line in lines))
+
+
+def _comments(asked: Mapping[str, str]) -> Iterator[str]:
+    """Comments that say what the files of a camera do not give, and lines to fill in."""
+    yield "# The file does not give these values:"
+    yield from (f"#   {key}: {what}" for key, what in asked.items())
+    yield "# Fill them in below and remove the # in front, or give them to a command, as in --set rig.KEY=VALUE:"
+    yield from (f"# {line}" for line in yaml_lines([f"{key}=…" for key in asked]))
 
 
 def between(text: str, near: float = 0.5, far: float = 5.0) -> str:

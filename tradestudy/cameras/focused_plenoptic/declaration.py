@@ -16,16 +16,26 @@ from tradestudy.cameras.focused_plenoptic.depth_reading import RawPictureReader
 from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, PlenopticEstimator, UsedLenses
 from tradestudy.cameras.focused_plenoptic.focus import DepthScaling
-from tradestudy.cameras.imported import Imported, ImportedPlenoptic, Stated, Value, conventions_stated
-from tradestudy.cameras.parts import MicrolensArray
+from tradestudy.cameras.imported import (
+    Imported,
+    ImportedFocused,
+    ImportedPlenoptic,
+    Stated,
+    Value,
+    asked_of_depth,
+    conventions_stated,
+)
+from tradestudy.cameras.parts import Lens, MicrolensArray
 from tradestudy.cameras.plenoptic import PLENOPTIC_ERRORS, require_pupil
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FocalLength,
+    InPixels,
     InverseLength,
     Length,
     LensToSensor,
     MicrolensPitch,
+    MicrolensPitchOrPixels,
     ObjectDistanceOrInfinity,
     PositiveNumber,
     PositiveShare,
@@ -44,7 +54,11 @@ class MicrolensesPart(Part):
     }
 
     layout: Literal["hexagonal", "square"] = Field(description="Arrangement of the microlenses.")
-    pitch: MicrolensPitch = Field(description="Distance between neighbouring microlens centres.")
+    pitch: MicrolensPitchOrPixels = Field(
+        description="Distance between neighbouring microlens centres. A number of pixels is the distance between the "
+        "centres of neighbouring micro-images of a white scene, from which that of the microlenses follows by the "
+        "distances from the exit pupil to the array and to the sensor."
+    )
     gap: LensToSensor | Literal["f-number-matching"] = Field(
         description="Distance from the microlens array to the sensor. With `f-number-matching`, it is pitch × "
         "(distance from main lens to array) / (pupil diameter), with distance and diameter of the exit pupil, which "
@@ -76,7 +90,8 @@ class MicrolensesPart(Part):
             )
         if self.layout == "square" and self.types != 1:
             raise MistakeAt(("types",), "three types cannot tile a square array; use layout: hexagonal")
-        if self.aperture_diameter is not None and self.aperture_diameter > self.pitch:
+        pitch = math.inf if isinstance(self.pitch, InPixels) else self.pitch  # checked with the pixel pitch
+        if self.aperture_diameter is not None and self.aperture_diameter > pitch:
             raise MistakeAt(
                 ("aperture_diameter",),
                 "larger than the pitch, so that microlenses overlap; at most the pitch is expected",
@@ -172,7 +187,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     camera: ClassVar[type[FocusedPlenoptic]] = FocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = RawPictureReader
 
-    imports: ClassVar[tuple[type, ...]] = (ImportedPlenoptic,)
+    imports: ClassVar[tuple[type, ...]] = (ImportedPlenoptic, ImportedFocused)
 
     absent: ClassVar[Mapping[str, str]] = {"field_curvature": "none"}
 
@@ -192,6 +207,9 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
         """All values that an imported calibration states; the study declares how disparity is measured."""
+        if isinstance(imported, ImportedFocused):
+            yield from imported.stated("focused-plenoptic")
+            return
         assert isinstance(imported, ImportedPlenoptic)
         one, keys = imported, imported.keys
         values: dict[tuple[str, ...], tuple[Value, str]] = {
@@ -219,7 +237,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
         yield Stated(path=("kind",), value="focused-plenoptic", key=keys["mla_distance"], basis="derived")
         for path, (value, name) in values.items():
             yield Stated(path=path, value=value, key=keys[name])
-        yield from conventions_stated(imported.conventions)
+        yield from (*asked_of_depth(keys["mla_distance"]), *conventions_stated(imported.conventions))
 
     def design(self, picture_law: DisparityErrorLaw | None) -> FocusedPlenoptic:
         """The camera in SI; its array is placed so that the declared plane is the total covering plane.
@@ -231,7 +249,8 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
         lens = self.main_lens.lens(sensor)
         array, scaling = self.microlenses, self.depth.scaling
         depth_scaling = DepthScaling(quadratic=scaling.quadratic, linear=scaling.linear, offset=scaling.offset)
-        gap_over_z = array.pitch / lens.pupil_diameter
+        pitch = self._pitch(lens)
+        gap_over_z = pitch / lens.pupil_diameter
         sign = -1.0 if self.focus.relay == "galilean" else 1.0
         if self.focus.mla_distance is not None:
             z = self.focus.mla_distance
@@ -261,20 +280,23 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
                 value=f"{z * 1e3:g} mm",
                 remedy="reduce the gap",
             )
+        if isinstance(array.pitch, InPixels):  # of micro-images, P = p (1 + g/L) at the distance L of the exit pupil
+            pitch = array.pitch.pixels * sensor.pixel_pitch
+            pitch /= 1.0 + gap * lens.pupil_ratio / lens.principal_distance(z)
         depth = self.depth
         return FocusedPlenoptic(
             main_lens=lens,
             sensor=sensor,
             microlenses=MicrolensArray(
                 layout=array.layout,
-                pitch=array.pitch,
+                pitch=pitch,
                 gap=gap,
                 focal_lengths=(
                     (math.inf,)
                     if array.focal_lengths == "pinhole"
-                    else array.focal_lengths or self._designed_focal_lengths(gap, sign)
+                    else array.focal_lengths or self._designed_focal_lengths(gap, sign, pitch)
                 ),
-                aperture_diameter=array.aperture_diameter or array.pitch,
+                aperture_diameter=array.aperture_diameter or pitch,
             ),
             mla_distance=z,
             estimator=depth.estimator,
@@ -287,12 +309,22 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             least_lit_share=depth.least_lit_share,
         )
 
-    def _designed_focal_lengths(self, gap: float, sign: float) -> tuple[float, ...]:
+    def _pitch(self, lens: Lens) -> float:
+        """Pitch p of the microlenses [m]; from that of the micro-images, P, with f-number matching.
+
+        There, the gap over the distance of the exit pupil is ``g p/A`` (see `Lens`), so that ``P = p + p² g/A``.
+        """
+        if not isinstance(self.microlenses.pitch, InPixels):
+            return self.microlenses.pitch
+        images = self.microlenses.pitch.pixels * self.sensor.pixel_pitch
+        return 2.0 * images / (1.0 + math.sqrt(1.0 + 4.0 * images * lens.pupil_ratio / lens.pupil_diameter))
+
+    def _designed_focal_lengths(self, gap: float, sign: float, pitch: float) -> tuple[float, ...]:
         """Focal lengths [m] whose depths of field for one pixel of blur adjoin, from the total covering plane on."""
         array = self.microlenses
         inverse_depths = touching_inverse_virtual_depths(
             nearest_virtual_depth=COVERING_VIRTUAL_DEPTH,
-            pixels_per_lens=(array.aperture_diameter or array.pitch) / self.sensor.pixel_pitch,
+            pixels_per_lens=(array.aperture_diameter or pitch) / self.sensor.pixel_pitch,
             types=array.types,
         )
         return tuple(float(focal_length) for focal_length in microlens_focal_length(sign * inverse_depths, gap))

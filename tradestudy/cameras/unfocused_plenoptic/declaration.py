@@ -11,6 +11,7 @@ from tradestudy.cameras.calibration_declaration import ArrayStabilityPart, Calib
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
+from tradestudy.cameras.imported import Imported, ImportedUnfocused, Stated
 from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.cameras.plenoptic import require_pupil
 from tradestudy.cameras.unfocused_plenoptic.depth_reading import ViewsReader
@@ -95,6 +96,7 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
 
     camera: ClassVar[type[UnfocusedPlenoptic]] = UnfocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = ViewsReader
+    imports: ClassVar[tuple[type, ...]] = (ImportedUnfocused,)
 
     absent: ClassVar[Mapping[str, str]] = {"field_curvature": "none"}
 
@@ -110,6 +112,12 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
         "the axis. Measured depths are corrected for it.",
     )
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
+
+    @classmethod
+    def stated_by(cls, imported: Imported) -> Iterator[Stated]:
+        """What a file of such a camera states; the study declares how disparity is measured."""
+        assert isinstance(imported, ImportedUnfocused)
+        return imported.stated("unfocused-plenoptic")
 
     def design(self, picture_law: DisparityErrorLaw | None) -> UnfocusedPlenoptic:
         """The camera in SI; with f-number matching ``f_L = p c/A``, where c/A is the f-number on the image side."""

@@ -66,6 +66,9 @@ METHOD: Final = Method(
 )
 
 
+_MOST_ACROSS: Final = 1000  # pixels; with more, arrays of views would take too much memory
+
+
 @dataclass(frozen=True, kw_only=True)
 class UnfocusedPlenoptic(PlenopticCamera):
     """Main lens, microlens array at the image distance of the focus, and sensor one microlens focal length behind it.
@@ -111,6 +114,13 @@ class UnfocusedPlenoptic(PlenopticCamera):
                 "an unfocused plenoptic camera needs microlenses of one type, one focal length in front of the sensor",
                 value=f"{self.microlenses.types} types, gap {self.microlenses.gap * 1e6:g} um",
                 remedy="use a focused plenoptic camera for other arrangements",
+            )
+        if not self.microlenses.pitch < _MOST_ACROSS * self.sensor.pixel_pitch:
+            raise OutOfRangeError(
+                "pixels across a microlens",
+                value=f"{self.microlenses.pitch / self.sensor.pixel_pitch:.3g}",
+                limit=f"less than {_MOST_ACROSS}",
+                remedy="check the pixel pitch and the pitch of the microlenses",
             )
         if self.views_across < 2:
             raise OutOfRangeError(

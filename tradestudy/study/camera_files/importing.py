@@ -19,6 +19,7 @@ from tradestudy.cameras.imported import (
     Imported,
     ImportedCamera,
     ImportedCorners,
+    ImportedParts,
     ImportedPlenoptic,
     ImportedRig,
     Stated,
@@ -36,11 +37,14 @@ from tradestudy.study.camera_files import (
     kalibr,
     kitti,
     libpleno,
+    lytro,
     matlab,
     middlebury,
     mrcal,
     opencv,
     orbslam,
+    plenoptisign,
+    raytrix,
     realsense,
     ros,
     vins,
@@ -60,6 +64,7 @@ from tradestudy.study.camera_files.syntax import parsed, syntax_of
 from tradestudy.study.camera_files.unused import unused_keys
 from tradestudy.study.document import (
     Annotation,
+    AskedEntry,
     Entry,
     ListEntry,
     MappingEntry,
@@ -79,7 +84,7 @@ _MOST_KEYS: Final = 2000
 FORMATS: Final[tuple[Format, ...]] = (
     corners.FORMAT, mrcal.FORMAT, depthai.FORMAT, libpleno.FORMAT, kalibr.FORMAT, ros.FORMAT, zed.FORMAT,
     kitti.FORMAT, middlebury.FORMAT, euroc.FORMAT, orbslam.FORMAT, vins.FORMAT, realsense.FORMAT, basalt.FORMAT,
-    matlab.PARAMETERS, matlab.RESULTS, opencv.FORMAT, opencv.LISTS,
+    matlab.PARAMETERS, matlab.RESULTS, plenoptisign.FORMAT, lytro.FORMAT, raytrix.FORMAT, opencv.FORMAT, opencv.LISTS,
 )  # fmt: skip
 """All formats; a new one needs a file beside these and an entry here."""
 
@@ -152,6 +157,8 @@ _SHOWN: Final = {
     "rectification": ("cameras", "rectification "),
     libpleno.RELAY: ("lens model", ""),
     libpleno.ARRAY_POSE: ("lens model", ""),
+    plenoptisign.FOCUS: ("lens model", ""),
+    plenoptisign.PUPIL: ("lens model", ""),
     "scaling of depth": ("lengths", ""),
     "uncertainty": ("lengths", ""),
     "pictures": ("cameras", "pictures "),
@@ -200,7 +207,7 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
 
 def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> Iterator[Convention]:
     """The size of the pictures, inexact rotations, doubts about a single camera, and the keys that are not used."""
-    if isinstance(found, ImportedPlenoptic | ImportedCamera) and found.pixels is not None:
+    if isinstance(found, ImportedPlenoptic | ImportedCamera | ImportedParts) and found.pixels is not None:
         yield size_convention(found)
     if inexact := {key: says for file in files for key, says in file.inexact.items()}:
         yield Convention(name=INEXACT_ROTATION, says="; ".join(inexact.values()), key=next(iter(inexact)))
@@ -277,6 +284,9 @@ def _tree(stated: Sequence[Stated], places: Mapping[str, Place], file: CameraFil
     for one in stated:
         place = places.get(one.key, top)
         note = f"{one.key}; {one.note}" if one.note else one.key
+        if one.value is None:
+            _put(members, one.path, Member(place, AskedEntry(place=place, instead=one.instead)))
+            continue
         entry = _entry(one.value, place, Annotation(basis=one.basis, note=note))
         _put(members, one.path, Member(place, entry))
     return MappingEntry(place=top, members=members)

@@ -11,9 +11,9 @@ import numpy as np
 
 from tradestudy.cameras.imported import Convention, Imported, ImportedPlenoptic
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.microlens_coverage import LATTICES
 from tradestudy.study.camera_files.located import CameraFile, Format, Located, Request
 from tradestudy.study.camera_files.pairs import rotation_of
+from tradestudy.study.camera_files.parts import SAME_PITCH, lattice_rotation, nearest_node
 from tradestudy.units import ANGLE, LENGTH, pretty
 
 _INVERSES: Final = ("distortions_inverse", "invdistortions")
@@ -26,7 +26,6 @@ ARRAY_POSE: Final = "pose of the array"
 """Name of the convention that states how the pose of the microlens array and distortion are read."""
 RELAY: Final = "relay"
 """Name of the convention that states the relay, and a mode of the file that contradicts it."""
-_SAME: Final = 1e-3  # of a microlens pitch, across and down
 _ROUNDING: Final = 1e-7  # rad, from the cosine of a small angle
 
 
@@ -54,7 +53,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         )
     pitch, geometry = mesh.need("pitch"), mesh.need("geometry")
     pitches = pitch.numbers(1, 2)
-    if abs(pitches[0] - pitches[-1]) > _SAME * pitches[0]:
+    if abs(pitches[0] - pitches[-1]) > SAME_PITCH * pitches[0]:
         raise pitch.fail("different horizontal and vertical pitches of microlenses are not supported")
     if geometry.text() not in _LAYOUTS:
         raise geometry.fail(f"the geometry {geometry.text()[:20]} is unknown; one of {', '.join(_LAYOUTS)} is expected")
@@ -179,17 +178,12 @@ class _Poses:
         upright = -plane[:2, :2].T
         middle = (size - sensor.need("scale").number()) / 2.0  # pixel centres lie at whole numbers
         across = upright @ array[:2, 0]
-        skew, rise = LATTICES[layout].second_vector
-        sixth = math.tau / (6 if layout == "hexagonal" else 4)
-        rotation = math.atan2(across[1], across[0]) + (math.pi / 2.0 if turned else 0.0)
-        rotation -= sixth * round(rotation / sixth)
-        c, s = math.cos(rotation), math.sin(rotation)
-        basis = pitch * np.array([[c, -s], [s, c]]) @ np.array([[1.0, skew], [0.0, rise]])
+        rotation = lattice_rotation(math.atan2(across[1], across[0]) + (math.pi / 2.0 if turned else 0.0), layout)
         # From the middle of the sensor, upright: the axis, and the first node of the mesh.
         axis = upright @ -corner[:2] + middle
         half = 0.5 * pitch * (layout == "hexagonal" and not turned)  # by which the first row is shifted
         first = upright @ (start[:2] + half * array[:2, 0]) + axis
-        offset = first - basis @ np.rint(np.linalg.solve(basis, first))
+        offset = first - nearest_node(first, pitch, layout, rotation)
         slope = array[:2, 2] / array[2, 2]
         away = math.copysign(1.0, start[2])
         on_axis = away * (start[2] + slope @ start[:2])

@@ -14,6 +14,7 @@ from tradestudy.cameras.imported import (
     PICTURE_SIZE,
     Convention,
     ImportedCamera,
+    ImportedParts,
     ImportedPlenoptic,
     ImportedRig,
     LensModelName,
@@ -237,7 +238,9 @@ def size_words(pixels: tuple[int, int]) -> str:
     return f"{pixels[0]} × {pixels[1]} px"
 
 
-def size_convention(camera: ImportedCamera | ImportedPlenoptic, is_vertical: bool = False) -> Convention:
+def size_convention(
+    camera: ImportedCamera | ImportedPlenoptic | ImportedParts, is_vertical: bool = False
+) -> Convention:
     """The size of a camera's pictures, which the calibration requires."""
     assert camera.pixels is not None
     says = size_words(camera.pixels)

@@ -129,7 +129,8 @@ def _yaml(path: Path, text: str, *, tags: bool = False) -> Entry:
 def _xml(path: Path, text: str) -> Entry:
     """OpenCV's XML: elements as keys, text as values; document type definitions are refused.
 
-    An attribute ``unit`` of an element ``T`` becomes the key ``T_unit`` beside it, but for attributes of storage.
+    An attribute ``unit`` of an element ``T`` becomes the key ``T_unit`` beside it, but for attributes of storage; an
+    element ``T`` with the attribute ``id="0"`` becomes ``T_0``.
     """
     builder = _XmlBuilder(path)
     try:
@@ -179,6 +180,8 @@ class _XmlBuilder:
         if len(self.open) >= DEEPEST:
             raise self.fail(f"values are nested more than {DEEPEST} levels deep")
         stated = {key: value for key, value in attributes.items() if key not in _STORAGE_ATTRIBUTES}
+        if self.open and (number := stated.pop("id", None)) is not None:
+            name = f"{name}_{number}"
         own: dict[str, Member] = {}
         if self.open and name == "_" and stated:
             raise self.fail(f"the attribute {next(iter(stated))} of a list's element is not supported; remove it")

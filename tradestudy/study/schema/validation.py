@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
+from pathlib import Path as FilePath
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeGuard, TypeVar, Union, get_args, get_origin
 
@@ -16,6 +17,7 @@ from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.errors import Problem, StudyError, escaped, nearest
 from tradestudy.study.document import (
     OF_PYTHON,
+    AskedEntry,
     Document,
     Entry,
     ListEntry,
@@ -25,6 +27,7 @@ from tradestudy.study.document import (
     child,
     dotted,
     plain,
+    text_of,
     walk,
 )
 from tradestudy.study.schema.root import StudyFile
@@ -167,6 +170,8 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     StudyError
         With every syntax and content mistake, sorted by place.
     """
+    if asked := asked_values(document, model):
+        raise StudyError([*document.problems, *asked])
     try:
         valid = model.model_validate(document.tree)
     except ValidationError as error:
@@ -189,6 +194,29 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
         news = [one for one in problems if not any(_is_same(one, reported) for reported in document.problems)]
         raise StudyError(list(dict.fromkeys([*document.problems, *news])))
     return valid
+
+
+def asked_values(document: Document, model: type[BaseModel]) -> list[Problem]:
+    """The values that calibration files do not give and the study has to, each with its meaning and unit."""
+    problems = []
+    for path, entry in walk(document.root, ()):
+        if isinstance(entry, AskedEntry):
+            meaning, expected = _meaning(_owner(document, path, model), path[-1])
+            other = f", or else {' and '.join(entry.instead)}" if entry.instead else ""
+            what = f"not in {FilePath(entry.place.file).name}{expected or '; a value'}{other} is expected{meaning}"
+            problems.append(entry.place.problem(path, what))
+    return problems
+
+
+def _owner(document: Document, path: Path, model: type[BaseModel]) -> type[BaseModel] | None:
+    """The model to which the last key of a path belongs; None if the path leads out of the schema."""
+    kind: Any = model
+    for depth, step in enumerate(path[:-1], start=1):
+        kind = _bare(_below(kind, step))
+        if get_origin(kind) in (Union, UnionType):
+            tag = child(document.entry(path[:depth]), "kind")
+            kind = _chosen(text_of(tag) if tag else "", [*map(_bare, get_args(kind))], [])
+    return kind if _is_model(kind) else None
 
 
 def units_missing(document: Document, model: type[BaseModel]) -> dict[Path, str]:
@@ -359,22 +387,33 @@ def _missing(document: Document, finding: _Finding) -> Problem:
         return document.locate(above).problem(
             above, f"the list is too short; its value number {path[-1] + 1} is missing"
         )
-    owner, key = finding.owner, path[-1]
-    meaning, expected = "", ""
-    if owner is not None:
-        fields = owner.model_fields.items()
-        words = next((field.description or "" for name, field in fields if key in (name, field.alias)), "")
-        meaning = words.split(". ")[0].removesuffix(".")  # its first sentence
-        below = _bare(_below(owner, key))
-        expected = _expected_value(owner.model_json_schema().get("properties", {}).get(key, {})) or _with_keys(
-            keys_of_value(below) if _is_model(below) else (), "; "
-        )
-    what = f"this key is missing{f' ({meaning})' if meaning else ''}{expected}{' is expected' if expected else ''}"
+    meaning, expected = _meaning(finding.owner, path[-1])
+    what = f"this key is missing{meaning}{expected}{' is expected' if expected else ''}"
     return document.locate(above).problem(path, what)
+
+
+def _meaning(owner: type[BaseModel] | None, key: str | int) -> tuple[str, str]:
+    """The meaning of a key in brackets, and the value that is expected there after a semicolon; empty if unknown."""
+    if owner is None:
+        return "", ""
+    fields = owner.model_fields.items()
+    words = next((field.description or "" for name, field in fields if key in (name, field.alias)), "")
+    meaning = words.split(". ")[0].removesuffix(".")  # its first sentence
+    below = _bare(_below(owner, key))
+    expected = _expected_value(owner.model_json_schema().get("properties", {}).get(key, {})) or _with_keys(
+        keys_of_value(below) if _is_model(below) else (), "; "
+    )
+    return f" ({meaning})" if meaning else "", expected
 
 
 def _expected_value(schema: dict[str, Any]) -> str:
     """The expected value of a missing key, as far as its schema states choices, limits or an example."""
+    if "anyOf" in schema:
+        each = [_expected_value(one).removeprefix("; ") for one in schema["anyOf"]]
+        return f"; {' or '.join(filter(None, each))}" if any(each) else ""
+    if schema.get("type") == "array" and "examples" not in schema:
+        each = [_expected_value(schema.get("items", {})).removeprefix("; ")]
+        return f"; a list, each {each[0]}" if each[0] else ""
     if choices := schema.get("enum", [schema["const"]] if "const" in schema else []):
         return f"; {_choice(choices) if all(isinstance(one, str) for one in choices) else choices[0]}"
     if "examples" not in schema:
