@@ -41,6 +41,7 @@ from tradestudy.figures.pictures import (
     uncertainty_map_drawings,
 )
 from tradestudy.figures.program import cost_drawing, hard_cases_drawing
+from tradestudy.figures.refocusing import refocusing_drawing
 from tradestudy.figures.style import MOST_CAMERAS, CameraTrace, selection_words, traces
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.results import JUDGED
@@ -104,6 +105,8 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if has(tree, "decision", "uncertainty_ratio") and tree["decision"].sizes["reading"] > 1:
         yield _readings(tree)
     yield from calibration_drawings(tree)
+    if "refocusing" in tree.children:
+        yield refocusing_drawing(tree)
     if "fresnel_validity" in tree.children:
         yield from fresnel_validity.fresnel_drawings(tree)
     yield from light_spot.light_drawings(tree)

@@ -33,6 +33,7 @@ from tradestudy.report.sections.program import (
     describe_hard_cases,
     list_hard_cases,
 )
+from tradestudy.report.sections.refocusing import describe_refocusing
 from tradestudy.report.sections.registers import (
     describe_assumptions,
     describe_cameras,
@@ -80,6 +81,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_value_of_information(tree, drawings),
         *describe_trade_off(tree, drawings),
         *describe_results(tree, drawings),
+        *describe_refocusing(tree, drawings),
         *describe_fresnel_validity(tree),
         *describe_light_spot(tree, run, drawings),
         *describe_hard_cases(tree, drawings),

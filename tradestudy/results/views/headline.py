@@ -35,6 +35,7 @@ from tradestudy.results.views.depth import (
 )
 from tradestudy.results.views.designs import all_requirements, feasible_words, margin_words, path_words, value_words
 from tradestudy.results.views.groups import camera_titles, dotted_path, group, has, titles_in
+from tradestudy.results.views.refocusing import refocusing_words
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers
@@ -65,6 +66,7 @@ def answers(tree: xr.DataTree) -> list[str]:
     if not any(found):
         words = _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
         found = [words or _of_requirements(requirements) or next(_questions(tree), "")]
+    found += list(refocusing_words(tree))[:_NAMED]
     plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in found if words)
     return [f"{words[0].upper()}{words[1:]}." for words in plain]
 

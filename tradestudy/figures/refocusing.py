@@ -1,0 +1,99 @@
+"""The planes on which unfocused plenoptic cameras can refocus, with both depths of field."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from tradestudy.figures.drawing import Drawing, ValueTable
+from tradestudy.figures.style import SOFT, StudyFigure, distance_tick, legend, line_style, log_axis, new_figure, styled
+from tradestudy.figures.value_tables import worded
+from tradestudy.results.views.refocusing import refocused_cameras, refocusing_words
+from tradestudy.units import LENGTH
+from tradestudy.wording import span
+
+_MOST: Final = 4  # cameras, each with a panel of its own
+_PALE: Final = 0.35
+_WIDE, _THIN = 5.0, 1.0  # points: lines of the limits by blur and by rays
+
+
+def refocusing_drawing(tree: xr.DataTree) -> Drawing:
+    """Distance against shift, and the limits of the depth of field of every plane."""
+    found = list(refocused_cameras(tree))
+    left = f" The figure shows {_MOST} of {len(found)} cameras." if len(found) > _MOST else ""
+    finding = ". ".join(list(refocusing_words(tree))[:_MOST])
+    return Drawing(
+        name="refocusing",
+        caption=f"{finding}. Dots: refocused planes over the shift between neighbouring views. Wide lines: depth of "
+        "field by blur; thin lines: by rays. Lines that reach the upper edge go on to infinity, or beyond the figure."
+        + left,
+        alt=f"Chart of the refocused distance over the shift, which falls as the shift grows. {finding}.",
+        draw=partial(draw_refocusing, tree),
+        values=partial(_tables, tree),
+    )
+
+
+@styled()
+def draw_refocusing(tree: xr.DataTree) -> StudyFigure:
+    """Draw a panel for each camera: planes as dots, the limits of their depths of field as vertical lines."""
+    shown = list(refocused_cameras(tree))[:_MOST]
+    figure = new_figure(3.2)
+    panels = figure.subplots(1, len(shown), squeeze=False)[0]
+    for number, (axes, (title, one)) in enumerate(zip(panels, shown, strict=True)):
+        _draw_planes(axes, title, one, line_style(number).color)
+        axes.set_xlabel("shift [microlenses]")
+        if len(shown) > 1:
+            axes.set_title(title)
+    handles: list[Any] = [
+        Line2D([], [], color=SOFT, marker="o", linestyle="none", markersize=3.5),
+        Line2D([], [], color=SOFT, linewidth=_WIDE, alpha=_PALE),
+        Line2D([], [], color=SOFT, linewidth=_THIN),
+    ]
+    legend(figure, handles, ["refocused plane", "depth of field by blur", "depth of field by rays"], columns=3)
+    return figure
+
+
+def _draw_planes(axes: Axes, title: str, one: xr.Dataset, color: str) -> None:
+    shift, there = (np.asarray(one[name].values, dtype=np.float64) for name in ("shift", "refocused_distance"))
+    ends = np.concatenate(
+        [one[name].values for name in ("refocused_distance", "ray_near", "blur_near", "near")], axis=None
+    )
+    finite = ends[np.isfinite(ends)]
+    low, high = float(finite.min()) / 1.15, float(finite.max()) * 1.6
+    for by, width, alpha in (("blur", _WIDE, _PALE), ("ray", _THIN, 1.0)):
+        near, far = (np.asarray(one[f"{by}_{end}"].values, dtype=np.float64) for end in ("near", "far"))
+        axes.vlines(shift, near, np.minimum(far, high), color=color, linewidth=width, alpha=alpha)
+    axes.plot(shift, np.where(np.isfinite(there), there, np.nan), "o", color=color, markersize=3.5, label=title)
+    log_axis(axes, "y", dense=True, tick=distance_tick(high), ends=(low, high))
+    axes.set(ylim=(low, high), ylabel="distance [mm]" if high < 0.1 else "distance [m]")
+
+
+def _tables(tree: xr.DataTree) -> tuple[ValueTable, ...]:
+    """All planes of each camera with their limits."""
+    columns = ("Shift", "Refocused distance", "Depth of field by blur", "Depth of field by rays")
+    return tuple(
+        ValueTable(
+            caption=title,
+            columns=columns,
+            rows=tuple(
+                (
+                    worded(float(one["shift"][k])),
+                    worded(float(one["refocused_distance"][k]), LENGTH),
+                    *(limits(one, by, k) for by in ("blur", "ray")),
+                )
+                for k in range(one.sizes["plane"])
+            ),
+        )
+        for title, one in refocused_cameras(tree)
+    )
+
+
+def limits(one: xr.Dataset, by: str, k: int) -> str:
+    """Both limits of the depth of field of a plane, in words."""
+    near, far = (float(one[f"{by}_{end}"][k]) for end in ("near", "far"))
+    return "—" if np.isnan(near) else span(near, far)

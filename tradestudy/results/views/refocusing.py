@@ -1,0 +1,52 @@
+"""On what unfocused plenoptic cameras can refocus, in words, and the planes of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.views.groups import FloatArray, group, has, titles_in
+from tradestudy.units import LENGTH, PIXELS, pretty
+from tradestudy.wording import counted, distance, listed, range_words, with_article
+
+
+def refocused_cameras(tree: xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
+    """Title and planes of each camera that the study refocuses, by increasing shift."""
+    if not has(tree, "refocusing", "shift"):
+        return
+    data = group(tree, "refocusing")
+    for key, title in titles_in(tree, "refocusing").items():
+        one = data.sel(camera=key)
+        shifts = one["shift"].values
+        order = np.argsort(shifts)[: int(np.isfinite(shifts).sum())]
+        yield title, one.isel(plane=order)
+
+
+def depth_of_field(one: xr.Dataset, by: str) -> FloatArray:
+    """Far minus near limit [m] by "ray" or by "blur" along the planes of a camera."""
+    return np.asarray(one[f"{by}_far"].values - one[f"{by}_near"].values, dtype=np.float64)
+
+
+def refocusing_words(tree: xr.DataTree) -> Iterator[str]:
+    """For each camera: its range and number of planes, and both depths of field in the plane nearest to its focus."""
+    for title, one in refocused_cameras(tree):
+        near, far = float(one["near"]), float(one["far"])
+        words = f"{with_article(title)} can be refocused {range_words(near, far)}, on {_planes(one)}"
+        known = np.isfinite(depth_of_field(one, "ray")) & np.isfinite(depth_of_field(one, "blur"))
+        if known.any():
+            k = int(np.argmin(np.where(known, np.abs(one["shift"].values), np.inf)))
+            by = [f"{pretty(depth_of_field(one, name)[k], LENGTH)} by {says}" for name, says in _limits(one).items()]
+            words += (
+                f"; refocused on {distance(float(one['refocused_distance'][k]))}, its depth of field is {listed(by)}"
+            )
+        yield words[0].upper() + words[1:]
+
+
+def _planes(one: xr.Dataset) -> str:
+    return counted(int(one["planes"]), "distinct plane")
+
+
+def _limits(one: xr.Dataset) -> dict[str, str]:
+    return {"blur": f"blur of {pretty(float(one.attrs['blur_px']), PIXELS)}", "ray": "rays"}
