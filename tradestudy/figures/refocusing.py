@@ -10,12 +10,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from tradestudy.figures.drawing import Drawing, ValueTable
+from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import SOFT, StudyFigure, distance_tick, legend, line_style, log_axis, new_figure, styled
-from tradestudy.figures.value_tables import worded
 from tradestudy.results.views.refocusing import refocused_cameras, refocusing_words
-from tradestudy.units import LENGTH
-from tradestudy.wording import span
 
 _MOST: Final = 4  # cameras, each with a panel of its own
 _PALE: Final = 0.35
@@ -34,7 +31,6 @@ def refocusing_drawing(tree: xr.DataTree) -> Drawing:
         + left,
         alt=f"Chart of the refocused distance over the shift, which falls as the shift grows. {finding}.",
         draw=partial(draw_refocusing, tree),
-        values=partial(_tables, tree),
     )
 
 
@@ -71,29 +67,3 @@ def _draw_planes(axes: Axes, title: str, one: xr.Dataset, color: str) -> None:
     axes.plot(shift, np.where(np.isfinite(there), there, np.nan), "o", color=color, markersize=3.5, label=title)
     log_axis(axes, "y", dense=True, tick=distance_tick(high), ends=(low, high))
     axes.set(ylim=(low, high), ylabel="distance [mm]" if high < 0.1 else "distance [m]")
-
-
-def _tables(tree: xr.DataTree) -> tuple[ValueTable, ...]:
-    """All planes of each camera with their limits."""
-    columns = ("Shift", "Refocused distance", "Depth of field by blur", "Depth of field by rays")
-    return tuple(
-        ValueTable(
-            caption=title,
-            columns=columns,
-            rows=tuple(
-                (
-                    worded(float(one["shift"][k])),
-                    worded(float(one["refocused_distance"][k]), LENGTH),
-                    *(limits(one, by, k) for by in ("blur", "ray")),
-                )
-                for k in range(one.sizes["plane"])
-            ),
-        )
-        for title, one in refocused_cameras(tree)
-    )
-
-
-def limits(one: xr.Dataset, by: str, k: int) -> str:
-    """Both limits of the depth of field of a plane, in words."""
-    near, far = (float(one[f"{by}_{end}"][k]) for end in ("near", "far"))
-    return "—" if np.isnan(near) else span(near, far)

@@ -193,10 +193,6 @@ class Refocusing:
         """N c q [m]: distance in the entrance pupil between two views whose pixels are N apart."""
         return np.asarray(np.asarray(pixels) * (self.principal_distance * self.view_slope))
 
-    def disparity(self, pixels: ArrayLike, distance: ArrayLike) -> FloatArray:
-        """N α [microlenses] of a point at a distance [m] in two views whose pixels are N apart; 0 in focus."""
-        return np.asarray(np.asarray(pixels) * self.shift(distance))
-
     def triangulate(self, pixels: ArrayLike, disparity: ArrayLike) -> FloatArray:
         """Distance [m] of a point from its disparity [microlenses]; ∞ for the disparity of infinity and beyond."""
         return self.distance(np.asarray(disparity, dtype=np.float64) / np.asarray(pixels))

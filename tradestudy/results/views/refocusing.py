@@ -9,7 +9,7 @@ import xarray as xr
 
 from tradestudy.results.views.groups import FloatArray, group, has, titles_in
 from tradestudy.units import LENGTH, PIXELS, pretty
-from tradestudy.wording import counted, distance, listed, range_words, with_article
+from tradestudy.wording import counted, distance, range_words, with_article
 
 
 def refocused_cameras(tree: xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
@@ -32,21 +32,15 @@ def depth_of_field(one: xr.Dataset, by: str) -> FloatArray:
 def refocusing_words(tree: xr.DataTree) -> Iterator[str]:
     """For each camera: its range and number of planes, and both depths of field in the plane nearest to its focus."""
     for title, one in refocused_cameras(tree):
-        near, far = float(one["near"]), float(one["far"])
-        words = f"{with_article(title)} can be refocused {range_words(near, far)}, on {_planes(one)}"
+        reach, planes = (
+            range_words(float(one["near"]), float(one["far"])),
+            counted(int(one["planes"]), "distinct plane"),
+        )
+        words = f"{with_article(title)} can be refocused {reach}, on {planes}"
         known = np.isfinite(depth_of_field(one, "ray")) & np.isfinite(depth_of_field(one, "blur"))
         if known.any():
             k = int(np.argmin(np.where(known, np.abs(one["shift"].values), np.inf)))
-            by = [f"{pretty(depth_of_field(one, name)[k], LENGTH)} by {says}" for name, says in _limits(one).items()]
-            words += (
-                f"; refocused on {distance(float(one['refocused_distance'][k]))}, its depth of field is {listed(by)}"
-            )
+            rays, blurred = (pretty(float(depth_of_field(one, by)[k]), LENGTH) for by in ("ray", "blur"))
+            by = f"{blurred} by blur of {pretty(float(one.attrs['blur_px']), PIXELS)} and {rays} by rays"
+            words += f"; refocused on {distance(float(one['refocused_distance'][k]))}, its depth of field is {by}"
         yield words[0].upper() + words[1:]
-
-
-def _planes(one: xr.Dataset) -> str:
-    return counted(int(one["planes"]), "distinct plane")
-
-
-def _limits(one: xr.Dataset) -> dict[str, str]:
-    return {"blur": f"blur of {pretty(float(one.attrs['blur_px']), PIXELS)}", "ray": "rays"}
