@@ -18,6 +18,11 @@ from tradestudy.units import Dimension, UnitError, parse, pretty, pretty_with_er
 PINT = pint.UnitRegistry(cache_folder=None)
 
 
+@pytest.mark.parametrize("number", [2.4842105263157896, 0.1 + 0.2, 1 / 3, 5e-324, 12345678901234568, -1.0])
+def test_a_number_of_python_keeps_its_last_digit(number: float) -> None:
+    assert parse(number, units.NUMBER) == number
+
+
 def test_an_astronomical_unit_is_that_of_2012() -> None:
     """Resolution B2 of the International Astronomical Union; pint knows no capitals."""
     assert parse("1 AU", units.LENGTH) == parse("1 au", units.LENGTH) == 149_597_870_700.0

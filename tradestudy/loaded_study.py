@@ -89,7 +89,6 @@ def _document(source: str | Path | TextIO | Mapping[str, Any]) -> Document:
 
 def camera(
     kind: str,
-    /,
     *,
     scene: Mapping[str, Any] | None = None,
     usable_range: Mapping[str, Any] | None = None,
@@ -120,6 +119,10 @@ def camera(
     StudyError
         If a value is missing or wrong, or no camera can have these values.
     """
+    if not isinstance(kind, str):
+        raise TypeError(
+            f"the kind of a camera is text, not a {type(kind).__name__}; write camera(**values) for a dictionary"
+        )
     study = {
         "study": "camera",
         "title": "A single camera",
@@ -148,6 +151,10 @@ class Study:
     """
 
     definition: StudyDefinition
+
+    def __post_init__(self) -> None:
+        if isinstance(self.definition, Mapping):
+            raise TypeError("Study.from_dict and tradestudy.load make a study from a dictionary")
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Study:

@@ -417,6 +417,6 @@ def _shown(value: object) -> str:
 def _shown_number(value: float) -> str:
     """Write a number as a person would: 1000, not 1000.0."""
     try:
-        return f"{value:.15g}"
+        return text if float(text := f"{value:.15g}") == value else repr(value)
     except OverflowError:
         return "1e999"

@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pint
 import pytest
+import xarray as xr
 
 from tradestudy import optics
 from tradestudy.errors import OutOfRangeError
 
+PINT = pint.UnitRegistry(cache_folder=None)
 LENS: dict[str, Any] = {"focal_length": 50e-3, "f_number": 8.0, "wavelength": 550e-9, "window": 4.0}
 WRONG: list[tuple[str, Callable[..., Any], dict[str, Any]]] = [
     ("focal_length", optics.point_spread, LENS | {"focal_length": "50 mm"}),
@@ -33,6 +36,10 @@ WRONG: list[tuple[str, Callable[..., Any], dict[str, Any]]] = [
     ("memory_bytes", optics.Limits, {"memory_bytes": 10**400}),
     ("field", optics.window_share, {"field": np.ones((33, 33))}),
     ("nodes", optics.ApertureSamples, {"nodes": None, "field": np.ones(4)}),
+    ("x", optics.TargetPoints, {"x": 3.0 * PINT.mm, "y": 0.0, "distance": 1.0}),
+    ("x", optics.TargetPoints, {"x": [3.0 * PINT.mm], "y": 0.0, "distance": 1.0}),
+    ("x", optics.TargetPoints, {"x": xr.DataArray([3.0], attrs={"units": "mm"}), "y": 0.0, "distance": 1.0}),
+    ("x", optics.TargetPoints, {"x": xr.DataArray([3.0] * PINT.mm), "y": 0.0, "distance": 1.0}),
 ]
 
 
@@ -222,3 +229,8 @@ def test_an_image_on_the_array_is_refused_as_such() -> None:
 def test_arrays_without_any_number_can_be_printed() -> None:
     nothing = np.full(9, np.nan)
     assert "not numbers" in repr(optics.Measured(value=nothing, error=nothing))
+
+
+def test_arrays_of_xarray_in_si_are_arrays() -> None:
+    given = xr.DataArray([1e-3, 2e-3], attrs={"units": "m"})
+    np.testing.assert_array_equal(optics.TargetPoints(x=given, y=0.0, distance=1.0).x, [1e-3, 2e-3])  # type: ignore[arg-type]

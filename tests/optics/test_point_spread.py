@@ -219,12 +219,20 @@ def test_impossible_samples_are_refused(change: dict[str, object]) -> None:
         lambda p: encircled_energy_radius(p, centre=CENTRE, share=1.5),
         lambda p: rms_width(p, centre=CENTRE, radius=0.0),
         lambda p: strehl_ratio(p, reference_peak=0.0),
+        lambda p: p.at(20.1e-6, 0.0),
+        lambda p: p.at(0.0, [0.0, 1.0]),
         lambda p: pixel_shares(p, pitch=5e-6, corner=(0.0, 0.0), shape=(9, 9)),
     ],
 )
 def test_light_that_leaves_the_window_is_refused(call) -> None:
     with pytest.raises(OutOfRangeError):
         call(gaussian())
+
+
+def test_the_rim_of_the_window_is_inside_it() -> None:
+    """There, the spline passes through the samples."""
+    rim = airy().at([airy().x[0], airy().x[-1]], airy().y[-1])
+    np.testing.assert_allclose(rim, airy().intensity[-1, [0, -1]], rtol=1e-9)
 
 
 def test_peak_on_the_rim_is_refused() -> None:

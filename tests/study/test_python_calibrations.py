@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,6 +25,12 @@ def rig() -> tradestudy.Camera:
     """A rig whose other errors are next to 0."""
     others = {f"calibration.errors.{name}.standard_deviation": 1e-12 for name in ("pitch", "roll", "focal_length")}
     return tradestudy.load(STUDY).cameras["stereo-short"].replace(others)
+
+
+def errors_of(camera: tradestudy.Camera) -> dict[str, Any]:
+    """The errors that a camera declares one by one."""
+    declared: dict[str, Any] = camera.values["calibration"]["errors"]  # noqa: PD011  # no DataFrame
+    return declared
 
 
 def covariance(correlation: float) -> pd.DataFrame:
@@ -83,6 +90,19 @@ def test_joint_draws_are_a_calibration_as_their_file_is(tmp_path: Path) -> None:
     ]
     assert found[0] == pytest.approx(min(by_hand(0.8), by_hand(-0.8)), rel=0.03)
     assert found == pytest.approx([found[0]] * 3, rel=1e-12)
+
+
+@pytest.mark.parametrize("as_records", [False, True])
+def test_joint_draws_replace_the_declared_errors_that_they_determine(as_records: bool) -> None:
+    draws = pd.DataFrame(np.random.default_rng(5).multivariate_normal([0.0, 0.0], covariance(0.8), 4000), columns=NAMES)
+    declared = rig().replace({"calibration.errors.pitch.standard_deviation": 2e-5})
+    found = declared.replace(calibration=draws.to_records(index=False) if as_records else draws)
+    assert errors_of(declared).keys() - errors_of(found).keys() == set(NAMES)
+    assert errors_of(found).keys() < errors_of(declared).keys()
+    assert errors_of(found.replace(calibration=2.0 * draws)) == errors_of(found)
+    removed = declared.replace({f"calibration.errors.{name}": None for name in NAMES}).replace(calibration=draws)
+    same = [float(one.depth_uncertainty(DISTANCE, errors="calibration")) for one in (found, removed)]
+    assert same[0] == same[1] == pytest.approx(min(by_hand(0.8), by_hand(-0.8)), rel=0.03)
 
 
 def test_joint_draws_calibrate_cameras_and_studies_made_in_python() -> None:

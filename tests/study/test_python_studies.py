@@ -186,6 +186,11 @@ def test_mistakes_speak_of_the_path_alone(changes: dict[str, Any], message: str)
     assert str(refusal.value).startswith(message)
 
 
+def test_a_dictionary_makes_a_study_by_from_dict_alone() -> None:
+    with pytest.raises(TypeError, match=r"Study.from_dict and tradestudy.load make a study from a dictionary"):
+        tradestudy.Study(STUDY)  # type: ignore[arg-type]
+
+
 def test_a_text_is_no_list() -> None:
     with pytest.raises(StudyError, match=r"^scene.distances: '0.5 m' is given; a (list|mapping)"):
         tradestudy.load({**STUDY, "scene": {"distances": "0.5 m", "wavelength": 550e-9}})
@@ -298,6 +303,18 @@ def test_a_sweep_has_the_depth_of_a_run(two_rigs: dict[str, Any]) -> None:
             expected = expected.sel(error_source="both")
         np.testing.assert_allclose(found[name].astype(float), expected.astype(float), rtol=1e-12, err_msg=name)
     assert set(tradestudy.load(two_rigs).sweep(swept).data_vars) == {"depth_uncertainty", "depth_quantile"}
+
+
+def test_a_sweep_takes_plain_numbers_with_all_their_digits(two_rigs: dict[str, Any]) -> None:
+    """Of 15 digits, as a message shows, the second and others would be the number next to it."""
+    wide = np.linspace(2.4, 4.0, 20)
+    study = tradestudy.load(two_rigs)
+    found = study.sweep({"rig.lenses.f_number": wide})
+    np.testing.assert_array_equal(found["f_number"], wide)
+    alone = study.with_values({"rig.lenses.f_number": wide[1]}).cameras["rig"]
+    assert alone.f_number == wide[1]
+    at = found["depth_uncertainty"].isel(f_number=1).sel(camera="rig")
+    np.testing.assert_allclose(at, alone.depth_uncertainty(at["distance"]), rtol=1e-12)
 
 
 def test_a_sweep_takes_quantities_words_and_parameters_of_the_same_name(two_rigs: dict[str, Any]) -> None:

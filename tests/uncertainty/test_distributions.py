@@ -2,6 +2,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+import pint
 import pytest
 from scipy import integrate, stats
 
@@ -16,6 +17,7 @@ from tradestudy.uncertainty.distributions import (
     Uniform,
 )
 
+PINT = pint.UnitRegistry(cache_folder=None)
 PROBABILITY = np.concatenate([np.logspace(-9, -1, 17), np.linspace(0.11, 0.89, 40), 1 - np.logspace(-1, -9, 17)])
 
 SCIPY_TWINS = [
@@ -104,6 +106,9 @@ def test_empirical_draws_are_returned_in_equal_shares():
     [
         (lambda: Normal(mean=0.0, standard_deviation=-1.0), "-1", ">= 0"),
         (lambda: Normal(mean=math.nan, standard_deviation=1.0), "nan", "finite"),
+        (lambda: Normal(mean=0.0, standard_deviation="0.1 px"), "0.1 px", "a number without unit"),
+        (lambda: Normal(mean=0.0, standard_deviation=2 * PINT.deg), "2", "a number without unit"),
+        (lambda: Uniform(low=0.0 * PINT.mm, high=1.0), "0.0", "a number without unit"),
         (lambda: Uniform(low=2.0, high=1.0), "2, 1", "low <= ... <= high"),
         (lambda: Triangular(low=0.0, mode=2.0, high=1.0), "0, 2, 1", "low <= ... <= high"),
         (lambda: StudentT(location=0.0, scale=1.0, degrees_of_freedom=0.0), "0", "> 0"),

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from tradestudy.errors import OutOfRangeError
 
 T = TypeVar("T", bound=Any)
+_SI: Final = ("", "1", "m", "1/m", "rad")
 _HINTS: Final = {
     "a PointSource": "; give PointSource(distance=…) or PointSource.at_infinity()",
     "a Pupil": "; give Pupil.from_waves({8: 0.1}, wavelength=550e-9) for a tenth of a wave of coma",
@@ -108,10 +109,14 @@ def _array(dtype: Any, value: Any) -> Any:
     expected = np.dtype(kind if isinstance(kind, type) and issubclass(kind, np.generic) else np.float64)
     if isinstance(value, np.ma.MaskedArray) and value.mask.any():
         raise ValueError("an array without masked values")
+    held = value.data if hasattr(value, "attrs") and hasattr(value, "data") else value  # of an array of xarray
+    unit = getattr(held, "units", getattr(value, "attrs", {}).get("units", "1"))  # NumPy would drop it silently
+    if str(unit) not in _SI:
+        raise TypeError("a number, a list or an array of numbers in SI units")
     try:
         array = np.asarray(value)
-    except ValueError:
-        array = np.empty(1, dtype=object)  # ragged
+    except (TypeError, ValueError):
+        array = np.empty(1, dtype=object)  # ragged, or quantities
     if array.size == 0 and array.dtype == np.float64:
         return array.astype(expected)
     if array.dtype.kind not in "buifc" or not np.can_cast(array.dtype, expected, casting="same_kind"):

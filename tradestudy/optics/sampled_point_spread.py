@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arguments import checked
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, require
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
@@ -272,6 +272,7 @@ class PointSpread:
 
         return RectBivariateSpline(self.y, self.x, self.intensity, kx=5, ky=5)
 
+    @checked
     def at(self, x: FloatArray | float, y: FloatArray | float, *, order: tuple[int, int] = (0, 0)) -> FloatArray:
         """Intensity or one of its derivatives, interpolated by a quintic spline.
 
@@ -287,9 +288,24 @@ class PointSpread:
         ndarray
             Intensity [W/m²], or its derivative of total order n [W/m² per mⁿ], in the shape of the positions. Each
             sample errs by at most `sample_error`; interpolation adds an error that this method does not state.
+
+        Raises
+        ------
+        OutOfRangeError
+            A position is outside the window.
         """
+        for name, places, axis in (("x", np.asarray(x), self.x), ("y", np.asarray(y), self.y)):
+            slack = 1e-9 * (axis[-1] - axis[0])
+            require(
+                (places >= axis[0] - slack) & (places <= axis[-1] + slack),
+                f"{name} of a position",
+                places,
+                limit=f"{axis[0]:g} to {axis[-1]:g} m",
+                remedy="widen the window or keep within it",
+            )
         return np.asarray(self._spline(np.asarray(y), np.asarray(x), dx=order[1], dy=order[0], grid=False))
 
+    @checked
     def power_in(self, x: tuple[float, float], y: tuple[float, float]) -> float:
         """Power on a rectangle, by integrating the interpolated intensity.
 
@@ -336,6 +352,7 @@ class PointSpread:
             grids.append(grid)
         return grids[0], grids[1]
 
+    @checked
     def moments(self, centre: tuple[float, float], reach: float) -> DiscMoments:
         """Moments ∫ rⁿ I dA of the intensity over discs about one centre, where r is the distance from the centre.
 

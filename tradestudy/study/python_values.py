@@ -49,7 +49,7 @@ def plain_value(value: Any) -> Value:
 def new_value(path: str, value: Any, old: Any) -> Value:
     """A value that replaces another (None: nothing); an array with one element is a single value, as solvers pass it.
 
-    It stays a list where a list or a mapping was.
+    It stays a list where a list or a mapping was. Joint draws replace the declared errors that they determine.
 
     Raises
     ------
@@ -63,6 +63,9 @@ def new_value(path: str, value: Any, old: Any) -> Value:
         if isinstance(plain, list) and old is not None:
             remedy = "Study.sweep computes depth for several values"
             raise OutOfRangeError(path, value=f"{plain!r:.60}", limit="one value", remedy=remedy)
+    if isinstance(plain, dict) and "posterior" in plain and isinstance(old, dict) and not isinstance(value, Mapping):
+        drawn = tuple(value.columns if hasattr(value, "columns") else value.dtype.names)
+        return {**plain, "errors": {name: None for name in old.get("errors", {}) if name in drawn}}
     return plain
 
 
@@ -148,8 +151,9 @@ def in_metres(distance: Any) -> FloatArray:
 
 def _unit_and_numbers(value: Any) -> tuple[str, Any]:
     """The unit of a quantity or of an array with units, "" without one; and its numbers in plain lists."""
-    if hasattr(value, "magnitude") and hasattr(value, "units"):
-        return f"{value.units:~C}", _unit_and_numbers(value.magnitude)[1]
+    held = value.data if hasattr(value, "attrs") and hasattr(value, "data") else value  # xarray may hold a quantity
+    if hasattr(held, "magnitude") and hasattr(held, "units"):
+        return f"{held.units:~C}", _unit_and_numbers(held.magnitude)[1]
     unit = str(getattr(value, "attrs", {}).get("units", ""))
     return ("" if unit == "1" else unit), value.tolist() if hasattr(value, "tolist") else _listed(value)
 

@@ -34,6 +34,11 @@ def at_scores(distribution: Distribution, scores: FloatArray) -> FloatArray:
 
 
 def _require_finite(what: str, *values: float) -> None:
+    if unfit := [value for value in values if isinstance(value, str) or hasattr(value, "units")]:
+        remedy = "convert it to the unit in which the function computes"
+        raise OutOfRangeError(
+            f"a parameter of {what}", value=repr(unfit[0]), limit="a number without unit", remedy=remedy
+        )
     if not all(math.isfinite(value) for value in values):
         raise OutOfRangeError(
             f"{what} has a non-finite parameter",

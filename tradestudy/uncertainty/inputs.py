@@ -60,7 +60,7 @@ def _entries(inputs: Any) -> tuple[bool, dict[Names, Any]]:
     """What is given for each input or each tuple of joint inputs, and whether their names are only numbers."""
     if _is_frame(inputs):
         return False, {_frame_names("the columns of the draws", inputs.columns): inputs}
-    if hasattr(inputs, "to_dict"):  # a Series, such as the means of a DataFrame
+    if hasattr(inputs, "to_dict") and not isinstance(inputs, Mapping):  # a Series, such as the means of a DataFrame
         inputs = inputs.to_dict()
     if isinstance(inputs, Mapping):
         entries = {key if isinstance(key, tuple) else (key,): given for key, given in inputs.items()}
