@@ -14,6 +14,7 @@ from sphinx.application import Sphinx
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
+import catalogue_page  # noqa: E402 - found beside this file
 import declared  # noqa: E402 - found beside this file
 import study_keys  # noqa: E402 - as above
 
@@ -42,6 +43,7 @@ def write_generated(_app: Sphinx) -> None:
     """Write the pages that are made from the program; leave unchanged ones alone, and remove obsolete ones."""
     pages = {f"study/{name}": text for name, text in study_keys.study_pages(HERE.parent).items()}
     pages |= {"command-line": declared.command_line_page(), "results": declared.results_page()}
+    pages |= {"catalogue": catalogue_page.catalogue_page()}
     folder = HERE / "reference" / "generated"
     for path in set(folder.rglob("*.md")) - {folder / f"{name}.md" for name in pages}:
         path.unlink()

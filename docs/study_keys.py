@@ -43,6 +43,21 @@ _EXAMPLES: Final = {
     "linear": "0.9",
     "offset": "12 mm",
     "hyperfocal_distance": "7.5 m",
+    "nearest_distance": "520 mm",
+    "accuracy": (
+        "{depth: {says: below 2 % at 4 m, metric: unstated, relative: 2 %, up_to: 4 m, mode: not stated, "
+        "target: not stated}}"
+    ),
+    "StatedAccuracyPart.says": "depth accuracy below 2 % at 4 m",
+    "metric": "error",
+    "StatedAccuracyPart.relative": "2 %",
+    "absolute": "2 mm",
+    "StatedAccuracyPart.share": "95 %",
+    "up_to": "4 m",
+    "mode": "848x480",
+    "StatedAccuracyPart.target": "a flat wall with texture",
+    "gives": "disparity_error",
+    "projector": "on",
     "absolute_sensitivity_threshold": "12.6 photons",
     "StatedPart.depth_of_field": "0.82 mm",
     "envelope": "[60 mm, 60 mm, 90 mm]",
@@ -433,6 +448,7 @@ _TITLES: Final = {
     "SpotMicrolensesPart": "Microlenses of the light path",
     "SpotSourcePart": "Light source",
     "StatedPart": "Stated values",
+    "StatedAccuracyPart": "Stated accuracy",
     "StereoCalibration": "Calibration of a stereo rig",
     "StereoDeclaration": "Stereo rig",
     "StereoErrors": "Errors of a stereo rig",
@@ -859,8 +875,10 @@ Editors can complete the keys from the JSON Schema that `python -m tradestudy sc
 
 Write quantities with their units: `12.5 mm`, not `12.5`. Where infinity is allowed, write `inf` or `infinity`. Every
 value may carry its basis and a note: `{value: 12.5 mm, basis: datasheet, note: page 3}`, where `basis` is `paper`,
-`datasheet`, `measured`, `assumed` or `derived`. `null` removes a value that a camera inherits from a file (`from`) or
-from another camera (`like`). `off` may be written with or without quotes.
+`datasheet`, `measured`, `assumed` or `derived`. Beside them, `source` may say where the value was read, as a mapping of
+the texts `title`, `revision` (optional), `url`, `read_on` (a day such as 2026-11-29) and `quote`, the words that state
+it; reports show it with the note. `null` removes a value that a camera inherits from a file (`from`) or from another
+camera (`like`). `off` may be written with or without quotes.
 
 The *path* of a value in the study consists of the keys that lead to it, joined by dots: `scene.wavelength`. The path of
 a value of a camera may begin with the name of the camera, without `cameras`: `stereo-75mm.baseline`.
@@ -873,8 +891,10 @@ _FROM_FILES = """
 ## Cameras from other files
 
 A camera may start from a file or from another camera, instead of being declared in full. Further keys then replace its
-values or add to them. The last four keys in the table below say how to read calibration files. They are allowed only
-beside a `from` that names such files; [Import a calibration](../../../how-to/import-a-calibration.md) lists their
+values or add to them. `from: catalogue/NAME` takes a camera from [the catalogue](../catalogue.md). A camera file may
+have `modes`: a mapping whose keys are names of modes, and whose values replace those of the camera; without the key
+`mode`, the first mode holds. The last four keys in the table below say how to read calibration files. They are allowed
+only beside a `from` that names such files; [Import a calibration](../../../how-to/import-a-calibration.md) lists their
 formats.
 
 | key | meaning | example |
@@ -883,6 +903,7 @@ formats.
 that of the left one first. Paths are relative \
 to the study. A camera file contains the keys of one camera, without `from` and `like`. \
 | `from: cameras/raytrix-r5.yaml`, `from: [left.yaml, right.yaml]` |
+| `mode` | Beside `from`: the mode of the camera, if its file has modes. | `mode: 848x480` |
 | `like` | Instead of `from`: name of another camera of the study. Values that `--set`, sweeps, readings and questions \
 change are changed only in the camera that they name, not in those that are like it. | `like: stereo-50mm` |
 | `length_unit` | Unit of the lengths in the calibration files; needed if neither the files nor their format state it. \

@@ -13,7 +13,7 @@ PACKAGE = ROOT / "tradestudy"
 
 # Every package and module of the top level, in the order in which data flows: each may import those before it.
 ORDER = (
-    "errors", "unit_registry", "units", "wording", "light_methods", "accuracy", "provenance", "machine",
+    "errors", "unit_registry", "units", "wording", "light_methods", "accuracy", "provenance", "machine", "catalogue",
     "optics", "declarations", "uncertainty", "execution",
     "cameras", "imaging", "calibration", "effects",
     "study", "depth", "verification", "results", "models", "answers",

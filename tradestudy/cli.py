@@ -365,6 +365,15 @@ def new(
             "relative pose (R and T).",
         ),
     ] = None,
+    camera: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--camera",
+            metavar="ENTRY[:MODE]",
+            help="Compare this camera of the catalogue with another one; give the option for each of them. Without a "
+            "mode, the first one of the entry.",
+        ),
+    ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -379,7 +388,7 @@ def new(
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.cameras.depth_camera import DepthCamera
-        from tradestudy.study.starter import between, questions, starter, yaml_lines
+        from tradestudy.study.starter import between, of_catalogue, questions, starter, yaml_lines
 
         _refuse_joined(from_ or (), context.args)
         name = name.removesuffix(".yaml")
@@ -388,11 +397,13 @@ def new(
             raise OutOfRangeError(
                 "the calibration files determine the kind of camera", value=kinds[0], remedy="omit it"
             )
+        if camera and (kinds or from_):
+            raise OutOfRangeError("--camera takes no other cameras", value=(kinds or ["--from"])[0], remedy="omit it")
         if set_ and not from_:
             raise OutOfRangeError("--set applies to a camera imported with --from", remedy="give --from too")
         said = yaml_lines(set_ or ())
         kind = kinds[0].removeprefix("--") if len(kinds) == 1 else ""
-        text = starter(name, kind, calibration_files=from_ or (), said=said)
+        text = of_catalogue(name, camera) if camera else starter(name, kind, calibration_files=from_ or (), said=said)
         path = Path(f"{name}.yaml")
         try:
             with path.open("x", encoding="utf-8") as file:
@@ -461,6 +472,59 @@ def compare(
         if html is not None:
             replace_file(html, found.html())
         _say(*str(found).split("\n"), *([] if html is None else [f"Page: {html}"]))
+
+
+@app.command()
+def cameras(
+    kind: Annotated[str | None, typer.Option("--kind", metavar="KIND", help="Only cameras of this kind.")] = None,
+    range_: Annotated[
+        str | None,
+        typer.Option(
+            "--range",
+            metavar="NEAR to FAR",
+            help="Only cameras that measure from NEAR on, by the disparities that they search, and whose disparity at "
+            "FAR is at least one pixel, such as '0.5 m to 3 m'.",
+        ),
+    ] = None,
+    baseline: Annotated[
+        str | None,
+        typer.Option("--baseline", metavar="LOW to HIGH", help="Only baselines in this range, such as '50 mm to 1 m'."),
+    ] = None,
+    field_of_view: Annotated[
+        str | None,
+        typer.Option(
+            "--field-of-view", metavar="LOW to HIGH", help="Only horizontal fields of view in this range, in degrees."
+        ),
+    ] = None,
+    check: Annotated[
+        str | None,
+        typer.Option(
+            "--check",
+            metavar="FILE",
+            help="Instead of listing, check whether this camera file, or catalogue/NAME, is complete, and show its "
+            "contradictions and claims.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object, in SI units, instead of lines.")
+    ] = False,
+    debug: DebugOption = False,
+) -> None:
+    """List the cameras of the catalogue, which studies use with from: catalogue/ENTRY."""
+    with _reporting_errors(debug=debug):
+        if check is not None:
+            from tradestudy.study.catalogue_entries import lines as check_lines
+
+            _say(*check_lines(check))
+            return
+        from tradestudy.catalogue.listing import content, filters, lines
+
+        asked = filters(kind, range_, baseline, field_of_view)
+        if as_json:
+            typer.echo(json_text(content(asked)))
+        else:
+            _say(*lines(asked))
 
 
 @app.command()

@@ -12,6 +12,7 @@ import xarray as xr
 
 from tradestudy.accuracy import QUANTITIES
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.imported import CATALOGUE
 from tradestudy.effects import OFF
 from tradestudy.models.plan import Plan, summary
 from tradestudy.models.problem import Change, Changes
@@ -44,6 +45,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
                 for camera in cameras.values()
             ],
             "note": [_note(definition, name) for name in parts],
+            "catalogue": [part.read_as.get(CATALOGUE, "") for part in parts.values()],
             "perfect_calibration": [
                 float(
                     isinstance(camera, DepthCamera)
@@ -112,7 +114,7 @@ def _declared(document: Document) -> Iterator[dict[str, str | None]]:
             "cameras": ", ".join(filter(None, (_camera_and_tail(path)[0] for path in paths))),
             "value": document.text_of(paths[0]),
             "basis": annotation.basis or "",
-            "note": annotation.note,
+            "note": annotation.remark,
         }
 
 

@@ -289,6 +289,16 @@ class Camera(ABC):
         return 0.0
 
     @property
+    def nearest_distance(self) -> float:
+        """Nearest distance [m] by the disparities that a matcher searches; NaN if nothing determines it so."""
+        return math.nan
+
+    @property
+    def one_pixel_distance(self) -> float:
+        """Distance [m] at which the disparity is one pixel; NaN if disparity is not ``1/Z`` times a constant."""
+        return math.nan
+
+    @property
     def view_baseline(self) -> float:
         """Largest distance [m] between two views from which depth is measured; 0 for a single image."""
         return self.separation or (self.gathering_lens.pupil_diameter if self.makes_depth_map else 0.0)

@@ -27,6 +27,7 @@ NOMINAL_PITCH: Final = (
     "nominal: depth depends only on its ratio to the focal length, but blur and diffraction need the true value"
 )
 """Note on a pixel pitch that no calibration file gives."""
+CATALOGUE: Final = "catalogue"
 PICTURE_SIZE: Final = "size of pictures"
 """Name of the convention that states the size of the calibrated pictures as taken, and as rotated if they are."""
 FITTED_LENS: Final = "fitted lens model"

@@ -2,10 +2,64 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from statistics import NormalDist
+from typing import Annotated, Literal, Self
 
-from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import PositiveAngle, PositiveLength, PositivePhotons
+from pydantic import Field, model_validator
+
+from tradestudy.declarations.part import MistakeAt, Part
+from tradestudy.declarations.quantities import (
+    ObjectDistance,
+    PositiveAngle,
+    PositiveFraction,
+    PositiveLength,
+    PositivePhotons,
+    PositiveShare,
+    Text,
+)
+
+
+class StatedAccuracyPart(Part):
+    """An accuracy of depth that the maker of a camera states, with the conditions under which it is stated."""
+
+    says: Text = Field(description="The statement in words.")
+    metric: Literal["error", "standard_deviation", "plane_deviation", "unstated"] = Field(
+        description="What is stated: a bound on the depth error, its standard deviation, or that about the best plane."
+    )
+    relative: PositiveFraction | None = Field(default=None, description="Its value, relative to the distance.")
+    absolute: PositiveLength | None = Field(default=None, description="Instead of `relative`: its value.")
+    share: PositiveShare | None = Field(
+        default=None,
+        description="Fraction of measurements for which it holds; default: not stated.",
+    )
+    up_to: ObjectDistance = Field(description="Distance up to which it holds.")
+    mode: Text = Field(description="Mode of the camera, or `not stated`.")
+    target: Text = Field(description="What is measured, or `not stated`.")
+    gives: Literal["nothing", "disparity_error"] = Field(
+        default="nothing",
+        description="Whether the camera's disparity error was derived from this statement, which then checks nothing.",
+    )
+
+    @model_validator(mode="after")
+    def _one_number(self) -> Self:
+        if (self.relative is None) == (self.absolute is None):
+            raise MistakeAt((), "give exactly one of relative and absolute")
+        return self
+
+    @property
+    def standard_deviation(self) -> float:
+        """Standard deviation of depth at the distance `up_to` [m] if its error is normal, with mean 0.
+
+        A bound v on the error of a share p of measurements means the standard deviation v / z, with the standard normal
+        quantile z of (1 + p)/2. Where the source states no share, v counts as the standard deviation.
+        """
+        bound = self.absolute if self.absolute is not None else (self.relative or 0.0) * self.up_to
+        if self.share is None or self.share == 1.0:
+            return bound
+        return bound / NormalDist().inv_cdf((1.0 + self.share) / 2.0)
+
+
+AccuracyName = Annotated[str, Field(pattern=r"^[a-z][\w-]*$", max_length=60)]
 
 
 class StatedPart(Part):
@@ -14,6 +68,17 @@ class StatedPart(Part):
     field_of_view: PositiveAngle | None = Field(
         default=None,
         description="Full field of view across the width or the diagonal of the sensor; either is accepted.",
+    )
+    projector: Literal["on", "off", "none"] | None = Field(
+        default=None,
+        description="Whether the projector of the camera lights the scene with a pattern; `none` if it has none.",
+    )
+    nearest_distance: PositiveLength | None = Field(
+        default=None,
+        description="Nearest distance that a stereo rig measures with its `depth.disparity_range`.",
+    )
+    accuracy: dict[AccuracyName, StatedAccuracyPart] = Field(
+        default={}, description="Accuracies that the maker states, by names that you choose."
     )
     microlens_gap: PositiveLength | None = Field(
         default=None, description="Distance from the microlens array to the sensor."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
@@ -31,6 +31,8 @@ class Place(NamedTuple):
         return Problem(file=self.file, line=self.line, column=self.column, path=dotted(path), what=what)
 
 
+OF_SOURCE: tuple[str, ...] = ("title", "revision", "url", "read_on", "quote")  # revision may be left out
+
 # Place of a value that is in no file.
 OUTSIDE = Place("--set", 1, 1)
 # Place of a study that Python gives as a dictionary.
@@ -41,11 +43,38 @@ _FOUND = re.compile(r"\d+\.\d{10,}")  # a number from a fit; nobody writes so ma
 
 
 @dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where a value was read: title and revision of a document, its address, the day, and the words that say it."""
+
+    title: str
+    url: str
+    read_on: str
+    quote: str
+    revision: str = ""
+
+    def __str__(self) -> str:
+        title = ", ".join(filter(None, (self.title, self.revision)))
+        return f"{title}: “{self.quote}” ({self.url}, read {self.read_on})"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Annotation:
-    """Basis of a value."""
+    """Basis of a value, a remark, and where the value was read."""
 
     basis: Basis | None = None
     note: str = ""
+    source: Source | None = None
+
+    @property
+    def remark(self) -> str:
+        """Note and source in words."""
+        return "; ".join(filter(None, (self.note, str(self.source or ""))))
+
+    def given(self) -> dict[str, str | dict[str, str]]:
+        """What stands beside the value in a file, without what is empty."""
+        source = {} if self.source is None else {key: text for key, text in asdict(self.source).items() if text}
+        said = {"basis": self.basis, "note": self.note, "source": source}
+        return {key: value for key, value in said.items() if value}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -422,7 +451,7 @@ def _with_basis(entry: Entry | None) -> str:
     if entry is None:
         return ""
     annotation = entry.annotation or Annotation()
-    basis = ": ".join(part for part in (annotation.basis, annotation.note) if part)
+    basis = ": ".join(part for part in (annotation.basis, annotation.remark) if part)
     return text_of(entry) + (f" ({basis})" if basis else "")
 
 

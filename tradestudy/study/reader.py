@@ -320,7 +320,7 @@ def _value(entry: Entry | None) -> str:
 
 
 def _has_basis(entry: Entry) -> bool:
-    return entry.annotation is not None and bool(entry.annotation.basis or entry.annotation.note)
+    return entry.annotation is not None and bool(entry.annotation.given())
 
 
 def _reads_the_same(entry: ScalarEntry) -> bool:
@@ -342,8 +342,15 @@ def _within_brackets(entry: Entry) -> str:
         bare = "{" + ", ".join(members) + "}"
     if not _has_basis(entry) or entry.annotation is None:
         return bare
-    parts = {"basis": entry.annotation.basis or "", "note": entry.annotation.note}
-    return f"{{value: {bare}" + "".join(f", {key}: {_quoted(text)}" for key, text in parts.items() if text) + "}"
+    return f"{{value: {bare}{_beside(entry.annotation.given())}}}"
+
+
+def _beside(said: Mapping[str, str | dict[str, str]]) -> str:
+    """The keys beside a value, each after a comma."""
+    return "".join(
+        f", {key}: {_quoted(one) if isinstance(one, str) else '{' + _beside(one)[2:] + '}'}"
+        for key, one in said.items()
+    )
 
 
 def _quoted(text: str) -> str:

@@ -8,8 +8,9 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from tradestudy.cameras.imported import PICTURE_SIZE
+from tradestudy.cameras.imported import CATALOGUE, PICTURE_SIZE
 from tradestudy.cameras.kinds import KINDS
+from tradestudy.catalogue import PREFIX, entry_names, entry_path, revision
 from tradestudy.declarations.lens_models import FittedLensModel
 from tradestudy.declarations.part import Part, nearest_name
 from tradestudy.errors import Problem, StudyError, nearest
@@ -204,7 +205,7 @@ class SharedCameras:
         if self.values > MOST_VALUES:
             what = f"the cameras together contain more than {MOST_VALUES} values"
             raise CameraFileError(source.place.problem((word,), what))
-        return self.with_own_values(below, own, name, SHARING)
+        return self.with_own_values(below, own, name, (*SHARING, *(("mode",) if word == "from" else ())))
 
     def with_own_values(self, below: Entry, own: MappingEntry, name: str, but: Sequence[str]) -> Entry:
         """Merge a camera's own values, except some keys, into those of a file or another camera."""
@@ -275,9 +276,10 @@ class SharedCameras:
         """Read a camera's own file."""
         expected = f"a camera or a calibration file ({known_formats()}) is expected"
         try:
-            if file not in self.files and not _text(self.folder / file).strip():
+            path = self.path_of(file, place)
+            if file not in self.files and not _text(path).strip():
                 raise CameraFileError(place.problem(("from",), f"'{file}' is empty; {expected}"))
-            entry, problems = self.files[file] if file in self.files else load_entries(self.folder / file)
+            entry, problems = self.files[file] if file in self.files else load_entries(path)
         except UnreadableError as error:
             first, *others = error.problems
             if others or not first.line == first.column == 1:
@@ -299,7 +301,25 @@ class SharedCameras:
             if key in entry.members:
                 what = f"a camera file must be complete; write {key}: in the study"
                 raise CameraFileError(entry.members[key].key_place.problem((key,), what))
-        return entry
+        own = self.written.members[name].entry
+        assert isinstance(own, MappingEntry)
+        entry, mode = in_mode(entry, child(own, "mode"), file)
+        return entry if path == self.folder / file else of_catalogue(entry, path.stem, mode)
+
+    def path_of(self, file: str, place: Place) -> Path:
+        """The file that the key ``from`` names: beside the study, or an entry of the catalogue."""
+        path, name = self.folder / file, file.removeprefix(PREFIX)
+        if name == file:
+            return path
+        if path.exists():
+            if name in entry_names():
+                what = f"both a file and an entry of the catalogue are called '{file}'; for the file, write ./{file}"
+                raise CameraFileError(place.problem(("from",), what))
+            return path
+        if name not in entry_names():
+            what = f"the catalogue has no '{name}'{nearest_name(name, entry_names())}; `cameras` lists its entries"
+            raise CameraFileError(place.problem(("from",), what))
+        return entry_path(name)
 
     def like_camera(self, name: str, other: str, place: Place, chain: tuple[str, ...]) -> Entry | None:
         """The assembled camera that another is like."""
@@ -330,6 +350,49 @@ class SharedCameras:
     def note(self, name: str, problem: Problem) -> None:
         """Record a mistake of a camera, whose path begins below the camera."""
         self.problems.append(replace(problem, path=f"cameras.{name}.{problem.path}".removesuffix(".")))
+
+
+def in_mode(entry: MappingEntry, asked: Entry | None, file: str) -> tuple[MappingEntry, str]:
+    """The camera of a file in one of its modes, and the mode; the first one if none is asked for, "" without modes.
+
+    Raises
+    ------
+    CameraFileError
+        There is no such mode.
+    """
+    written = child(entry, "modes")
+    if written is None and asked is None:
+        return entry, ""
+    modes = written.members if isinstance(written, MappingEntry) else {}
+    if not modes:
+        where = entry.members["modes"].key_place if written is not None else asked.place  # type: ignore[union-attr]
+        what = f"'{file}' has no modes; remove this key" if written is None else "modes by their names are expected"
+        raise CameraFileError(where.problem(("mode" if written is None else "modes",), what))
+    mode = next(iter(modes)) if asked is None else tree.text_of(asked)
+    if asked is not None and mode not in modes:
+        what = f"'{file}' has no mode '{mode}', but {', '.join(modes)}"
+        raise CameraFileError(asked.place.problem(("mode",), what))
+    rest = {key: member for key, member in entry.members.items() if key != "modes"}
+    if not isinstance(modes[mode].entry, MappingEntry):
+        raise CameraFileError(
+            modes[mode].key_place.problem(("modes", mode), "values of the camera are expected, or {}")
+        )
+    chosen = merged(replace(entry, members=rest), modes[mode].entry)
+    assert isinstance(chosen, MappingEntry)
+    title = chosen.members.get("title")
+    if title is not None and isinstance(title.entry, ScalarEntry) and len(modes) > 1:
+        named = f"{title.entry.text}, {mode}"
+        members = {**chosen.members, "title": Member(title.key_place, replace(title.entry, value=named, text=named))}
+        chosen = replace(chosen, members=members)
+    return chosen, mode
+
+
+def of_catalogue(entry: MappingEntry, name: str, mode: str) -> MappingEntry:
+    """The camera of an entry of the catalogue, which says so."""
+    says = ", ".join((name, *((f"mode {mode}",) if mode else ()), f"revision {revision(name)}"))
+    said = ScalarEntry(place=entry.place, value=says, text=says)
+    read_as = MappingEntry(place=entry.place, members={CATALOGUE: Member(entry.place, said)})
+    return replace(entry, members={**entry.members, "read_as": Member(entry.place, read_as)})
 
 
 def _keys_of_cameras() -> dict[str, None]:

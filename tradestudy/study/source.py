@@ -18,6 +18,7 @@ from tradestudy.declarations.part import nearest_name
 from tradestudy.errors import Problem, nearest
 from tradestudy.study.document import (
     BASES,
+    OF_SOURCE,
     Annotation,
     Basis,
     Entry,
@@ -28,6 +29,7 @@ from tradestudy.study.document import (
     Place,
     Scalar,
     ScalarEntry,
+    Source,
     Value,
     child,
     count_values,
@@ -45,6 +47,8 @@ _ENDLESS_TAG = re.compile(r"!\S{1000}")
 # The parser's time grows with the square of the number of brackets open at once.
 _ENDLESS_NESTING = re.compile(r"(?:[\[{]\s*){200}")
 _TOO_DEEP = f"values are nested more than {DEEPEST} levels deep"
+_BESIDE = ("basis", "note", "source")
+_DAY = re.compile(r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])")
 _NO_TAGS = "tags ('!…') have no meaning in a study; remove the tag"
 # The scalars of the core schema of YAML 1.2; everything else is text.
 _NULL = re.compile(r"|~|null|Null|NULL")
@@ -296,14 +300,14 @@ class _Composer:
             self.fail(place, _TOO_DEEP)
 
     def unwrapped(self, entry: MappingEntry, here: Path) -> Entry:
-        """The value of ``{value: …, basis: …, note: …}`` with its annotation; any other mapping as it is."""
+        """The value of ``{value: …, basis: …, note: …, source: …}`` with its annotation; other mappings as they are."""
         others = [key for key in entry.members if key != "value"]
-        if "value" not in entry.members or not others or any(nearest(key, ("basis", "note")) is None for key in others):
+        if "value" not in entry.members or not others or any(nearest(key, _BESIDE) is None for key in others):
             return entry
         value = entry.members["value"].entry
         for key in others:
-            if key not in ("basis", "note"):
-                what = f"unknown key beside a value{nearest_name(key, ('basis', 'note'))}"
+            if key not in _BESIDE:
+                what = f"unknown key beside a value{nearest_name(key, _BESIDE)}"
                 self.note(entry.members[key].key_place, what, (*here, key))
         if isinstance(value, MappingEntry) or value.annotation is not None:
             self.note(value.place, "a basis belongs to a single value or to a list", (*here, "value"))
@@ -320,8 +324,29 @@ class _Composer:
         remark = note.value if isinstance(note, ScalarEntry) else None
         if note is not None and not isinstance(remark, str):
             self.note(note.place, "a note is text; write it in quotes", (*here, "note"))
-        said = Annotation(basis=cast(Basis | None, stated), note=remark if isinstance(remark, str) else "")
+        said = Annotation(
+            basis=cast(Basis | None, stated),
+            note=remark if isinstance(remark, str) else "",
+            source=None if (source := child(entry, "source")) is None else self.source(source, (*here, "source")),
+        )
         return replace(value, annotation=said)
+
+    def source(self, entry: Entry, here: Path) -> Source | None:
+        """Where a value was read; None after noting that this is incomplete."""
+        members = entry.members if isinstance(entry, MappingEntry) else {}
+        said = {key: one.entry.text for key, one in members.items() if isinstance(one.entry, ScalarEntry)}
+        missing = [key for key in OF_SOURCE if key != "revision" and not said.get(key)]
+        unknown = [key for key in members if key not in OF_SOURCE]
+        if missing or unknown or len(said) < len(members):
+            wrong = f"unknown key {unknown[0]!r}; " if unknown else f"no {missing[0]}; " if missing else ""
+            self.note(
+                entry.place, f"{wrong}a source has the texts {', '.join(OF_SOURCE)} (revision may be left out)", here
+            )
+            return None
+        if not _DAY.fullmatch(said["read_on"]):
+            self.note(members["read_on"].entry.place, "a day such as 2026-11-29 is expected", (*here, "read_on"))
+            return None
+        return Source(**said)
 
 
 def scalar_of(text: str) -> Scalar:

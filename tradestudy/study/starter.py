@@ -9,7 +9,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from tradestudy.errors import OutOfRangeError
+from tradestudy.catalogue import PREFIX, Listed, listed
+from tradestudy.errors import OutOfRangeError, nearest
 from tradestudy.study.schema.root import LONGEST_NAME, NAME_PATTERN
 from tradestudy.study.source import comment_after
 
@@ -51,13 +52,7 @@ def starter(
     OutOfRangeError
         If the name is not of this form, or there is no such kind.
     """
-    if not re.fullmatch(NAME_PATTERN, name) or len(name) > LONGEST_NAME:
-        raise OutOfRangeError(
-            "this cannot be the name of a study",
-            value=repr(name),
-            limit=f"a letter, digit or underscore, then also . + -, at most {LONGEST_NAME} characters",
-            remedy="choose another",
-        )
+    _require_name(name)
     folder = files("tradestudy.study")
     known = {"": "starter.yaml"} | {
         file.name.removeprefix("starter_").removesuffix(".yaml"): file.name
@@ -81,6 +76,71 @@ def _comments(asked: Mapping[str, str]) -> Iterator[str]:
     yield from (f"#   {key}: {what}" for key, what in asked.items())
     yield "# Fill them in below and remove the # in front, or give them to a command, as in --set rig.KEY=VALUE:"
     yield from (f"# {line}" for line in yaml_lines([f"{key}=…" for key in asked]))
+
+
+def of_catalogue(name: str, cameras: Sequence[str]) -> str:
+    """Return the text of a commented study that compares two cameras of the catalogue.
+
+    Parameters
+    ----------
+    name
+        Name of the study, as for `starter`.
+    cameras
+        Two entries, each as ``ENTRY`` or ``ENTRY:MODE``.
+
+    Returns
+    -------
+    str
+        Content of the file; its distances are where `between` puts them.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the name is not of this form, there are not two cameras, one is not in the catalogue or has no such mode, or
+        it measures no depth.
+    """
+    _require_name(name)
+    rows = [_of_entry(one) for one in cameras]
+    if len(rows) != 2 or rows[0] == rows[1]:
+        asked = ", ".join(cameras)
+        raise OutOfRangeError("new compares two cameras of the catalogue", value=asked, remedy="give --camera twice")
+    keys = [one.entry for one in rows]
+    keys = [f"{key}-{one.mode}" for key, one in zip(keys, rows, strict=True)] if keys[0] == keys[1] else keys
+    lines = [
+        f"  {key}: {{from: catalogue/{one.entry}{f', mode: {one.mode}' if one.mode else ''}}}"
+        for key, one in zip(keys, rows, strict=True)
+    ]
+    text = files("tradestudy.study").joinpath("catalogue_starter.yaml").read_text(encoding="utf-8")
+    text = text.replace("  CAMERAS", "\n".join(lines)).replace("FIRST", keys[0]).replace("SECOND", keys[1])
+    return text.replace("TITLES", " or ".join(one.title for one in rows)).replace("NAME", name)
+
+
+def _of_entry(text: str) -> Listed:
+    """The row of the catalogue that a text such as ``ENTRY:MODE`` names."""
+    entry, _, mode = text.removeprefix(PREFIX).partition(":")
+    rows = [one for one in listed() if one.entry == entry]
+    if not rows:
+        close = nearest(entry, [one.entry for one in listed()])
+        remedy = f"did you mean {close}? " if close else ""
+        raise OutOfRangeError("the catalogue has no such camera", value=entry, remedy=f"{remedy}`cameras` lists them")
+    found = next((one for one in rows if not mode or one.mode == mode), None)
+    if found is None:
+        limit = ", ".join(one.mode for one in rows if one.mode) or "no modes"
+        raise OutOfRangeError(f"{entry} has no such mode", value=mode, limit=limit)
+    if found.baseline is None:
+        raise OutOfRangeError("this camera measures no depth", value=entry, remedy="choose one with a baseline")
+    return found
+
+
+def _require_name(name: str) -> None:
+    """Refuse what cannot be the name of a study."""
+    if not re.fullmatch(NAME_PATTERN, name) or len(name) > LONGEST_NAME:
+        raise OutOfRangeError(
+            "this cannot be the name of a study",
+            value=repr(name),
+            limit=f"a letter, digit or underscore, then also . + -, at most {LONGEST_NAME} characters",
+            remedy="choose another",
+        )
 
 
 def between(text: str, near: float = 0.5, far: float = 5.0) -> str:

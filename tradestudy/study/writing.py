@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 from tradestudy.study.definition import StudyDefinition
@@ -49,8 +49,14 @@ def _on_one_line(entry: Entry) -> str:
         bare = _text(entry.text) if isinstance(entry.value, str) else entry.text
     if entry.annotation is None:
         return bare
-    said = {"basis": entry.annotation.basis, "note": entry.annotation.note}
-    return f"{{value: {bare}{''.join(f', {key}: {_text(text)}' for key, text in said.items() if text)}}}"
+    return f"{{value: {bare}{_beside(entry.annotation.given())}}}"
+
+
+def _beside(said: Mapping[str, str | dict[str, str]]) -> str:
+    """The keys beside a value, each after a comma."""
+    return "".join(
+        f", {key}: {_text(one) if isinstance(one, str) else '{' + _beside(one)[2:] + '}'}" for key, one in said.items()
+    )
 
 
 def _text(text: str) -> str:

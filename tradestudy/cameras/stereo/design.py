@@ -94,6 +94,7 @@ METHOD: Final = Method(
 
 # Ten times the magnification of the strongest microscope objectives: no sensor lies so far behind its lens.
 _LARGEST_MAGNIFICATION = 1000.0
+_NEAREST_TOLERANCE = 0.05  # data sheets give two digits, for focal lengths that vary from camera to camera
 _STEP_PX = 1e-3  # of a numerical derivative by disparity, which is nearly constant over some pixels
 PrincipalDistanceRule = Literal["focal_length", "focused"]
 
@@ -556,6 +557,7 @@ class StereoRig(DepthCamera):
         """
         views = (self.field_of_view, self._diagonal_view)
         found = lens_contradictions(self.lens, self.sensor, stated, views, "lenses")
+        found += self._nearest_contradictions(None if stated is None else stated.nearest_distance)
         focus = self.focus_distance
         if self.principal_distance_rule != "focal_length" or focus is None or math.isinf(focus):
             return found
@@ -577,6 +579,34 @@ class StereoRig(DepthCamera):
                 f"{show(focused, LENGTH)} for both",
                 path=("principal_distance",),
             ),
+        ]
+
+    @property
+    def one_pixel_distance(self) -> float:
+        """Distance ``c B/p`` [m] at which the disparity of parallel cameras is one pixel p; NaN for other axes."""
+        return math.nan if self.convergence_angle else self.baseline * self.principal_distance / self.sensor.pixel_pitch
+
+    @property
+    def nearest_distance(self) -> float:
+        """Nearest distance ``c B/d`` [m] of parallel cameras whose matcher searches disparities up to d.
+
+        It is NaN for other axes, or if no limit of the search is declared.
+        """
+        return self.one_pixel_distance / (self.disparity_range_px or math.nan)
+
+    def _nearest_contradictions(self, stated: float | None) -> list[Contradiction]:
+        """A stated nearest distance against that which follows from the search range, baseline and focal length."""
+        implied = self.nearest_distance
+        if stated is None or math.isnan(implied) or math.isclose(stated, implied, rel_tol=_NEAREST_TOLERANCE):
+            return []
+        return [
+            Contradiction(
+                what="nearest distance against search range, baseline and focal length",
+                stated=show(stated, LENGTH),
+                implied=f"{show(implied, LENGTH)} for disparities up to {self.disparity_range_px:g} px",
+                used=f"{show(implied, LENGTH)}, from the search range",
+                path=("stated", "nearest_distance"),
+            )
         ]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from tradestudy.study.document import BASES
+from tradestudy.study.document import BASES, OF_SOURCE
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _LONG = 50  # characters; a reference takes about thirty
@@ -31,6 +31,13 @@ _ANY_WITH_BASIS = {
         "value": {},
         "basis": {"enum": list(BASES), "description": "Basis of the value."},
         "note": {"type": "string", "description": "Where the value comes from, in words."},
+        "source": {
+            "type": "object",
+            "description": "Document in which the value was read, the day of reading, and the words that state it.",
+            "propertyNames": {"enum": list(OF_SOURCE)},
+            "additionalProperties": {"type": "string"},
+            "required": [key for key in OF_SOURCE if key != "revision"],
+        },
     },
     "required": ["value"],
     "additionalProperties": False,
@@ -107,11 +114,14 @@ def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, A
 
 
 def _telling(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Drop what does not help an editor: titles that pydantic derives from keys, and null defaults."""
+    """Drop what does not help an editor: titles that pydantic derives from keys, and defaults that say nothing."""
     is_quantity = "pattern" in schema and "examples" in schema  # whose title states its limits
-    return {
-        name: of for name, of in schema.items() if (name != "title" or is_quantity) and (name, of) != ("default", None)
-    }
+    return {name: of for name, of in schema.items() if (name != "title" or is_quantity) and not _is_empty(name, of)}
+
+
+def _is_empty(name: str, of: Any) -> bool:
+    """Whether this is a default of null, or one of a mapping whose keys all are null or empty."""
+    return name == "default" and (of is None or (isinstance(of, Mapping) and not any(of.values())))
 
 
 def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any], values: dict[str, str]) -> dict[str, Any]:

@@ -1,0 +1,146 @@
+"""The list of cameras that `tradestudy cameras` prints: filters, and a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from tradestudy.catalogue import Listed, listed, wanted
+from tradestudy.errors import OutOfRangeError, nearest
+from tradestudy.units import ANGLE, LENGTH, Dimension, UnitError, parse, pretty
+from tradestudy.wording import listed as in_a_row
+
+_HEAD: Final = ("entry", "mode", "kind", "pixels", "f", "view", "baseline", "nearest", "projector")
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filters:
+    """What cameras must have to be listed; None lists all.
+
+    Parameters
+    ----------
+    kind
+        Kind of camera.
+    distances
+        Nearest and farthest distance [m]: the camera measures the nearest by the disparities that it searches, and at
+        the farthest its disparity is at least one pixel.
+    baseline, field_of_view
+        Smallest and largest baseline [m] and horizontal field of view [rad].
+    """
+
+    kind: str | None = None
+    distances: Span | None = None
+    baseline: Span | None = None
+    field_of_view: Span | None = None
+
+    def keep(self, one: Listed) -> bool | None:
+        """Whether a camera passes; None if a value that decides it is unknown."""
+        checks: list[bool | None] = [self.kind is None or one.kind == self.kind]
+        if self.baseline is not None:
+            checks.append(one.baseline is not None and _within(one.baseline, self.baseline))
+        if self.field_of_view is not None:
+            checks.append(_within(one.field_of_view, self.field_of_view))
+        if self.distances is not None:
+            near, far = self.distances
+            unknown = None if one.baseline is not None else False  # a camera that measures no depth never passes
+            checks.append(unknown if one.one_pixel is None else far <= one.one_pixel)
+            checks.append(unknown if one.nearest is None else one.nearest <= near)
+        return False if False in checks else None if None in checks else True
+
+
+def _within(value: float, span: Span) -> bool:
+    return span[0] * (1.0 - 1e-9) <= value <= span[1] * (1.0 + 1e-9)
+
+
+def span_of(text: str | None, option: str, dimension: Dimension) -> Span | None:
+    """A range such as "50 mm to 100 mm" in SI units; None without a text.
+
+    Raises
+    ------
+    OutOfRangeError
+        The text is no such range, or goes from large to small.
+    """
+    if text is None:
+        return None
+    ends = text.split(" to ")
+    try:
+        low, high = (parse(end.strip(), dimension) for end in ends)
+    except (UnitError, ValueError):
+        raise OutOfRangeError(
+            f"{option} takes a range", value=text, remedy=f"write, for example, '{dimension.example} to infinity'"
+        ) from None
+    if not 0.0 <= low <= high:
+        raise OutOfRangeError(f"{option} takes a range from small to large", value=text)
+    return low, high
+
+
+def filters(kind: str | None, distances: str | None, baseline: str | None, field_of_view: str | None) -> Filters:
+    """The filters that texts from the command line mean.
+
+    Raises
+    ------
+    OutOfRangeError
+        A text is no range, or no camera of the catalogue is of this kind.
+    """
+    kinds = sorted({one.kind for one in listed()})
+    if kind is not None and kind not in kinds:
+        close = nearest(kind, kinds)
+        remedy = f"did you mean {close}?" if close else ""
+        raise OutOfRangeError(
+            "no camera of the catalogue is of this kind", value=kind, limit=", ".join(kinds), remedy=remedy
+        )
+    return Filters(
+        kind=kind,
+        distances=span_of(distances, "--range", LENGTH),
+        baseline=span_of(baseline, "--baseline", LENGTH),
+        field_of_view=span_of(field_of_view, "--field-of-view", ANGLE),
+    )
+
+
+def lines(asked: Filters) -> Iterator[str]:
+    """A table of the cameras that pass the filters; then which ones could not be judged."""
+    decided = [(one, asked.keep(one)) for one in listed()]
+    rows = [_HEAD, *(_row(one) for one, kept in decided if kept)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+    if unknown := list(dict.fromkeys(one.entry for one, kept in decided if kept is None)):
+        yield f"not listed, because their nearest distance is unknown: {in_a_row(unknown)}"
+    if missing := [one.camera for one in wanted()]:
+        yield f"wanted, because no source was found for some values: {in_a_row(missing)}"
+
+
+def _row(one: Listed) -> tuple[str, ...]:
+    across, down = one.pixels
+    return (
+        one.entry,
+        one.mode or "-",
+        one.kind,
+        f"{across} × {down}",
+        f"{one.focal_length_px:.0f} px",
+        pretty(one.field_of_view, ANGLE, 3),
+        _shown(one.baseline, lambda value: pretty(value, LENGTH, 3)),
+        _shown(one.nearest, lambda value: pretty(value, LENGTH, 3)),
+        one.projector or "?",
+    )
+
+
+def _shown(value: float | None, words: Callable[[float], str]) -> str:
+    return "-" if value is None else words(value)
+
+
+def content(asked: Filters) -> dict[str, Any]:
+    """The same as plain data in SI units: cameras that pass, cameras that could not be judged, and wanted ones."""
+    decided: Sequence[tuple[Listed, bool | None]] = [(one, asked.keep(one)) for one in listed()]
+    return {
+        "cameras": [_plain(one) for one, kept in decided if kept],
+        "undecided": [_plain(one) for one, kept in decided if kept is None],
+        "wanted": [asdict(one) for one in wanted()],
+    }
+
+
+def _plain(one: Listed) -> dict[str, Any]:
+    return {**asdict(one), "field_of_view_deg": round(math.degrees(one.field_of_view), 3)}
