@@ -356,9 +356,8 @@ class CameraDeclaration(Part, ABC):
     attributes: AttributesPart = AttributesPart()
     read_as: dict[AttributeName, Text] = Field(
         default={},
-        description="How the program interpreted the calibration file from which it imported this camera: for each "
-        "question, such as `format`, the answer. Of a camera from the catalogue: entry, mode and revision. The program "
-        "writes this key.",
+        description="How the program read the file of this camera, or its entry of the catalogue. The program writes "
+        "this key.",
     )
     kind: str
 

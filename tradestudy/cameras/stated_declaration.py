@@ -63,7 +63,7 @@ AccuracyName = Annotated[str, Field(pattern=r"^[a-z][\w-]*$", max_length=60)]
 
 
 class StatedPart(Part):
-    """Values that a data sheet or paper states; the report lists those that contradict the values of other keys."""
+    """Values that a source states besides those of other keys; the report lists contradictions between them."""
 
     field_of_view: PositiveAngle | None = Field(
         default=None,

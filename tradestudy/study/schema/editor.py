@@ -142,11 +142,14 @@ def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any], values: dict[st
 def _with_basis(schema: Mapping[str, Any], parts: Mapping[str, Any], values: dict[str, str]) -> dict[str, Any]:
     """Let every value below a schema have a basis, and the schema's own if it is a single value or a list."""
     opened = _opened(schema, parts, values)
-    if not _is_value(schema, parts):
+    is_value = _is_value(schema, parts)
+    if not is_value and "anyOf" not in opened:
         return opened
-    # Description and default belong to the key; many keys share the rest.
+    # Description and default belong to the key; many keys share the rest, such as a part or null.
     shown: dict[str, Any] = {key: opened.pop(key) for key in ("description", "default") if key in opened}
     bare = _defined(opened, values)
+    if not is_value:
+        return {**shown, **bare}
     # Some editors drop the properties of a part if others stand beside its reference, so that goes into allOf.
     written = {"allOf": [{"$ref": f"#/$defs/{_WITH_BASIS}"}], "properties": {"value": bare}}
     either = {"anyOf": [bare, written]}
