@@ -537,7 +537,7 @@ def test_one_run_cannot_be_compared() -> None:
 def test_the_overlay_draws_each_run_in_its_line_style_and_names_the_cameras() -> None:
     overlay = compared(tree(), tree(factor=2.0), scene__wavelength=("1 m", "2 m")).overlay
     assert overlay is not None
-    assert "solid, scene › wavelength: 1 m and dashed, scene › wavelength: 2 m" in overlay.caption
+    assert "solid, scene › wavelength: 1 m; and dashed, scene › wavelength: 2 m" in overlay.caption
     axes = overlay.draw().axes[0]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     assert axes.get_title(loc="left").endswith("?")

@@ -35,6 +35,7 @@ def test_one_is_singular(number: int, text: str) -> None:
         ("Single-focus R5 set to 150 mm", "the single-focus R5 set to 150 mm"),
         ("Stereo rig", "the stereo rig"),
         ("MAHLI focus stack", "the MAHLI focus stack"),
+        ("Calibrated 8 mm rig", "the calibrated 8 mm rig"),
         ("Head B", "Head B"),
         ("Head A (50 mm)", "Head A (50 mm)"),
         ("Stereo 100 mm, wide", "Stereo 100 mm, wide"),

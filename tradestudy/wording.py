@@ -14,6 +14,7 @@ NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
 _BRACKETS: Final = re.compile(r"\([^()]*\)")
+_SIZE_OF_DEVICE: Final = re.compile(r"\d[\d.]* (mm|cm|m|px|µm) (?=(.* )?(camera|head|rig|webcam)s?$)", re.IGNORECASE)
 _DESIGNATION: Final = re.compile(r"[A-Za-z]|\d+")
 _DEVICE: Final = re.compile("(camera|head|rig|webcam)s?", re.IGNORECASE)
 _ORDINARY: Final = re.compile(
@@ -48,7 +49,7 @@ def with_article(title: str) -> str:
     An ordinary word at its beginning loses its capital. A title whose second or last word is a letter or a number, such
     as "Head B (50 mm)" or "b", is a name.
     """
-    first, *others = title.split(" ")
+    first, *others = _SIZE_OF_DEVICE.sub("", title).split(" ")
     if first in ("a", "an", "the") or any(map(_DESIGNATION.fullmatch, {*others[:1], *(others or [first])[-1:]})):
         return title
     is_ordinary = _ORDINARY.fullmatch(first.partition("-")[0])

@@ -12,7 +12,8 @@ import xarray as xr
 
 from tradestudy import load
 from tradestudy.results.views import headline as views_headline
-from tradestudy.results.views.conclusions import measure_first, rests_on
+from tradestudy.results.views.conclusions import measure_first, never_best, never_best_words, rests_on
+from tradestudy.results.views.groups import camera_titles
 from tradestudy.results.views.headline import headline
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -81,6 +82,19 @@ def test_neighbouring_stretches_end_at_different_distances(make_tree: Callable[.
     best = [*zip(ends, ("", "stereo-65deg", "r5"), strict=True), (10.0, "")]
     found = headline(changed(tree, best, "requirements", "criteria", "depth_of_field"))
     assert re.match(r"From 0.5 to 1.46 m take Stereo 100 mm.*, to 1.5 m the Raytrix R5", found), found
+
+
+def test_a_camera_of_unknown_uncertainty_is_compared_with_none(make_tree: Callable[..., xr.DataTree]) -> None:
+    """Where its own uncertainty is unknown, a usable camera leaves the comparison of the others as it was."""
+    tree = make_tree()
+    tree["decision"]["best_camera"][:] = "stereo-65deg"
+    known = dict(never_best(tree))
+    hidden = next(iter(known))
+    key = next(key for key, title in camera_titles(tree).items() if title == hidden)
+    tree["decision"]["judged_uncertainty"].loc[{"camera": key}] = np.nan
+    left = dict(never_best(tree))
+    assert left == {title: ratio for title, ratio in known.items() if title != hidden}
+    assert all("is best nowhere" in words for words in never_best_words(tree))
 
 
 @pytest.mark.parametrize("baselines", ["60 mm, 100 mm, 140 mm", "100 mm, 140 mm, 180 mm"])
