@@ -14,6 +14,7 @@ import tradestudy
 from tests.cameras.builders import F_MAIN, PITCH, depth_read, r5, unfocused
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.parts import MicrolensArray
+from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import OutOfRangeError, StudyError
 
 DISTANCES = np.array([0.2, 0.5, 1.0, 5.0])
@@ -61,6 +62,34 @@ def test_types_on_both_sides_of_the_gap_work_on_their_own_side() -> None:
     assert camera.virtual_depth(near)[0] < 0.0 < camera.virtual_depth(far)[0]
     assert np.argmin(camera.blur_px(near)[:, 0]) == 2
     assert np.argmin(camera.blur_px(far)[:, 0]) < 2
+
+
+@pytest.mark.parametrize("distance", [0.07, 0.15, 0.5])
+def test_rendered_light_of_types_on_both_sides_of_the_gap_spreads_by_their_lens(distance: float) -> None:
+    """From a height h on a lens, light of an image s behind the array meets the sensor at h (1 − g/s − g/f)."""
+    lengths = (0.4e-3, GAP, 0.7e-3)
+    camera = r5(microlenses=array(*lengths), estimator="same-type-pair")
+    behind = 1.0 / (1.0 / camera.main_lens.focal_length - 1.0 / distance) - camera.mla_distance
+    places = np.linspace(-4.0, 4.0, 81) * PITCH
+    cones = camera.exposures(distance, {}, None, 0.0)[0].cones(places, np.zeros_like(places))
+    by_lens = cones.start_by_lens + distance * cones.slope_by_lens
+    by_pixel = cones.start_by_pixel + distance * cones.slope_by_pixel
+    spread = np.broadcast_to(-by_lens / by_pixel, cones.pixel.shape)
+    assert {*cones.lens_type.tolist()} == {0, 1, 2}
+    for number, focal_length in enumerate(lengths):
+        expected = 1.0 - GAP / behind - GAP / focal_length
+        np.testing.assert_allclose(np.abs(spread[cones.lens_type == number]), abs(expected), rtol=1e-9)
+
+
+@pytest.mark.parametrize("distance", [0.07, 0.5])
+def test_depth_through_types_on_both_sides_of_the_gap_is_propagated_as_it_is_read(distance: float) -> None:
+    camera = r5(microlenses=array(0.4e-3, GAP, 0.7e-3), estimator="same-type-pair", disparity_error_px=1e-4)
+    assert depth_read(camera, distance, 0.0)[0] == pytest.approx(distance, rel=1e-9)
+    step = 1e-9
+    up, down = depth_read(camera, distance, 0.0, pixel_noise=[step, -step])
+    noise = camera.disparity_error_px * camera.sensor.pixel_pitch
+    sigma = float(depth_uncertainty(camera, np.array([distance]))[0])
+    assert abs(up - down) / (2.0 * step) * noise == pytest.approx(sigma, rel=1e-5)
 
 
 def test_a_pinhole_has_no_other_length() -> None:

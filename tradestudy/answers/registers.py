@@ -11,12 +11,15 @@ from typing import Final
 import xarray as xr
 
 from tradestudy.accuracy import QUANTITIES
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.declaration import CameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.imported import CATALOGUE
 from tradestudy.effects import OFF
 from tradestudy.models.plan import Plan, summary
 from tradestudy.models.problem import Change, Changes
 from tradestudy.results import dataset
+from tradestudy.study.camera_files.libpleno import IGNORED
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Annotation, Document, ListEntry, Path, Place, ScalarEntry, walk
 from tradestudy.study.plausibility import contradictions, implausible
@@ -62,7 +65,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
             "pixels_down": [float(camera.sensor.rows) for camera in cameras.values()],
             "pixel_pitch": [camera.sensor.pixel_pitch for camera in cameras.values()],
             "field_of_view": [sum(camera.edge_angles(math.inf)[:2]) for camera in cameras.values()],
-            "left_out": [camera.left_out for camera in cameras.values()],
+            "left_out": [_left_out(part, cameras[name]) for name, part in parts.items()],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
             "property_value": [math.nan if isinstance(one, str) else float(one.value) for *_, one in properties],
@@ -71,6 +74,13 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
         },
         {"camera": list(cameras)},
     )
+
+
+def _left_out(part: CameraDeclaration, camera: Camera) -> str:
+    """What of a camera's declaration or of its calibration file acts only in part or not at all, in words."""
+    ignored = part.read_as.get(IGNORED)
+    file = f"{ignored} of its file acts neither in depth nor in pictures" if ignored else ""
+    return "; ".join(filter(None, (camera.left_out, file)))
 
 
 def assumptions_group(definition: StudyDefinition) -> xr.Dataset:

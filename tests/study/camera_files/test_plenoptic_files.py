@@ -239,6 +239,7 @@ def test_base_vectors_and_rotation_of_a_raytrix_turn_the_lattice(
     assert abs(dict(camera.known).get("array_rotation", 0.0)) <= period / 2.0 + 1e-9
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_what_a_raytrix_file_says_beyond_the_lattice_is_named_or_refused(tmp_path: Path) -> None:
     def said(*changes: tuple[str, str], types: int = 3) -> str:
         raytrix(tmp_path / "array.xml", *changes, types=types)
@@ -253,7 +254,12 @@ def test_what_a_raytrix_file_says_beyond_the_lattice_is_named_or_refused(tmp_pat
         ("constant", "Brown"),
     )
     (warning,) = tradestudy.load(study(tmp_path, rig=f"from: array.xml, {ARRAY}, {OPTICS}")).warnings
-    assert "the offset of the lattice and the distortion (Brown)" in warning
+    ignored = "the offset of the lattice and the distortion (Brown)"
+    assert ignored in warning
+    tradestudy.load(tmp_path / "study.yaml").run().write(tmp_path / "out", pdf=False)
+    page = (tmp_path / "out" / "report.html").read_text()
+    on_page_one = page.index(f"{ignored} of its file acts neither in depth nor in pictures")
+    assert on_page_one < re.search(r"<h2[^>]*>.*Camera by distance", page).start()  # type: ignore[union-attr]
 
 
 FILES = {
