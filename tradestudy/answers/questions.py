@@ -232,8 +232,18 @@ class _Ratios:
     def crossing(self, logs: tuple[float, float]) -> Solution:
         """Where the ratio passes one between two values: mean and standard error over the scrambles or plans."""
         count = max(len(self._all(log)) for log in logs)
-        roots = np.exp([_root(partial(self._one, k), logs, self._question.says) for k in range(count)])
+        roots = np.exp(
+            [_root(partial(self._one, k), self._nearest(k, logs), self._question.says) for k in range(count)]
+        )
         return Solution(value=float(np.mean(roots)), error=_error_of_mean(roots))
+
+    def _nearest(self, number: int, logs: tuple[float, float]) -> tuple[float, float]:
+        """The closest values, tried for other scrambles, between which this one passes one."""
+        own = number if self.plans > 1 else 0
+        tried = sorted(log for log, plan in self._known if plan == own and logs[0] <= log <= logs[1])
+        ratios = [self._one(number, log) for log in tried]
+        passed = [k for k, (one, other) in enumerate(itertools.pairwise(ratios)) if one * other <= 0.0]
+        return (tried[passed[0]], tried[passed[0] + 1]) if passed else logs
 
     def whole_number(self, logs: tuple[float, float]) -> Solution:
         """The whole number next to the crossing on the side that meets the limit; error over scrambles or plans."""
