@@ -17,6 +17,7 @@ from tradestudy.optics.lens_families import KannalaBrandt
 
 PIXELS, PITCH, BASELINE, TOE_IN = (1280, 800), 3e-6, 0.1, math.radians(6.0)
 LEFT, RIGHT = 800.0, 900.0  # focal lengths [px]
+COMMON = math.sqrt(2.0 / (LEFT**-2 + RIGHT**-2))  # in whose pixels disparity counts
 COEFFICIENTS = (-0.03, 0.012, -0.004, 0.001)
 
 
@@ -32,7 +33,7 @@ def toed_in():
         best=best, pixels=PIXELS, pixel_pitch=PITCH, vocabulary=rig_parameters(RADIAL) | STEREO_ERRORS
     )
     return stereo(
-        lens=Lens(focal_length=(LEFT + RIGHT) / 2.0 * PITCH, f_number=2.0),
+        lens=Lens(focal_length=COMMON * PITCH, f_number=2.0),
         sensor=Sensor(columns=PIXELS[0], rows=PIXELS[1], pixel_pitch=PITCH),
         calibration=Calibration(measurement=measurement),
     )
@@ -53,20 +54,21 @@ def depth(left: float, right: float) -> float:
 def test_disparity_and_equivalent_baseline_are_those_of_the_imported_pose(z: float) -> None:
     rig, (left, right) = toed_in(), seen(z)
     assert depth(left, right) == pytest.approx(z, rel=1e-12)
-    disparity = LEFT * left - RIGHT * right
+    disparity = COMMON * (left - right)
     assert float(rig.disparity_px(z)) == pytest.approx(disparity, rel=1e-9)
-    moved = depth(left + 0.5 / LEFT, right - 0.5 / RIGHT)
+    by_left, by_right = (COMMON / (2.0 * focal**2) for focal in (LEFT, RIGHT))  # change of tangents per pixel
+    moved = depth(left + by_left, right - by_right)
     assert float(rig.depth_of_disparity((disparity + 1.0) * PITCH, z)) == pytest.approx(moved, rel=1e-9)
     step = 1e-3
-    slope = (1.0 / depth(left + step / LEFT, right - step / RIGHT) - 1.0 / z) / (2.0 * step)  # [1/(m px)]
-    expected = 1.0 / (slope * (LEFT + RIGHT) / 2.0)
+    slope = (1.0 / depth(left + step * by_left, right - step * by_right) - 1.0 / z) / step  # [1/(m px)]
+    expected = 1.0 / (slope * COMMON)
     assert float(rig.equivalent_baseline(np.array([z]))[0]) == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_disparity_of_infinity_of_a_toed_in_pair_is_that_of_its_angle() -> None:
     half = math.tan(TOE_IN / 2.0)
     found = float(toed_in().disparity_of_infinity(1.0)) / PITCH
-    assert found == pytest.approx(-(LEFT + RIGHT) * half, rel=1e-9)
+    assert found == pytest.approx(-2.0 * COMMON * half, rel=1e-9)
 
 
 def test_the_views_of_a_pair_reach_from_its_own_principal_point() -> None:

@@ -129,7 +129,7 @@ def _time_per_scene(camera: Camera, part: AttributesPart, relief: Relief) -> Att
 def _data_volume(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:
     if not camera.makes_depth_map:
         return Attribute(text="no depth map")
-    pixels = camera.sensor.columns * camera.sensor.rows * camera.lens_count * _images(camera, relief)
+    pixels = camera.pixel_count * _images(camera, relief)
     if pixels == 0:
         return Attribute(text="—")
     bits = part.bits_per_pixel

@@ -120,7 +120,12 @@ def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source
     return Calibration(groups=(group,), source=source, measurement=measurement, vocabulary=measurement.vocabulary)
 
 
-def measurement_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple[int, int]) -> RigMeasurement:
+def measurement_of_rig(
+    camera: PairGeometry,
+    pair: CalibratedPair,
+    pixels: tuple[int, int],
+    right_pixels: tuple[int, int] | None = None,
+) -> RigMeasurement:
     """The exact model of a calibrated pair.
 
     Parameters
@@ -129,14 +134,15 @@ def measurement_of_rig(camera: PairGeometry, pair: CalibratedPair, pixels: tuple
         The camera as designed.
     pair
         The calibrated pair.
-    pixels
-        Columns and rows of its pictures.
+    pixels, right_pixels
+        Columns and rows of its pictures, and of the right one if it has others.
     """
     return RigMeasurement(
         best=np.array(pair.parameters),
         lenses=pair.lenses,
         free=pair.free,
         pixels=pixels,
+        right_pixels=right_pixels,
         pixel_pitch=camera.sensor.pixel_pitch,
         vocabulary={**rig_parameters(pair.free), **camera.error_vocabulary},
     )
@@ -150,7 +156,7 @@ def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
     if camera.calibrated_pair is None or calibration.measurement is not None or not calibration.inferred:
         return calibration
     pixels = (camera.sensor.columns, camera.sensor.rows)
-    measurement = measurement_of_rig(cast(PairGeometry, camera), camera.calibrated_pair, pixels)
+    measurement = measurement_of_rig(cast(PairGeometry, camera), camera.calibrated_pair, pixels, camera.right_pixels)
     return replace(calibration, measurement=measurement, vocabulary=measurement.vocabulary)
 
 
@@ -170,6 +176,12 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
             value=", ".join(lacking),
             limit=f"all {len(names)}",
             remedy="use an unchanged file written by a run",
+        )
+    if camera.right_pixels is not None:
+        raise CalibrationFileError(
+            f"{path.name} contains the posterior of a rig whose pictures have one size, but those of {name} have two",
+            limit="errors declared one by one, or their covariance",
+            remedy="remove calibration.posterior, or right_sensor",
         )
     size = (camera.sensor.columns, camera.sensor.rows)
     if found.pixels != size:

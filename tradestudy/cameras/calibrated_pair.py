@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_measurement import ErrorVocabulary
 from tradestudy.cameras.parts import Sensor
@@ -17,6 +19,8 @@ Lenses = tuple[LensModel, LensModel]
 PINHOLES: Final[Lenses] = (IDEAL, IDEAL)
 RADIAL: Final = ("k1", "k2")
 """The coefficients that are parameters of a camera by default."""
+LARGEST_FOCAL_RATIO: Final = 1.05
+"""Focal lengths of two cameras [px] that differ by more make a pair unequal."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +40,11 @@ class CalibratedCamera:
     focal_lengths: tuple[float, float]
     principal_point: tuple[float, float]
     lens: LensModel
+
+    @property
+    def scale(self) -> float:
+        """Scale of the picture on the axis [px]."""
+        return math.sqrt(math.prod(self.focal_lengths)) * self.lens.scale_on_axis
 
     def on_sensor(self, sensor: Sensor) -> tuple[tuple[float, float], tuple[float, float]]:
         """Principal distances along x and y, and the principal point from the middle of a sensor [m]."""
@@ -65,6 +74,12 @@ class CalibratedPair:
     free: tuple[str, ...] = RADIAL
 
     @property
+    def focal_length(self) -> float:
+        """The `common_focal_length` of the means of both cameras [px]."""
+        left, right = (np.mean(camera.focal_lengths) for camera in self.cameras)
+        return float(common_focal_length(left, right))
+
+    @property
     def cameras(self) -> tuple[CalibratedCamera, CalibratedCamera]:
         """The left and the right camera."""
         own = len(self.parameters[:-6]) // 2
@@ -73,6 +88,12 @@ class CalibratedPair:
             for first, lens in zip((0, own), self.lenses, strict=True)
         )
         return left, right
+
+    @property
+    def is_unequal(self) -> bool:
+        """Whether the scales of the two pictures differ by more than `LARGEST_FOCAL_RATIO`."""
+        scales = [camera.scale for camera in self.cameras]
+        return max(scales) > LARGEST_FOCAL_RATIO * min(scales)
 
     @property
     def rotation(self) -> FloatArray:
@@ -92,6 +113,21 @@ def _camera(interior: tuple[float, ...], lens: LensModel, free: tuple[str, ...])
         principal_point=(cx, cy),
         lens=replace(lens, **dict(zip(free, coefficients, strict=True))),
     )
+
+
+def common_focal_length(left: ArrayLike, right: ArrayLike) -> FloatArray:
+    """Focal length c of the equal pair that measures directions as precisely: ``2/c² = 1/c_l² + 1/c_r²``.
+
+    An error of u pixels is an angle of u/c. If the errors of both pictures are independent and equal in pixels of their
+    own camera, those of the two directions add up to ``u² (1/c_l² + 1/c_r²)``, as do those of two cameras with c.
+
+    Parameters
+    ----------
+    left, right : arrays (...)
+        Focal lengths of the two cameras [px], or both in another unit.
+    """
+    shorter, longer = np.minimum(left, right), np.maximum(left, right)
+    return np.asarray(shorter * np.sqrt(2.0 / (1.0 + np.square(shorter / longer))))
 
 
 class PairGeometry(Protocol):

@@ -48,7 +48,8 @@ class CalibratedMeasurement(Protocol):
     def disparity_px(self, distance: FloatArray) -> FloatArray:
         """Disparity [px] of points midway between the cameras at distances [m]: the difference of their x coordinates.
 
-        Each is measured from the principal point of its camera, along the rows of its own picture; infinity is allowed.
+        Each is measured from the principal point of its camera, along the rows of its own picture, and scaled to the
+        `common_focal_length` if the cameras have different ones; infinity is allowed.
         """
 
     def cropped(self, columns: int, rows: int) -> Self:

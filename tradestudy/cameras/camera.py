@@ -198,6 +198,11 @@ class Camera(ABC):
     sensor: Sensor
 
     @property
+    def pixel_count(self) -> int:
+        """Number of pixels of all pictures that are taken at the same time."""
+        return self.sensor.columns * self.sensor.rows * self.lens_count
+
+    @property
     @abstractmethod
     def gathering_lens(self) -> Lens:
         """The lens whose pupil gathers the light."""

@@ -204,6 +204,11 @@ class DepthCamera(Camera):
         """The calibrated pair that measures depth; None if the design does."""
         return None
 
+    @property
+    def right_pixels(self) -> tuple[int, int] | None:
+        """Columns and rows of the right picture, if it has others than the left one."""
+        return None
+
     def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair
         """The camera, or a fitted pair, in the form of calibration files; None if they cannot describe it."""
         return None

@@ -30,6 +30,8 @@ NOMINAL_PITCH: Final = (
 CATALOGUE: Final = "catalogue"
 PICTURE_SIZE: Final = "size of pictures"
 """Name of the convention that states the size of the calibrated pictures as taken, and as rotated if they are."""
+RIGHT_SIZE: Final = "size of right pictures"
+"""Name of the convention that states the size of the right pictures, if it is another one."""
 FITTED_LENS: Final = "fitted lens model"
 """Name of the convention that states the lens model of a fit to corners."""
 
@@ -245,6 +247,11 @@ def asked_of_depth(key: str) -> Iterator[Stated]:
     """How depth is measured, which no file of a plenoptic camera says."""
     for name in ("estimator", "disparity_error"):
         yield Stated(path=("depth", name), value=None, key=key)
+
+
+def size_words(pixels: tuple[int, int]) -> str:
+    """A size of pictures in words."""
+    return f"{pixels[0]} × {pixels[1]} px"
 
 
 def camera_stated(where: tuple[str, ...], camera: ImportedCamera) -> Iterator[Stated]:

@@ -338,7 +338,9 @@ def _off_centre(definition: StudyDefinition) -> Iterator[Problem]:
         if PICTURE_SIZE in camera.read_as or not isinstance(sensor, SensorPart):
             continue
         centres = {side: one.principal_point for side, one in parts.items() if isinstance(one, CalibratedCameraPart)}
-        if says := off_centre({side: (centre, sensor.pixels) for side, centre in centres.items()}):
+        other = getattr(camera, "right_sensor", None) or sensor
+        sizes = {side: other.pixels if side == "right" else sensor.pixels for side in centres}
+        if says := off_centre({side: (centre, sizes[side]) for side, centre in centres.items()}):
             path = ("cameras", name, "sensor", "pixels")
             yield definition.document.problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
 

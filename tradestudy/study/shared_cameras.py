@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from tradestudy.cameras.imported import CATALOGUE, PICTURE_SIZE
+from tradestudy.cameras.imported import CATALOGUE, PICTURE_SIZE, size_words
 from tradestudy.cameras.kinds import KINDS
 from tradestudy.catalogue import PREFIX, entry_names, entry_path, revision
 from tradestudy.declarations.lens_models import FittedLensModel
@@ -20,7 +20,6 @@ from tradestudy.study.camera_files.binary import MAGIC
 from tradestudy.study.camera_files.importing import imported, known_formats, recognised
 from tradestudy.study.camera_files.importing import nearest as nearest_formats
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError, NoLengthUnitError, Request, wrong_request
-from tradestudy.study.camera_files.pairs import size_words
 from tradestudy.study.document import (
     Document,
     Entry,

@@ -29,7 +29,14 @@ from tradestudy.calibration.projection import (
     rotation_matrix,
     rotation_vector,
 )
-from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, CalibratedPair, Lenses, PairGeometry
+from tradestudy.cameras.calibrated_pair import (
+    PINHOLES,
+    RADIAL,
+    CalibratedPair,
+    Lenses,
+    PairGeometry,
+    common_focal_length,
+)
 from tradestudy.cameras.depth_measurement import (
     INTERIOR,
     PIXEL_NOISE,
@@ -56,7 +63,12 @@ _OUTSIDE: Final = -1.0  # px from the edge, for nodes that show no point or whos
 
 
 def shared_area(
-    rig: FloatArray, lenses: Lenses, free: Sequence[str], pixels: tuple[int, int], distance: FloatArray
+    rig: FloatArray,
+    lenses: Lenses,
+    free: Sequence[str],
+    pixels: tuple[int, int],
+    distance: FloatArray,
+    right_pixels: tuple[int, int] | None = None,
 ) -> FloatArray:
     """Share of the area of a picture whose points the other camera also sees; the smaller of both pictures' shares.
 
@@ -73,6 +85,8 @@ def shared_area(
         Columns and rows of each picture.
     distance : array (D,)
         Z [m] from the left camera.
+    right_pixels
+        Columns and rows of the right picture, if it has others.
 
     Returns
     -------
@@ -81,16 +95,19 @@ def shared_area(
     """
     of_left, of_right = cameras_of(rig)
     turn, translation = rotation_matrix(rig[ROTATION]), rig[TRANSLATION]
-    nodes = np.stack(
-        np.meshgrid(*(np.linspace(-0.5, n - 0.5, k) for n, k in zip(pixels, _NODES, strict=True))), axis=-1
+    sizes = (pixels, right_pixels or pixels)
+    left, right = (
+        np.stack(np.meshgrid(*(np.linspace(-0.5, n - 0.5, k) for n, k in zip(size, _NODES, strict=True))), axis=-1)
+        for size in sizes
     )
-    flat = nodes.reshape(-1, 2)
-    from_left = _to_plane(ray_slopes(of_left, flat, lenses[0], free), np.zeros(3), np.eye(3), distance)
-    rays = ray_slopes(of_right, flat, lenses[1], free)
+    rays = ray_slopes(of_left, left.reshape(-1, 2), lenses[0], free)
+    from_left = _to_plane(rays, np.zeros(3), np.eye(3), distance)
+    rays = ray_slopes(of_right, right.reshape(-1, 2), lenses[1], free)
     from_right = _to_plane(rays, -turn.T @ translation, turn.T, distance)
     in_right = project(of_right, move(rig[RELATIVE], from_left), lenses[1], free)
     in_left = project(of_left, from_right, lenses[0], free)
-    both = [_share_inside(seen, pixels).reshape(distance.shape) for seen in (in_right, in_left)]
+    places = zip((in_right, in_left), sizes[::-1], strict=True)
+    both = [_share_inside(seen, size).reshape(distance.shape) for seen, size in places]
     return np.minimum(*both)
 
 
@@ -229,10 +246,10 @@ def _contradictions(
 
 
 def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean focal length [px], baseline [m], and angle by which the axes converge [rad], each of shape (...,)."""
+    """Common focal length [px], baseline [m], and angle by which the axes converge [rad], each of shape (...,)."""
     right_axis = rotation_matrix(shared[..., ROTATION])[..., 2, :]  # in the frame of the left camera
     return (
-        np.concatenate([camera[..., :2] for camera in cameras_of(shared)], axis=-1).mean(axis=-1),
+        common_focal_length(*(camera[..., :2].mean(axis=-1) for camera in cameras_of(shared))),
         np.linalg.norm(shared[..., TRANSLATION], axis=-1),
         np.arctan2(-right_axis[..., 0], right_axis[..., 2]),
     )
@@ -303,6 +320,8 @@ class RigMeasurement:
         All parameters that can be in error: `rig_parameters`, and the errors of a stereo rig, which include ageing.
     lenses, free
         Lens models, and names of their free coefficients.
+    right_pixels
+        Columns and rows of the right picture, if it has others.
     """
 
     best: FloatArray
@@ -311,6 +330,7 @@ class RigMeasurement:
     vocabulary: ErrorVocabulary
     lenses: Lenses = PINHOLES
     free: tuple[str, ...] = RADIAL
+    right_pixels: tuple[int, int] | None = None
 
     def __call__(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None = None
@@ -328,16 +348,28 @@ class RigMeasurement:
             return self._at_each(distance, field, errors, environment)
         points = self._points(np.asarray(distance, dtype=np.float64), field)
         seen = observe_pair(self._true_rig(errors, environment), points, self.lenses, self.free)
-        size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
+        size = np.array([*self.pixels, *(self.right_pixels or self.pixels)], dtype=np.float64)
         if environment is not None:
             seen = (size - 1.0) / 2.0 + (seen - (size - 1.0) / 2.0) / environment.scale_factor(errors)[..., None]
         inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # False for NaN, outside the field of a lens
-        half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
-        measured = np.where(inside[..., None], seen, size / 2.0) + half * np.array([1.0, 0.0, -1.0, 0.0])
+        left, right = self._noise_shares
+        noise = value_of(errors, PIXEL_NOISE)[..., None] / self.pixel_pitch
+        measured = np.where(inside[..., None], seen, size / 2.0) + noise * np.array([left, 0.0, -right, 0.0])
         inverse = inverse_depth(self._calibrated_rigs(errors), measured, self.lenses, self.free)
         return MeasuredInverseDepth(
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
         )
+
+    @property
+    def _noise_shares(self) -> tuple[float, float]:
+        """Movements of the left and, reversed, of the right x per noise of the disparity: c/2c_i, or 1/2 if equal.
+
+        With independent errors of both x, u/√2 in pixels of their own camera, the disparity at the
+        `common_focal_length` c is wrong by u; these are the mean movements of both x for a given error of disparity.
+        """
+        left, right = (np.mean(camera[:2]) for camera in cameras_of(self.best))
+        c = common_focal_length(left, right)
+        return float(c / (2.0 * left)), float(c / (2.0 * right))
 
     @property
     def pair(self) -> CalibratedPair:
@@ -345,10 +377,15 @@ class RigMeasurement:
         return CalibratedPair(parameters=tuple(map(float, self.best)), lenses=self.lenses, free=self.free)
 
     def cropped(self, columns: int, rows: int) -> RigMeasurement:
-        """See `CalibratedMeasurement`; the principal points keep their places in the object's picture."""
+        """See `CalibratedMeasurement`; the principal points keep their places in the object's picture.
+
+        If the pictures differ in size, only the left one is cropped.
+        """
         best, own = self.best.copy(), (len(self.best) - 6) // 2
         for axis, size in enumerate((columns, rows)):
-            best[[2 + axis, own + 2 + axis]] += (size - self.pixels[axis]) / 2.0
+            best[[2 + axis, own + 2 + axis] if self.right_pixels is None else [2 + axis]] += (
+                size - self.pixels[axis]
+            ) / 2.0
         return replace(self, best=best, pixels=(columns, rows))
 
     def disparity_px(self, distance: FloatArray) -> FloatArray:
@@ -356,12 +393,12 @@ class RigMeasurement:
         seen = observe_pair(
             self.best, points_midway(self.best, np.minimum(distance, _FARTHEST)), self.lenses, self.free
         )
-        left, right = cameras_of(self.best)
-        return np.asarray((seen[..., 0] - left[2]) - (seen[..., 2] - right[2]))
+        (left, right), (of_left, of_right) = cameras_of(self.best), self._noise_shares
+        return np.asarray(2.0 * (of_left * (seen[..., 0] - left[2]) - of_right * (seen[..., 2] - right[2])))
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
         """See `CalibratedMeasurement`."""
-        return shared_area(self.best, self.lenses, self.free, self.pixels, distance)
+        return shared_area(self.best, self.lenses, self.free, self.pixels, distance, self.right_pixels)
 
     def _at_each(
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, Literal, Self
 
 import numpy as np
@@ -15,6 +16,7 @@ from tradestudy.cameras.declaration import (
     CalibratedCameraPart,
     DepthCameraDeclaration,
     DisparityPart,
+    PixelCount,
     ProjectingLensPart,
     SensorPart,
 )
@@ -23,23 +25,28 @@ from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.imported import (
     FITTED_LENS,
     NOMINAL_PITCH,
+    RIGHT_SIZE,
     Imported,
     ImportedCorners,
     ImportedRig,
     Stated,
     camera_stated,
     conventions_stated,
+    size_words,
 )
 from tradestudy.cameras.single_lens import edge_angle
 from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.declarations.distributions import LengthOrPixelsDistribution
 from tradestudy.declarations.lens_models import AnyLensModel, fitted_words
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     Angle,
     Baseline,
+    InPixels,
     Length,
     ObjectDistanceOrInfinity,
+    PixelPitch,
     PositivePixels,
 )
 from tradestudy.optics.lens_model import IDEAL
@@ -82,8 +89,8 @@ class GeometryPart(Part):
 
     @property
     def focal_length_px(self) -> float:
-        """Mean of the four focal lengths [px]."""
-        return float(np.mean([*self.left.focal_length, *self.right.focal_length]))
+        """The `common_focal_length` of both cameras [px]."""
+        return self.pair.focal_length
 
     @property
     def baseline(self) -> float:
@@ -107,7 +114,22 @@ class GeometryPart(Part):
         return CalibratedPair(parameters=parameters, lenses=lenses, free=free)
 
 
+class RightSensorPart(Part):
+    """The pixels of the right camera of an unequal pair."""
+
+    absent: ClassVar[Mapping[str, str]] = {"pixel_pitch": "that of the left camera"}
+
+    pixels: tuple[PixelCount, PixelCount] = Field(
+        description="Number of columns and number of rows of the right picture.", examples=[[640, 400]]
+    )
+    pixel_pitch: PixelPitch | None = Field(
+        default=None, description="Distance between neighbouring pixel centres; default: that of the left camera."
+    )
+
+
 _ASSUMED_PITCH: Final = "3 um"
+_OF_LENGTH: Final = frozenset(("mean", "half_width", "standard_deviation", "scale", "file"))
+"""Keys of a distribution whose values have its unit."""
 
 
 def stated_by(imported: ImportedRig | ImportedCorners) -> Iterator[Stated]:
@@ -137,6 +159,9 @@ def _of_rig(rig: ImportedRig) -> Iterator[Stated]:
     if (pixels := rig.left.pixels or rig.right.pixels) is not None:
         key = (rig.left if rig.left.pixels else rig.right).keys["pixels"]
         yield Stated(path=("sensor", "pixels"), value=list(pixels), key=key)
+        if (other := rig.right.pixels) not in (None, pixels):
+            assert other is not None
+            yield Stated(path=("right_sensor", "pixels"), value=list(other), key=rig.right.keys["pixels"])
     yield _pitch(rig.keys["translation"])
     yield from conventions_stated(rig.conventions)
     said = [{(one.name, one.says) for one in camera.conventions} for camera in (rig.left, rig.right)]
@@ -206,7 +231,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     camera: ClassVar[type[StereoRig]] = StereoRig
     reader: ClassVar[DepthReaderOfKind | None] = PairReader
 
-    absent: ClassVar[Mapping[str, str]] = {"distortion": "none"}
+    absent: ClassVar[Mapping[str, str]] = {"distortion": "none", "right_sensor": "as sensor"}
 
     kind: Literal["stereo"]
     imports: ClassVar[tuple[type, ...]] = (ImportedRig, ImportedCorners)
@@ -216,6 +241,11 @@ class StereoDeclaration(DepthCameraDeclaration):
     geometry: GeometryPart | None = Field(
         default=None,
         description="Calibrated geometry of the two cameras, instead of focal length and baseline.",
+    )
+    right_sensor: RightSensorPart | None = Field(
+        default=None,
+        description="The pixels of the right camera, if they differ from those of the left one, which `sensor` then "
+        "describes; only with `geometry`. What else `sensor` says holds for both.",
     )
     baseline: Baseline | None = Field(
         default=None,
@@ -262,6 +292,10 @@ class StereoDeclaration(DepthCameraDeclaration):
 
     def _mistakes_of_geometry(self) -> Iterator[MistakeAt]:
         has_lens = self.lenses.focal_length is not None or self.lenses.field_of_view is not None
+        if self.right_sensor is not None and self.geometry is None:
+            yield MistakeAt(
+                ("right_sensor",), "needs the focal lengths of both cameras; give them in geometry, or remove this"
+            )
         if self.geometry is None:
             if not has_lens:
                 yield MistakeAt(("lenses",), "give exactly one of focal_length and field_of_view")
@@ -319,6 +353,44 @@ class StereoDeclaration(DepthCameraDeclaration):
             raise MistakeAt(where, f"the lens model {without[0]} has no k1 and k2 here; remove this error")
         return self
 
+    @model_validator(mode="after")
+    def _of_an_unequal_pair(self) -> Self:
+        said, right = self.read_as.get(RIGHT_SIZE), self.right_sensor
+        size = "" if right is None else size_words(right.pixels)
+        if said and not f" {said}".endswith(f" {size or '?'}"):
+            raise MistakeAt(
+                ("right_sensor", "pixels"),
+                f"{size or 'none'} is not the size of the calibrated right pictures, {said}; remove this key",
+            )
+        if self.geometry is None or not (right or self.geometry.pair.is_unequal):
+            return self
+        if self.depth.disparity_error == "derived":
+            raise MistakeAt(
+                ("depth", "disparity_error"),
+                "can be derived only for two cameras alike, and these have other sizes or focal lengths; give it in px",
+            )
+        if right and right.pixel_pitch not in (None, self.sensor.pixel_pitch):
+            self._require_pixels()
+        for source in ("corners", "target"):
+            if right and getattr(self.calibration, source) is not None:
+                raise MistakeAt(
+                    ("calibration", source),
+                    "only for pictures of equal size; calibrate with another program, and declare errors",
+                )
+        return self
+
+    def _require_pixels(self) -> None:
+        """Refuse errors of the right camera, or of both, in units of length, which its other pixels would scale."""
+        errors = {("errors",): self.calibration.errors, ("stability", "ageing"): self.calibration.stability.ageing}
+        for where, part in errors.items():
+            for name, error in part.given().items():
+                values = [getattr(error, key) for key in error.model_fields_set & _OF_LENGTH]
+                is_of_right = isinstance(error, LengthOrPixelsDistribution) and not name.startswith("left_")
+                if is_of_right and not all(isinstance(one, InPixels) for one in values):
+                    raise MistakeAt(
+                        ("calibration", *where, name), "the two cameras have different pixels; give this error in px"
+                    )
+
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """As for every part, except what the geometry of a calibrated pair determines."""
         known = () if self.geometry is None else (("convergence_distance",), ("distortion",))
@@ -333,10 +405,20 @@ class StereoDeclaration(DepthCameraDeclaration):
     def design(self, picture_law: DisparityErrorLaw | None) -> StereoRig:
         """The rig in SI; axes that meet at the distance Z₀ converge by ``2 atan(B / 2Z₀)``.
 
-        A calibrated pair measures depth with its own geometry. Its design has the mean of its focal lengths, the lens
+        A calibrated pair measures depth with its own geometry. Its design has the `common_focal_length`, the lens
         model of its left camera and, if the axes converge by more than a twentieth of the field of view, their angle.
         """
-        sensor, geometry = self.sensor.sensor(), self.geometry
+        sensor, geometry, other = self.sensor.sensor(), self.geometry, self.right_sensor
+        right = (
+            None
+            if other is None
+            else replace(
+                sensor,
+                columns=other.pixels[0],
+                rows=other.pixels[1],
+                pixel_pitch=other.pixel_pitch or sensor.pixel_pitch,
+            )
+        )
         calibrated = None if geometry is None else geometry.pair
         if geometry is None or calibrated is None:
             assert self.baseline is not None  # the validator ensures it
@@ -354,6 +436,7 @@ class StereoDeclaration(DepthCameraDeclaration):
         return StereoRig(
             lens=lens,
             sensor=sensor,
+            right_sensor=None if right == sensor else right,
             focus_distance=None if self.focus_distance == "autofocus" else self.focus_distance,
             principal_distance_rule=self.principal_distance,
             baseline=baseline,

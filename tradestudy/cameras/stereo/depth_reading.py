@@ -12,8 +12,10 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from tradestudy.cameras.calibrated_pair import LARGEST_FOCAL_RATIO
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
 from tradestudy.cameras.light_cones import AT_ORIGIN, Description
+from tradestudy.cameras.parts import Sensor
 from tradestudy.cameras.single_lens import SingleLensExposure
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import SIDES
@@ -176,7 +178,8 @@ class PairReader(DepthReader):
     """Depth measured with a stereo rig as calibrated or designed; the map has the pixels of the left picture.
 
     Pictures are rectified unless they are of parallel pinholes with equal centred pictures; the map is then in the
-    frame of the rectified left picture. Finally, rows that are displaced by errors of the rig are aligned.
+    frame of the rectified left picture. Those of an unequal pair are rectified to the pixels of the coarser camera.
+    Finally, rows that are displaced by errors of the rig are aligned.
 
     Parameters
     ----------
@@ -205,17 +208,28 @@ class PairReader(DepthReader):
     def _pinhole(self) -> tuple[float, float, float]:
         """Principal distance and principal point of both rectified cameras [px].
 
-        They have the mean scale on the axis, and the mean of what the middles of both sensors see in their middle.
+        They have the mean scale on the axis, or the smaller one of an unequal pair, and the mean of what the middles of
+        both sensors see in their middle.
         """
-        sensor, seen = self.camera.sensor, []
+        sensor, seen = self._grid, []
         for one in self._exposures.values():
             cones = one.cones(np.zeros(1), np.zeros(1))
             x, y, z = np.array(one.pose.rotation) @ np.append(cones.slope[:, 0], 1.0)
             seen.append((x / z, y / z))
-        scales = [math.sqrt(math.prod(one.scales)) * one.distortion.scale_on_axis for one in self._exposures.values()]
-        c = float(np.mean(scales)) / sensor.pixel_pitch
+        scales = [self._scale_of(side) for side in SIDES]
+        c = min(scales) if self.camera.unequal else float(np.mean(scales))
         across, down = np.mean(seen, axis=0)
         return c, (sensor.columns - 1) / 2.0 - c * float(across), (sensor.rows - 1) / 2.0 - c * float(down)
+
+    @property
+    def _grid(self) -> Sensor:
+        """The sensor whose pixels rectified pictures have: that of the coarser camera."""
+        return self.camera.coarser[1]
+
+    def _scale_of(self, side: str) -> float:
+        """Scale of a picture on the axis [px]."""
+        one = self._exposures[side]
+        return math.sqrt(math.prod(one.scales)) * one.distortion.scale_on_axis / one.sensor.pixel_pitch
 
     @property
     def _scale(self) -> float:
@@ -227,9 +241,11 @@ class PairReader(DepthReader):
     def _steps(self) -> range:
         """Disparities to search [px], at most the width of a picture and the search range of the rig's matcher."""
         first = math.floor(self._scale / self.search.far) - 2
-        last = min(math.floor(self._scale / self.search.near) + 4, self.camera.sensor.columns)
-        if self.camera.disparity_range_px is not None:
-            last = min(last, math.floor(self.camera.disparity_range_px) + 1)
+        last = min(math.floor(self._scale / self.search.near) + 4, self._grid.columns)
+        if (largest := self.camera.disparity_range_px) is not None:
+            if self.camera.unequal:  # counts in pixels at the common focal length of the rig
+                largest *= self._pinhole[0] * self.camera.sensor.pixel_pitch / self.camera.principal_distance
+            last = min(last, math.floor(largest) + 1)
         return range(first, max(last, first + 4))
 
     def _depth(self, disparity: Samples) -> Samples:
@@ -240,7 +256,7 @@ class PairReader(DepthReader):
     def frame(self) -> Description:
         """The rectified left camera."""
         c, x, y = self._pinhole
-        sensor = self.camera.sensor
+        sensor = self._grid
         middle = (sensor.columns - 1) / 2.0, (sensor.rows - 1) / 2.0
         return {
             "centre": list(self._exposures["left"].pose.centre),
@@ -252,10 +268,15 @@ class PairReader(DepthReader):
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
         """Depth of every pixel of the left picture whose matches from left to right and from right to left agree."""
         left, right = (
-            self._parallel(np.where(pictures[side].pure, pictures[side].values, np.nan), side) for side in SIDES
+            self._parallel(self._matched(np.where(pictures[side].pure, pictures[side].values, np.nan), side), side)
+            for side in SIDES
         )
         noise = [
-            self._parallel(np.where(pictures[side].pure, pictures[side].variance, np.nan), side, order=1)
+            self._parallel(
+                self._matched(np.where(pictures[side].pure, pictures[side].variance, np.nan), side, power=2),
+                side,
+                order=1,
+            )
             for side in SIDES
         ]
         aligned = row_alignment(left, right, self._steps, _opencv())
@@ -374,16 +395,34 @@ class PairReader(DepthReader):
         """The rectified picture, as of a pinhole camera whose axis is perpendicular to the baseline."""
         if self._needs_no_rectification:
             return picture
-        sensor = self.camera.sensor
+        sensor = self._exposures[side].sensor
         x, y = self._exposures[side].place(*self._rays(side)) / sensor.pixel_pitch
         outside = float(-sensor.columns - sensor.rows)  # outside the field of the lens counts as outside the picture
         place = np.nan_to_num(np.stack([y + (sensor.rows - 1) / 2.0, x + (sensor.columns - 1) / 2.0]), nan=outside)
         return _interpolated(picture, place, order=order)
 
+    def _matched(self, picture: Samples, side: str, power: int = 1) -> Samples:
+        """The picture of the finer camera of an unequal pair, or its variance (power 2), with pixels of the coarser.
+
+        The smoothing is Gaussian, with the variance (r² − 1)/12 px² by which pixels r times as wide exceed its own.
+        """
+        from scipy.ndimage import correlate1d
+
+        ratio = self._scale_of(side) / self._pinhole[0]
+        if not self.camera.unequal or ratio <= LARGEST_FOCAL_RATIO:
+            return picture
+        spread = (ratio * ratio - 1.0) / 12.0
+        reach = math.ceil(4.0 * math.sqrt(spread))
+        kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1)) / spread)
+        kernel = np.power(kernel / kernel.sum(), power)
+        for axis in (0, 1):
+            picture = correlate1d(picture, kernel, axis=axis, mode="nearest")
+        return picture
+
     def _rays(self, side: str) -> Samples:
         """Rays of the pixels of the rectified camera in the frame of the actual one, shape (3, rows, columns)."""
         c, middle_x, middle_y = self._pinhole
-        rows, columns = np.mgrid[: self.camera.sensor.rows, : self.camera.sensor.columns]
+        rows, columns = np.mgrid[: self._grid.rows, : self._grid.columns]
         rays = np.stack([(columns - middle_x) / c, (rows - middle_y) / c, np.ones_like(rows, dtype=float)])
         rotation = np.array(self._exposures[side].pose.rotation)
         return np.asarray(np.einsum("ij,irc->jrc", rotation, rays))

@@ -1,11 +1,11 @@
-"""A stereo rig of two equal cameras side by side, with parallel or converging axes."""
+"""A stereo rig of two cameras side by side, equal or calibrated as unequal, with parallel or converging axes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
@@ -29,7 +29,7 @@ from tradestudy.cameras.depth_measurement import (
 )
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus, require_focus, require_refocusing
 from tradestudy.cameras.imported import ImportedRig
-from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.cameras.parts import Lens, Sensor, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.single_lens import (
     SingleLensExposure,
@@ -46,6 +46,7 @@ from tradestudy.cameras.stereo.pair import (
     Pair,
     pair_inverse_depth,
     pair_observation,
+    relative_focal_lengths,
     rig_of_calibration,
     rig_of_design,
     shared_view,
@@ -57,7 +58,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_model import IDEAL, LensModel, slopes
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse, stereo_depth, stereo_disparity
-from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
+from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty, significant
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
@@ -131,7 +132,9 @@ class StereoRig(DepthCamera):
         The largest disparity [px] that the matcher searches; None for no limit.
     calibrated_pair
         Calibrated geometry with which depth is measured, if known. Its pictures have this geometry too, or that of the
-        calibration; focus, blur and light are those of two equal cameras.
+        calibration. Unless the cameras are `unequal`, focus, blur and light are those of two equal ones.
+    right_sensor
+        The sensor of the right camera of a calibrated pair, if it is another than that of the left one.
 
     Raises
     ------
@@ -156,6 +159,7 @@ class StereoRig(DepthCamera):
     distortion: LensModel = IDEAL
     calibrated_pair: CalibratedPair | None = None
     disparity_range_px: float | None = None
+    right_sensor: Sensor | None = None
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
@@ -209,14 +213,55 @@ class StereoRig(DepthCamera):
         return float(image_distance(focus_distance - self.principal_plane, self.lens.focal_length))
 
     @property
+    def sensors(self) -> tuple[Sensor, Sensor]:
+        """The sensors of the left and the right camera."""
+        return self.sensor, self.right_sensor or self.sensor
+
+    @property
+    def pixel_count(self) -> int:
+        """Number of pixels of both cameras."""
+        return sum(sensor.columns * sensor.rows for sensor in self.sensors)
+
+    @property
+    def right_pixels(self) -> tuple[int, int] | None:
+        """Columns and rows of the right picture, if it has others than the left one."""
+        return None if self.right_sensor is None else (self.right_sensor.columns, self.right_sensor.rows)
+
+    @cached_property
+    def unequal(self) -> tuple[tuple[Lens, Sensor], ...]:
+        """Lens and sensor of the left and the right camera of an unequal pair; empty for others."""
+        pair = self.measured_pair
+        if pair is None or (self.right_sensor is None and not pair.is_unequal):
+            return ()
+        return tuple(
+            (replace(self.lens, focal_length=self.lens.focal_length * relative), sensor)
+            for relative, sensor in zip(relative_focal_lengths(pair, self.sensors), self.sensors, strict=True)
+        )
+
+    @property
+    def coarser(self) -> tuple[Lens, Sensor]:
+        """Lens and sensor of the camera with the wider pixels in angle, which limits what both can match."""
+        return min(self.unequal, key=lambda one: one[0].focal_length / one[1].pixel_pitch, default=self._design)
+
+    @property
+    def _blurred_most(self) -> tuple[Lens, Sensor]:
+        """Lens and sensor of the camera with the larger blur [px], which grows as f²/(N p)."""
+        return max(self.unequal, key=lambda one: one[0].focal_length ** 2 / one[1].pixel_pitch, default=self._design)
+
+    @property
+    def _design(self) -> tuple[Lens, Sensor]:
+        return self.lens, self.sensor
+
+    @property
     def focus(self) -> SingleLensFocus | EveryObjectFocus:
-        """The focus of one of the two equal lenses, whose depth of field is that of the rig."""
+        """The focus of one of two equal lenses, or of that with more blur, whose depth of field is that of the rig."""
+        lens, sensor = self._blurred_most
         if self.focus_distance is None:
-            return EveryObjectFocus(lens=self.lens, sample_pitch=self.sensor.pixel_pitch, mechanisms=2)
+            return EveryObjectFocus(lens=lens, sample_pitch=sensor.pixel_pitch, mechanisms=2)
         return SingleLensFocus(
-            lens=self.lens.thin(self.focus_distance),
+            lens=lens.thin(self.focus_distance),
             focus_distance=self.focus_distance,
-            sample_pitch=self.sensor.pixel_pitch,
+            sample_pitch=sensor.pixel_pitch,
             name="both lenses",
         )
 
@@ -308,7 +353,7 @@ class StereoRig(DepthCamera):
         """The fitted pair, else the calibrated one, else that of the design."""
         found = self.measured_pair if fitted is None else fitted
         if found is not None:
-            return rig_of_calibration(found, (self.sensor.columns, self.sensor.rows))
+            return rig_of_calibration(found, (self.sensor.columns, self.sensor.rows), self.right_pixels)
         return rig_of_design(self.pair, self.sensor)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
@@ -389,12 +434,13 @@ class StereoRig(DepthCamera):
         return self.blur_px(distance)
 
     def blur_px(self, distance: ArrayLike) -> FloatArray:
-        """Diameter of the geometric blur circle [px]; 0 for lenses that refocus."""
+        """Diameter of the geometric blur circle [px], the larger of both cameras; 0 for lenses that refocus."""
         z = np.asarray(distance, dtype=np.float64)
         if self.focus_distance is None:
             return np.zeros_like(z)
-        f, pupil = self.lens.thin(self.focus_distance).focal_length, self.lens.pupil_diameter
-        return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
+        lens, sensor = self._blurred_most
+        f, pupil = lens.thin(self.focus_distance).focal_length, lens.pupil_diameter
+        return blur_diameter(z, self.focus_distance, f, pupil) / sensor.pixel_pitch
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
         """Overlap of the two views, without which there is no depth; it must contain the middle axis of the rig."""
@@ -410,11 +456,11 @@ class StereoRig(DepthCamera):
         return found
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
-        """The picture through one lens, equal for both; the window may be as large as the sensor."""
+        """The picture through one lens, equal for both or the coarser; the window may be as large as the sensor."""
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
         focus = a if self.focus_distance is None else np.full_like(a, self.focus_distance)
-        return picture_through_lens(a, self.lens, self.sensor, focus)
+        return picture_through_lens(a, *self.coarser, focus)
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Image:
         """Image of a point in a rig that deviates from its design by ``errors``; see `pair_observation`."""
@@ -491,7 +537,7 @@ class StereoRig(DepthCamera):
                     limit="none",
                     remedy="render it as designed",
                 )
-            views = views_of_calibration(pair, self.sensor)
+            views = views_of_calibration(pair, self.sensors)
         else:
             changed = self._changed(errors, environment)
             moved = {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}
@@ -499,7 +545,7 @@ class StereoRig(DepthCamera):
         return [
             SingleLensExposure(
                 name=side,
-                sensor=warmed(self.sensor, errors, environment),
+                sensor=warmed(sensor, errors, environment),
                 lens=replace(self.lens, focal_length=self.lens.focal_length * view.relative_focal_length),
                 focus_distance=self.focus_distance or reference_distance,
                 pose=view.pose,
@@ -508,7 +554,7 @@ class StereoRig(DepthCamera):
                 distortion=view.distortion,
                 stop_separation=stop_separation,
             )
-            for side, view in zip(SIDES, views, strict=True)
+            for side, sensor, view in zip(SIDES, self.sensors, views, strict=True)
         ]
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
@@ -546,9 +592,17 @@ class StereoRig(DepthCamera):
                 DerivedValue(self._diagonal_view, ANGLE),
             ),
             ("baseline", DerivedValue(self.baseline, LENGTH)),
+            *self._rows_of_unequal(),
             *(row for lens, what in lenses for row in properties_of_lens(lens, what)),
             *self.lens_places(),
         )
+
+    def _rows_of_unequal(self) -> Properties:
+        rows: list[tuple[str, str]] = []
+        for side, (lens, sensor) in zip(SIDES, self.unequal, strict=False):
+            focal_length = f"{significant(lens.focal_length / sensor.pixel_pitch, 4)} px"
+            rows.append((f"{side} camera", f"{sensor.columns} × {sensor.rows} px, focal length {focal_length}"))
+        return tuple(rows)
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:
         """Contradictions of the lens, and between a principal distance of f and the image distance of the focus.

@@ -10,7 +10,7 @@ from typing import Final, Literal, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.calibrated_pair import CalibratedCamera, CalibratedPair
+from tradestudy.cameras.calibrated_pair import CalibratedCamera, CalibratedPair, common_focal_length
 from tradestudy.cameras.depth_measurement import (
     INTERIOR,
     NOISE_PARAMETER,
@@ -337,7 +337,7 @@ class View:
     distortion
         Lens model.
     relative_focal_length
-        Focal length relative to the mean of both cameras.
+        Focal length relative to that of the rig.
     """
 
     pose: Pose
@@ -358,7 +358,7 @@ def views_of_design(pair: Pair, errors: Errors) -> tuple[View, ...]:
     return tuple(found)
 
 
-def views_of_calibration(pair: CalibratedPair, sensor: Sensor) -> tuple[View, ...]:
+def views_of_calibration(pair: CalibratedPair, sensors: tuple[Sensor, Sensor]) -> tuple[View, ...]:
     """Both cameras of a calibrated pair in the frame of its rectified pictures.
 
     Each camera is turned by half the rotation R between them, into a common frame, as J.-Y. Bouguet's rectification
@@ -368,8 +368,8 @@ def views_of_calibration(pair: CalibratedPair, sensor: Sensor) -> tuple[View, ..
     ----------
     pair
         The calibrated pair.
-    sensor
-        The sensor of both cameras, whose pixels the pair counts.
+    sensors
+        The sensors of both cameras, whose pixels the pair counts.
     """
     from scipy.spatial.transform import Rotation
 
@@ -379,10 +379,14 @@ def views_of_calibration(pair: CalibratedPair, sensor: Sensor) -> tuple[View, ..
     across = np.cross(to_right, [1.0, 0.0, 0.0])
     sine = float(np.linalg.norm(across))
     turn = Rotation.from_rotvec(across / sine * math.atan2(sine, to_right[0]) if sine > 0.0 else np.zeros(3))
-    focal_lengths = [_focal_length(camera) for camera in pair.cameras]
     views = []
-    for side, own, camera, focal_length in zip(
-        (-1.0, 1.0), (half, half.inv()), pair.cameras, focal_lengths, strict=True
+    for side, own, camera, sensor, relative in zip(
+        (-1.0, 1.0),
+        (half, half.inv()),
+        pair.cameras,
+        sensors,
+        relative_focal_lengths(pair, sensors),
+        strict=True,
     ):
         distances, point = camera.on_sensor(sensor)
         views.append(
@@ -391,28 +395,32 @@ def views_of_calibration(pair: CalibratedPair, sensor: Sensor) -> tuple[View, ..
                 principal_distances=distances,
                 principal_point=point,
                 distortion=camera.lens,
-                relative_focal_length=focal_length / float(np.mean(focal_lengths)),
+                relative_focal_length=relative,
             )
         )
     return tuple(views)
 
 
-def _focal_length(camera: CalibratedCamera) -> float:
-    """Scale of the picture on the axis [px]."""
-    return math.sqrt(math.prod(camera.focal_lengths)) * camera.lens.scale_on_axis
+def relative_focal_lengths(pair: CalibratedPair, sensors: tuple[Sensor, Sensor]) -> tuple[float, float]:
+    """Focal lengths of both lenses [m], by the scale on the axis, relative to the common one on the left sensor."""
+    left, right = (camera.scale for camera in pair.cameras)
+    common, pitches = float(common_focal_length(left, right)), [sensor.pixel_pitch for sensor in sensors]
+    return left / common, right / common * (pitches[1] / pitches[0])
 
 
 _KEYS: Final = dict.fromkeys(("focal_lengths", "centre", "pixels", "coefficients"), "")
 
 
-def rig_of_calibration(pair: CalibratedPair, pixels: tuple[int, int]) -> ImportedRig:
-    """The rig of a calibrated pair."""
+def rig_of_calibration(
+    pair: CalibratedPair, pixels: tuple[int, int], right_pixels: tuple[int, int] | None = None
+) -> ImportedRig:
+    """The rig of a calibrated pair with pictures of these sizes."""
     from scipy.spatial.transform import Rotation as Turn
 
     left, right = pair.cameras
     return _rig(
         _camera("left", left, pixels),
-        _camera("right", right, pixels),
+        _camera("right", right, right_pixels or pixels),
         Turn.from_rotvec(pair.rotation).as_matrix(),
         pair.translation,
     )

@@ -15,6 +15,7 @@ import numpy as np
 from tradestudy.cameras.imported import (
     FITTED_LENS,
     PICTURE_SIZE,
+    RIGHT_SIZE,
     Convention,
     Imported,
     ImportedCamera,
@@ -149,6 +150,7 @@ def known_formats() -> str:
 
 _SHOWN: Final = {
     PICTURE_SIZE: ("cameras", ""),
+    RIGHT_SIZE: ("cameras", "right pictures "),
     "length unit": ("lengths", "length unit "),
     FITTED_LENS: ("lens model", "lens model "),
     "order of cameras": ("cameras", ""),

@@ -15,6 +15,7 @@ from tradestudy.study.camera_files.located import (
     Format,
     Located,
     Request,
+    UnsupportedLensError,
     coefficients_of,
     shortest_coefficients,
 )
@@ -417,6 +418,8 @@ def translation_of_projection(value: Located, numbers: tuple[float, ...]) -> Flo
 
 def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     """A stereo calibration in YAML, in metres."""
+    if rig.left.pixels != rig.right.pixels:
+        raise UnsupportedLensError(["pictures of two sizes"])
     lines = ["%YAML:1.0", "---", "# lengths in metres: import with length_unit: m"]
     if rig.left.pixels is not None:
         lines += [f"image_width: {rig.left.pixels[0]}", f"image_height: {rig.left.pixels[1]}"]

@@ -12,6 +12,7 @@ import numpy as np
 from tradestudy.calibration.projection import LARGEST_ROLL, roll
 from tradestudy.cameras.imported import (
     PICTURE_SIZE,
+    RIGHT_SIZE,
     Convention,
     ImportedCamera,
     ImportedParts,
@@ -20,6 +21,7 @@ from tradestudy.cameras.imported import (
     LensModelName,
     Rotation,
     Vector,
+    size_words,
 )
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -177,12 +179,9 @@ def paired(
     ------
     CameraFileError
         The cameras are at one place, one behind the other or exchanged; one is rolled against the other, or looks
-        backwards; the baseline indicates a wrong unit of length; or the pictures differ in size.
+        backwards; or the baseline indicates a wrong unit of length.
     """
     at = where[1]
-    if first.pixels is not None and second.pixels is not None and first.pixels != second.pixels:
-        sizes = " and ".join(f"{columns} × {rows}" for columns, rows in (first.pixels, second.pixels))
-        raise at.fail(f"the pictures of the two cameras differ in size: {sizes} px; equal ones are expected")
     x, y, z = (float(one) for one in translation)
     baseline = float(np.linalg.norm(translation))
     if not baseline > 0.0:
@@ -206,14 +205,18 @@ def paired(
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says + otherwise, key=key))
     pair = (first, second)
     doubts = {name: "; ".join(filter(None, map(words, pair))) for name, words in _DOUBTS.items()}
-    doubts[OFF_CENTRE] = off_centre({one.name: (one.centre, one.pixels) for one in pair})
+    doubts[OFF_CENTRE] = off_centre(
+        {one.name: (one.centre, one.pixels or other.pixels) for one, other in zip(pair, pair[::-1], strict=True)}
+    )
     if not is_vertical and _side_in(first.name) == "right" and _side_in(second.name) == "left":
         doubts[EXCHANGED_NAMES] = f"by the geometry, {first.name} is the left camera, and {second.name} the right one"
     for name, says in doubts.items():
         if says:
             conventions = (*conventions, Convention(name=name, says=says, key=key))
-    if first.pixels is not None or second.pixels is not None:
-        conventions = (*conventions, size_convention(first if first.pixels is not None else second, is_vertical))
+    sizes = [size_convention(one, is_vertical) for one in pair if one.pixels is not None]
+    conventions = (*conventions, *sizes[:1])
+    if len(sizes) == 2 and sizes[0].says != sizes[1].says:
+        conventions = (*conventions, replace(sizes[1], name=RIGHT_SIZE))
     if is_vertical:
         first, second = _turned(first, at), _turned(second, at)
         rotation, translation = _QUARTER @ rotation @ _QUARTER.T, _QUARTER @ translation
@@ -231,11 +234,6 @@ def _side_in(name: str) -> str:
     """The side that the name of a camera contains, such as ``stereo/left``; empty if none or both."""
     sides = [side for side in ("left", "right") if side in name.lower()]
     return sides[0] if len(sides) == 1 else ""
-
-
-def size_words(pixels: tuple[int, int]) -> str:
-    """A size of pictures in words."""
-    return f"{pixels[0]} × {pixels[1]} px"
 
 
 def size_convention(

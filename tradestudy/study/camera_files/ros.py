@@ -233,6 +233,8 @@ def _numbers(value: Located, *counts: int) -> tuple[float, ...]:
 
 def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     """Two files of camera_info, rectified along the baseline with the mean focal length and principal point."""
+    if rig.left.pixels != rig.right.pixels:
+        raise UnsupportedLensError(["pictures of two sizes"])
     turns = _rectifying(rig)
     focal_length = float(np.mean([*rig.left.focal_lengths, *rig.right.focal_lengths]))
     centre = np.mean([rig.left.centre, rig.right.centre], axis=0)
