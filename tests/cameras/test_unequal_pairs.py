@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 import tradestudy
+from tests.study.camera_files import everybody
+from tests.study.camera_files.everybody import L1, L2
+from tests.study.camera_files.test_devices import said_by
 from tests.study.camera_files.test_import import calibrated, refusal
-from tests.study.camera_files.written import study
+from tests.study.camera_files.written import K1, R, T, study
 from tradestudy import api
 from tradestudy.answers.export import ExportError, export
 from tradestudy.cameras.calibrated_pair import common_focal_length
@@ -185,6 +188,48 @@ def test_a_chain_of_two_sizes_is_read_and_written(tmp_path: Path) -> None:
             export(loaded.definition, "rig", [word], lossy=False)
     wrong = study(tmp_path, rig="from: chain.yaml, right_sensor: {pixels: [320, 200]}")
     assert "is not the size of the calibrated right pictures, 160 × 100 px" in refusal(wrong)
+
+
+HALF = np.array([[440.0, 0.0, 158.75], [0.0, 440.0, 120.25], [0.0, 0.0, 1.0]])
+LISTS = {"K1": K1, "D1": L1, "K2": HALF, "D2": L2, "R": R, "T": T}
+SIZES: dict[str, dict[str, Any]] = {
+    "of each side": {"image_size_left": [640, 480], "image_size_right": [320, 240]},
+    "by number": {"imageSize1": [640, 480], "imageSize2": [320, 240]},
+    "width and height": {"image_width_1": 640, "image_height_1": 480, "width_2": 320, "height_2": 240},
+}
+
+
+def lists(folder: Path, says: dict[str, Any]) -> Path:
+    text = json.dumps({**LISTS, **says}, default=lambda value: value.tolist())
+    (folder / "lists.json").write_text(text)
+    return study(folder, rig="from: lists.json, length_unit: m")
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_lists_may_give_a_size_of_each_picture(name: str, tmp_path: Path) -> None:
+    loaded = tradestudy.load(lists(tmp_path, SIZES[name]))
+    assert "; 640 × 480 px; right pictures 320 × 240 px; " in loaded.imported[0]
+    assert "not used" not in loaded.imported[0]
+    assert loaded.cameras["rig"]._calibrated.right_pixels == (320, 240)
+
+
+def test_a_size_of_one_picture_is_doubted_for_another(tmp_path: Path) -> None:
+    doubt = said_by(lists(tmp_path, {"image_size_left": [640, 480]}))["principal point"]
+    assert doubt.startswith("camera 2: the principal point (158.75, 120.25) px lies far from the middle")
+    said = refusal(lists(tmp_path, {"image_size": [640, 480], "image_size_right": [320, 240]}))
+    assert "320 × 240 px contradicts the size that is read, 640 × 480 px" in said
+
+
+def test_streams_of_a_realsense_may_have_two_sizes(tmp_path: Path) -> None:
+    """A colour stream beside an infrared one."""
+    says = everybody.realsense(tmp_path)
+    file = tmp_path / "realsense.json"
+    found = json.loads(file.read_text().replace("infrared2", "color"))
+    found["color"] |= {"fx": 440.0, "fy": 440.0, "ppx": 158.75, "ppy": 120.25, "width": 320, "height": 240}
+    file.write_text(json.dumps(found))
+    (line,) = tradestudy.load(study(tmp_path, rig=f"{says}, pair: [infrared1, color]")).imported
+    assert "; 640 × 480 px; right pictures 320 × 240 px; " in line
+    assert "; infrared1 is left, color right; " in line
 
 
 def test_depth_is_measured_in_their_pictures(tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ _FISHEYE_NAMES: Final = ("fisheye", "equidistant", "kannala_brandt", "kannala_br
 _PINHOLE_NAMES: Final = ("pinhole", "perspective", "plumb_bob", "radtan", "rational_polynomial", "brown_conrady")
 _WIDE: Final = 0.75  # slope of a corner of the picture, above which a fisheye lens and a pinhole differ by much
 _SIDES: Final = (("1", "left", "Left", "L", "l", "LEFT"), ("2", "right", "Right", "R", "r", "RIGHT"))
+_SIZE: Final = ("image_size", "imageSize", "img_size", "Image_Size", "size", "Size")
 _ROTATION: Final = ("R", "rotation", "rotation_matrix", "rotationMatrix", "Rot", "rot")
 _TRANSLATION: Final = ("T", "translation", "translation_vector", "translationVector", "Trans", "trans")
 
@@ -256,7 +257,7 @@ def _camera(
     """One camera of a file, under any of its possible keys."""
     matrix = top.need(*matrices)
     pinhole = fx, fy, cx, cy = pinhole_of(matrix, matrix_of(matrix, 9))
-    distortion, size = top.find(*distortions), _size(top)
+    distortion, size = top.find(*distortions), _size(top, side)
     pixels = request.pixels if size is None else (size[0].count(), size[1].count())
     across, down = (cx, cy) if pixels is None else (max(cx, pixels[0] - cx), max(cy, pixels[1] - cy))
     kind = _stated_kind(top, request, side)
@@ -331,12 +332,17 @@ def _stated_kind(top: Located, request: Request, side: int | None) -> str:
     return request.lens_model or said
 
 
-def _size(top: Located) -> tuple[Located, Located] | None:
-    """Columns and rows, in any form that programs based on OpenCV write."""
+def _size(top: Located, side: int | None = None) -> tuple[Located, Located] | None:
+    """Columns and rows, in any form that programs based on OpenCV write: of both cameras, or else of that of a side."""
     for across, down in (("image_width", "image_height"), ("image_Width", "image_Height"), ("width", "height")):
         if top.has(across, down):
             return top.need(across), top.need(down)
-    both = top.find("image_size", "imageSize", "img_size", "Image_Size", "size", "Size")
+    both = top.find(*_SIZE)
+    if both is None and side is not None:
+        both = top.find(*_names(_SIZE, side))
+        across, down = (top.find(*_names((one, f"image_{one}"), side)) for one in ("width", "height"))
+        if both is None and across is not None and down is not None:
+            return across, down
     if both is None:
         return None
     data = both.find("data")  # of a matrix with both numbers
