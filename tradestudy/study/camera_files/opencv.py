@@ -340,9 +340,9 @@ def _size(top: Located, side: int | None = None) -> tuple[Located, Located] | No
     both = top.find(*_SIZE)
     if both is None and side is not None:
         both = top.find(*_names(_SIZE, side))
-        across, down = (top.find(*_names((one, f"image_{one}"), side)) for one in ("width", "height"))
-        if both is None and across is not None and down is not None:
-            return across, down
+        width, height = (top.find(*_names((one, f"image_{one}"), side)) for one in ("width", "height"))
+        if both is None and width is not None and height is not None:
+            return width, height
     if both is None:
         return None
     data = both.find("data")  # of a matrix with both numbers

@@ -14,7 +14,7 @@ from tradestudy.study.document import BASES, OF_SOURCE
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _LONG = 50  # characters; a reference takes about thirty
-_WITH_BASIS = "withBasis"  # names in capitals are those of mappings in the file
+_WITH_BASIS = "v0"  # beside the numbered names of values; names in capitals are those of mappings in the file
 _SHARING: dict[str, dict[str, Any]] = {
     "from": {
         "type": ["string", "array"],
