@@ -159,6 +159,12 @@ Error and computing time of the sets of models with which the answers of a study
 `cost.svg` instead. A *problem* is a camera or a light path; an *entry* is one set of models for a problem.
 """,
     "claims": "Published statements, declared in `claims`, each compared with the results under its readings.",
+    "measurements": """
+Measured depth errors, declared in `measurements`, beside the predicted ones, and what they imply about the camera.
+`row` counts the rows of all tables, and `point` the points of a curve. `statistic` lists `median`, `smallest` and
+`largest`; `end`, the ends `low` and `high` of a 95 % interval. Fits use the change of disparity with depth of the
+camera as declared.
+""",
     "datasheet": """
 Each camera in the terms of depth-camera data sheets, at up to five distances (`sheet_distance`): those of `decision.at`
 (of more than five, five spread evenly through the list); if there are fewer than three, also the ends of

@@ -382,17 +382,28 @@ def new(
             help="Key and value to add to the imported camera, such as length_unit=mm; may be repeated.",
         ),
     ] = None,
+    from_measurements: Annotated[
+        Path | None,
+        typer.Option(
+            "--from-measurements",
+            metavar="FILE",
+            help="Compare a stereo rig with the measured depth errors in this CSV file.",
+        ),
+    ] = None,
     debug: DebugOption = False,
 ) -> None:
     """Write NAME.yaml, a commented study to start from. By default it compares a plenoptic camera with a stereo rig."""
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.cameras.depth_camera import DepthCamera
-        from tradestudy.study.starter import between, of_catalogue, questions, starter, yaml_lines
+        from tradestudy.study.starter import before_table, between, of_catalogue, questions, starter, yaml_lines
 
         _refuse_joined(from_ or (), context.args)
         name = name.removesuffix(".yaml")
-        kinds = [option for option, given in (("--stereo", stereo), ("--plenoptic", plenoptic)) if given]
+        options = {"--stereo": stereo, "--plenoptic": plenoptic, "--from-measurements": from_measurements is not None}
+        kinds = [option for option, given in options.items() if given]
+        if from_measurements is not None and len(kinds) > 1:
+            raise OutOfRangeError("--from-measurements starts from one stereo rig", value=kinds[0], remedy="omit it")
         if kinds and from_:
             raise OutOfRangeError(
                 "the calibration files determine the kind of camera", value=kinds[0], remedy="omit it"
@@ -402,8 +413,10 @@ def new(
         if set_ and not from_:
             raise OutOfRangeError("--set applies to a camera imported with --from", remedy="give --from too")
         said = yaml_lines(set_ or ())
-        kind = kinds[0].removeprefix("--") if len(kinds) == 1 else ""
+        kind = kinds[0].removeprefix("--") if len(kinds) == 1 and from_measurements is None else ""
         text = of_catalogue(name, camera) if camera else starter(name, kind, calibration_files=from_ or (), said=said)
+        if from_measurements is not None:
+            text = before_table(starter(name, "measured"), from_measurements)
         path = Path(f"{name}.yaml")
         try:
             with path.open("x", encoding="utf-8") as file:

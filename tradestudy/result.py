@@ -386,8 +386,8 @@ def write_parts(tree: xr.DataTree, directory: Path) -> None:
     from tradestudy.results import storage
 
     own = storage.written(directory)
-    made = [*_write_posteriors(tree, directory), *_write_matchers(tree, directory)]
-    storage.remove_earlier(directory, own, ("posteriors/*.nc", "matchers.yaml"), made)
+    made = [*_write_posteriors(tree, directory), *_write_matchers(tree, directory), *_write_fitted(tree, directory)]
+    storage.remove_earlier(directory, own, ("posteriors/*.nc", "matchers.yaml", "fitted/*.yaml"), made)
     pictures = directory / storage.PICTURES
     if "pictures" not in tree.children and (pictures / storage.LIST).is_file():
         storage.remove_earlier(pictures, storage.written(pictures) | {storage.LIST}, ("*/*", storage.LIST))
@@ -433,3 +433,17 @@ def _write_matchers(tree: xr.DataTree, directory: Path) -> list[str]:
     list_written(directory, ["matchers.yaml"])
     replace_file(directory / "matchers.yaml", text.encode())
     return ["matchers.yaml"]
+
+
+def _write_fitted(tree: xr.DataTree, directory: Path) -> list[str]:
+    """Write each measured camera with its fitted values as ``fitted/NAME.yaml``, for the key ``from`` of a camera."""
+    from tradestudy.results.storage import list_written, replace_file
+    from tradestudy.results.views.groups import records
+
+    rows = records(tree, "measurements", "table")
+    files = {f"fitted/{one['table']}.yaml": str(one["fitted_camera"]) for one in rows if one["fitted_camera"]}
+    list_written(directory, files)
+    for name, text in files.items():
+        (directory / name).parent.mkdir(exist_ok=True)
+        replace_file(directory / name, text.encode())
+    return list(files)

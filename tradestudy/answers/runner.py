@@ -162,6 +162,10 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.answers.sensitivity import sensitivity_group
 
         groups["/sensitivity"] = sensitivity_group(definition, np.array(file.sensitivity.at), asked.steps)
+    if file.measurements:
+        from tradestudy.answers.measured import measurements_group
+
+        groups["/measurements"] = measurements_group(definition)
     if file.depth_of_field is not None:
         from tradestudy.answers.depth_of_field import criteria_group, depth_of_field_group
 

@@ -33,6 +33,7 @@ from tradestudy.figures.depth import (
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.first import first_of_all
 from tradestudy.figures.goals import goals_drawing
+from tradestudy.figures.measured import measured_drawings
 from tradestudy.figures.pictures import (
     depth_loop_drawings,
     depth_map_drawings,
@@ -90,6 +91,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
             if (margins := margins_drawing(tree)) is not None:
                 yield margins
             yield from _sweeps(tree)
+    yield from measured_drawings(tree)
     if (pictures := pictures_drawing(tree)) is not None:
         yield pictures
     if (scene := measured_scene_drawing(tree)) is not None:

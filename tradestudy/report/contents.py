@@ -20,6 +20,7 @@ from tradestudy.report.sections.fresnel_validity import (
     describe_fresnel_validity,
 )
 from tradestudy.report.sections.light_spot import describe_light_spot, describe_light_spot_answer
+from tradestudy.report.sections.measured import describe_measurements
 from tradestudy.report.sections.method import describe_method
 from tradestudy.report.sections.pictures import (
     describe_depth_loop,
@@ -76,6 +77,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_cameras(tree),
         *describe_verdicts(tree),
         *describe_claims(tree),
+        *describe_measurements(tree, drawings),
         *describe_depth_maps(tree, drawings),
         *describe_depth_loop(tree, run, drawings),
         *describe_value_of_information(tree, drawings),

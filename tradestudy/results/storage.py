@@ -33,7 +33,7 @@ PICTURES = "pictures"
 LIST = ".tradestudy"  # in a folder: the files that this program wrote there, a relative path on each line
 _UNFINISHED: Final = ".unfinished"  # of `execution.Checkpoints`
 _ALWAYS: Final = (RESULTS, RUN, "report.html", "report.pdf")
-RUN_FILES: Final = (*_ALWAYS, "figures/*.svg", "tables/*.csv", "posteriors/*.nc", "matchers.yaml")
+RUN_FILES: Final = (*_ALWAYS, "figures/*.svg", "tables/*.csv", "posteriors/*.nc", "matchers.yaml", "fitted/*.yaml")
 
 # Types of the values in run.json, and of the members of those that have some.
 _KINDS: Final = {

@@ -464,15 +464,24 @@ class StudyDefinition:
         return {dotted(path): file for path, file in self.named_files().items()}
 
     def named_files(self) -> dict[tuple[str | int, ...], Path]:
-        """Files named by calibrations and the scene of the study as declared, by the paths of their names."""
-        return {
-            path: self.calibration_folder(name) / file
-            for name in self.file.cameras
-            for path, file in self._calibration_files(name).items()
-        } | {
-            ("scene", "image", *path): self.folder_of(("scene", "image")) / file
-            for path, file in (self.file.scene.image.files() if self.file.scene and self.file.scene.image else ())
-        }
+        """Files named by calibrations, measurements and the scene as declared, by the paths of their names."""
+        return (
+            {
+                path: self.calibration_folder(name) / file
+                for name in self.file.cameras
+                for path, file in self._calibration_files(name).items()
+            }
+            | {
+                ("scene", "image", *path): self.folder_of(("scene", "image")) / file
+                for path, file in (self.file.scene.image.files() if self.file.scene and self.file.scene.image else ())
+            }
+            | {
+                path: self.folder_of(path) / part.file
+                for path, part in (
+                    (("measurements", name, "file"), one) for name, one in self.file.measurements.items()
+                )
+            }
+        )
 
     def folder_of(self, path: tuple[str | int, ...]) -> Path:
         """Folder of the files named in a part of the study: that of the file that contains the part."""

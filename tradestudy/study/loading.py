@@ -64,7 +64,7 @@ def with_questions_checked(definition: StudyDefinition) -> StudyDefinition:
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
     except StudyError as error:
         problems += error.problems
-    for search in (_problems_of_changes, _problems_of_claims, _problems_of_corners):
+    for search in (_problems_of_changes, _problems_of_claims, _problems_of_corners, _problems_of_measurements):
         try:
             problems += search(definition)
         except StudyError as error:
@@ -178,6 +178,18 @@ def _problems_of_claims(definition: StudyDefinition) -> Iterator[Problem]:
         except TradestudyError as error:
             where = ("claims", name, "expect")
             yield definition.document.problem(where, str(error))
+
+
+def _problems_of_measurements(definition: StudyDefinition) -> Iterator[Problem]:
+    """Tables of measurements that cannot be read."""
+    for name, part in definition.file.measurements.items():
+        from tradestudy.calibration.measured_table import read_measurements
+
+        path = ("measurements", name, "file")
+        try:
+            read_measurements(definition.folder_of(path) / part.file)
+        except TradestudyError as error:
+            yield definition.document.problem(path, str(error))
 
 
 def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:

@@ -31,7 +31,8 @@ def starter(
         Name of the study, at most 80 characters: letters, digits and ``_``; after the first character also ``.``,
         ``+`` and ``-``.
     kind
-        ``stereo`` or ``plenoptic`` for two cameras of this kind. Default: a plenoptic camera and a stereo rig. It has
+        ``stereo`` or ``plenoptic`` for two cameras of this kind, ``measured`` for a stereo rig with a table of measured
+        depth errors (see `before_table`). Default: a plenoptic camera and a stereo rig. It has
         no effect with ``calibration_files``.
     calibration_files
         Calibration files of one camera, which replaces the example cameras.
@@ -152,6 +153,21 @@ def between(text: str, near: float = 0.5, far: float = 5.0) -> str:
     for word, distance in distances.items():
         text = text.replace(f"{word} m", f"{float(f'{distance:.2g}'):g} m")
     return text
+
+
+def before_table(text: str, table: Path) -> str:
+    """The text of the starter ``measured`` for a table of measured depth errors, over the distances of that table.
+
+    Raises
+    ------
+    OutOfRangeError
+        The table cannot be read.
+    """
+    from tradestudy.calibration.measured_table import read_measurements
+
+    distance = read_measurements(table).distance
+    named = "'" + str(table).replace("'", "''") + "'"
+    return between(text, 0.9 * float(distance.min()), 1.1 * float(distance.max())).replace("TABLE", named)
 
 
 def questions() -> str:

@@ -35,6 +35,7 @@ from tradestudy.results.views.depth import (
 )
 from tradestudy.results.views.designs import all_requirements, feasible_words, margin_words, path_words, value_words
 from tradestudy.results.views.groups import camera_titles, dotted_path, group, has, titles_in
+from tradestudy.results.views.measured import measured_tables
 from tradestudy.results.views.refocusing import refocusing_words
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
@@ -63,9 +64,12 @@ def answers(tree: xr.DataTree) -> list[str]:
         depth = _of_cameras(tree, requirements).removeprefix(_ALONE) if requirements else ""
         depth = depth.replace("take ", "to measure depth, ", 1)
         found.insert(0, "; ".join(filter(None, (sharp, depth))))
+    measured, asked = [one.finding() for one in measured_tables(tree)[:_NAMED]], bool(requirements)
+    found += [] if asked else measured
     if not any(found):
         words = _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
         found = [words or _of_requirements(requirements) or next(_questions(tree), "")]
+    found += measured if asked else []
     found += list(refocusing_words(tree))[:_NAMED]
     plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in found if words)
     return [f"{words[0].upper()}{words[1:]}." for words in plain]

@@ -309,6 +309,23 @@ class SweepRangePart(Part):
     )
 
 
+class MeasurementPart(Part):
+    """A table of measured depth errors, beside their prediction.
+
+    The first line of the file names its columns and their units: `distance [m]` and any of `sigma [mm]`, `rms [mm]`,
+    `absolute_error [mm]`, `bias [mm]` (positive where depth is too large), `valid [%]` and `note`. Errors in % are
+    relative to the distance.
+    """
+
+    camera: CameraName = Field(description="Camera of the study that was measured.")
+    file: Text = Field(description="CSV file of the table, relative to the file that names it.")
+    source: Text = Field(description="Who measured it, and how, in words.")
+    zero: Literal["known", "fitted"] = Field(
+        default="known",
+        description="Whether distances count from where those of the camera do, or from a place that the fit finds.",
+    )
+
+
 class AssumptionPart(Part):
     """An uncertain assumption: a value with a log-uniform distribution, or a choice among equally likely readings."""
 

@@ -17,6 +17,7 @@ from tradestudy.study.schema.claims import ClaimPart, wave_claim_mistakes
 from tradestudy.study.schema.questions import (
     DecisionPart,
     DepthOfFieldPart,
+    MeasurementPart,
     ReadingPart,
     RefocusingPart,
     ReliefPart,
@@ -68,6 +69,7 @@ _REFERENCES: Final = {
         "depth_loop.cameras.[]", "refocusing.cameras.[]", "trade_off.candidates.[]", "solve.NAME.equal.[]",
         "solve.NAME.camera",
         "claims.NAME.camera", "claims.NAME.against", "requirements.NAME.camera",
+        "measurements.NAME.camera",
     ),
     "reading": ("claims.NAME.under.[]", "claims.NAME.reading", "value_of_information.assumptions.NAME.readings.[]"),
     "requirement": ("solve.NAME.requirement", "solve.NAME.requirement.[]"),
@@ -109,6 +111,9 @@ class StudyFile(Part):
         default={}, description="Inverse questions by name: which value of an input gives a required result?"
     )
     claims: dict[Name, ClaimPart] = Field(default={}, description="Published statements to check, by name.")
+    measurements: dict[Name, MeasurementPart] = Field(
+        default={}, description="Tables of measured depth errors to compare with the predicted ones, by name."
+    )
     requirements: dict[Name, RequirementPart] = Field(default={}, description="Requirements on the cameras, by name.")
     value_of_information: ValueOfInformationPart | None = None
     trade_off: TradeOffPart | None = None
