@@ -148,7 +148,8 @@ def boundaries(
             kept = np.vstack([ends[0, wide], found, ends[1, wide]])
             ends[:, wide] = kept[first, columns], kept[first + 1, columns]
             narrowed = high[wide] - low[wide] < before / SUBDIVISIONS
-            shares[:, wide] = np.where(narrowed, _towards_zero(*ends[:, wide]), _even(wide.size))
+            shares = _even(change.size)
+            shares[:, wide] = np.where(narrowed, _towards_zero(*ends[:, wide]), shares[:, wide])
     return tuple(
         Boundary(distance=float(where), begins=bool(begin))
         for where, begin in zip(np.where(begins, high, low), begins, strict=True)
