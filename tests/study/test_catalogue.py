@@ -194,7 +194,7 @@ def test_study_uses_an_entry_in_a_mode_and_records_its_revision(tmp_path: Path) 
         f"realsense-d455, mode 848x480, revision {revision('realsense-d455')}",
         f"oak-d, mode 800p, revision {revision('oak-d')}",
     ]
-    assert str(cameras["title"].values[0]) == "RealSense D455, 848x480"
+    assert str(cameras["title"].values[0]) == "RealSense D455 at 848x480"
     notes = dict(zip(*(result.data["assumptions"].to_dataset()[name].values for name in ("path", "note")), strict=True))
     assert "quotes" in str(notes["stated.accuracy.two-percent.relative"]) or "press release" in str(notes)
     assert "https://docs.luxonis.com" in str(notes["baseline"])

@@ -380,7 +380,7 @@ def in_mode(entry: MappingEntry, asked: Entry | None, file: str) -> tuple[Mappin
     assert isinstance(chosen, MappingEntry)
     title = chosen.members.get("title")
     if title is not None and isinstance(title.entry, ScalarEntry) and len(modes) > 1:
-        named = f"{title.entry.text}, {mode}"
+        named = f"{title.entry.text} at {mode}"
         members = {**chosen.members, "title": Member(title.key_place, replace(title.entry, value=named, text=named))}
         chosen = replace(chosen, members=members)
     return chosen, mode
