@@ -571,6 +571,8 @@ def _variables(what: str | Sequence[str]) -> tuple[str, ...]:
                 remedy="" if close is None else f"nearest: {close!r}",
             )
         found += _MEANT.get(spelled, (spelled,))
+    if not found:
+        raise OutOfRangeError("what a sweep computes", value=repr(what), limit="at least one variable of /depth")
     return tuple(dict.fromkeys(found))
 
 

@@ -181,11 +181,11 @@ def place_error(error: OSError) -> PlaceError | DiskError | None:
     return None
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Find the known word most similar to the given one, or None if none is similar."""
+def nearest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """Find the known word most similar to the given one, or None if none is similar to a ratio of difflib."""
     by_folded = {candidate.casefold(): candidate for candidate in known}
     folded = word.casefold()
-    close = difflib.get_close_matches(folded, by_folded, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(folded, by_folded, n=1, cutoff=cutoff)
     if not close and len(folded) >= _SHORTEST_BEGINNING:
         close = [candidate for candidate in by_folded if candidate.startswith(folded)]
     return by_folded[close[0]] if close else None

@@ -78,6 +78,9 @@ def _document(source: str | Path | TextIO | Mapping[str, Any]) -> Document:
     """The document of a study that is a file, a text stream or a dictionary."""
     if isinstance(source, Mapping):
         return read_values(cast(Mapping[str, Value], plain_value({**_UNNAMED, **source})))
+    if isinstance(source, str) and "\n" in source:
+        remedy = "load(io.StringIO(text)) reads text"
+        raise OutOfRangeError("a study", value="a text of several lines", limit="the path of a file", remedy=remedy)
     if isinstance(source, str | Path):
         return read(Path(source))
     if not (hasattr(source, "read") and isinstance(text := source.read(), str)):
@@ -376,6 +379,10 @@ class Study:
         """
         from tradestudy.camera_object import sweep
 
+        if not isinstance(values, Mapping):
+            form = "a dictionary of paths and their values"
+            remedy = "write {'camera.baseline': [0.05, 0.1]}"
+            raise OutOfRangeError("the swept values", value=f"{values!r:.60}", limit=form, remedy=remedy)
         return sweep(self.definition, values, what)
 
     def plan(self) -> Plan:

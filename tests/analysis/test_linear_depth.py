@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from tests.analysis.plain_depths import CENTRAL, B, of_rig, stereo_depth
 from tests.cameras.builders import stereo
 from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.depth_measurement import PIXEL_NOISE
 from tradestudy.depth.evaluation import model_error
 from tradestudy.depth.linear import linear_distribution, linearised_depth
 from tradestudy.models.plan import plan_of
@@ -71,6 +73,21 @@ def test_a_line_in_inverse_depth_misses_a_baseline_that_is_off_by_a_tenth() -> N
     line = linear_distribution(rig, place, 0.0, "calibration")
     assert (far - near) / 4.0 == pytest.approx(0.1960, abs=5e-5)
     assert line.half_widths(0.95)[0, 0] / 2.0 == pytest.approx(0.2038, abs=5e-5)
+
+
+def test_depth_that_does_not_depend_on_disparity_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the image lies exactly on the microlenses; the depth at other distances stays, without warnings."""
+    rig, places = with_one("yaw", YAW), np.array([1.0, 2.0])
+    line = linearised_depth(rig, places, 0.0)
+    known = linear_distribution(rig, places, 0.0, "both")
+    sensitivity = line.sensitivity.copy()
+    sensitivity[line.parameters.index(PIXEL_NOISE), 0] = 0.0
+    monkeypatch.setattr("tradestudy.depth.linear.linearised_depth", lambda *_: replace(line, sensitivity=sensitivity))
+    found = linear_distribution(rig, places, 0.0, "both")
+    for name in ("half_width", "error_radius", "failed_fraction"):
+        here, there = np.ravel(getattr(found, name))
+        assert np.isnan(here)
+        assert there == np.ravel(getattr(known, name))[1]
 
 
 @pytest.mark.parametrize("spread", [0.03, 0.05, 0.07, 0.1, 0.15])

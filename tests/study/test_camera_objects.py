@@ -116,9 +116,13 @@ def test_results_have_the_shape_of_the_distances(study: tradestudy.Study) -> Non
     np.testing.assert_array_equal(rig.depth_uncertainty(held)["distance"], [0.5, 1.0])
 
 
-@pytest.mark.parametrize("distance", [0.0, -1.0, np.nan, np.inf, "1", "1 px", [0.5, -0.5], ["1 m", 2.0], None])
+@pytest.mark.parametrize(
+    "distance", [0.0, -1.0, np.nan, np.inf, "1", "1 px", [0.5, -0.5], ["1 m", 2.0], [1.0, None], None]
+)
 def test_refuses_what_is_no_distance(study: tradestudy.Study, distance: Any) -> None:
-    with pytest.raises(OutOfRangeError, match="distance"):
+    with pytest.raises(
+        OutOfRangeError, match="^distance: None .allowed: positive and finite" if distance is None else "distance"
+    ):
         study.cameras["rig"].depth_uncertainty(distance)
 
 
@@ -198,6 +202,9 @@ def test_arrays_with_more_elements_are_pointed_to_sweeps(study: tradestudy.Study
     [
         ({"baseline": -0.1}, "^cameras.rig.baseline: '-0.1 m' is out of range; a length above 0 m is expected"),
         ({"basline": 0.1}, "^cameras.rig.basline: unknown key; nearest: 'baseline'"),
+        ({"f_number": 4.0}, "^cameras.rig.f_number: unknown key here; nearest: 'lenses.f_number'$"),
+        ({"pixelpitch": 3e-6}, "^cameras.rig.pixelpitch: unknown key here; nearest: 'sensor.pixel_pitch'$"),
+        ({"texture": 3e-6}, "^cameras.rig.texture: unknown key$"),
         ({"baseline": "5 px"}, "^cameras.rig.baseline: '5 px' is a number of pixels; a length is expected"),
         ({"lenses.f_number": "wide"}, "^cameras.rig.lenses.f_number: 'wide' is not a quantity"),
         ({"focus_distance": 0.001}, "^cameras.rig: the lenses cannot focus that close: 1 mm"),

@@ -63,6 +63,8 @@ def test_numbers_of_a_dictionary_are_in_si() -> None:
     study = tradestudy.Study.from_dict(STUDY)
     assert study == tradestudy.load(io.StringIO(TEXT)) == tradestudy.load(STUDY)
     assert hash(study) == hash(tradestudy.load(io.StringIO(TEXT)))
+    with pytest.raises(OutOfRangeError, match=r"a text of several lines .*; load\(io.StringIO\(text\)\) reads text"):
+        tradestudy.load(TEXT)
     assert study.cameras["rig"].baseline == 0.1
 
 
@@ -341,9 +343,10 @@ def test_a_sweep_takes_quantities_words_and_parameters_of_the_same_name(two_rigs
         ({"rig.baseline": [0.1, None]}, r"rig.baseline: null removes a value, but a sweep sets values"),
         ({"rig": [0.1]}, r"^cameras.rig: '0.1' is given; a mapping"),
         ({"rig.baseline": [0.1, 0.2, 0.1]}, r"^rig.baseline: 0.1 m is given twice; give each value once"),
+        ("rig.baseline", r"^the swept values: 'rig.baseline' \(allowed: a dictionary .*write \{'camera.baseline': \["),
     ],
 )
-def test_refuses_impossible_sweeps(two_rigs: dict[str, Any], values: dict[str, Any], message: str) -> None:
+def test_refuses_impossible_sweeps(two_rigs: dict[str, Any], values: Any, message: str) -> None:
     with pytest.raises(TradestudyError, match=message):
         tradestudy.load(two_rigs).sweep(values)
 
@@ -374,3 +377,5 @@ def test_a_sweep_computes_any_variable_of_depth(
 def test_refuses_what_a_sweep_does_not_compute(two_rigs: dict[str, Any]) -> None:
     with pytest.raises(UnknownNameError, match=r"'depths' \(allowed: 'depth', 'uncertainty', .*; nearest: 'depth'"):
         tradestudy.load(two_rigs).sweep({"rig.baseline": [0.1]}, "depths")
+    with pytest.raises(OutOfRangeError, match=r"what a sweep computes: \[\] \(allowed: at least one variable"):
+        tradestudy.load(two_rigs).sweep({"rig.baseline": [0.1]}, [])

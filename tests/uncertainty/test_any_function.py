@@ -6,7 +6,9 @@ import doctest
 from typing import Any
 
 import numpy as np
+import pint
 import pytest
+import xarray as xr
 from scipy import stats
 
 from tradestudy.errors import OutOfRangeError
@@ -139,6 +141,8 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
         ({"function": lambda x, **_: np.where(x < 0.5, x, np.nan)}, r"non-finite values: \d+ of \d+"),
         ({"function": lambda x, **_: np.sqrt(x)}, "non-finite"),
         ({"function": lambda x, **_: x[:3]}, r"\(3,\) \(allowed: \(\d+,\)\)"),
+        ({"function": lambda x, **_: pint.Quantity(x, "mm")}, r"returned a quantity.*'millimeter'\)> .*\.magnitude"),
+        ({"function": lambda x, **_: xr.DataArray(pint.Quantity(x, "mm"))}, "returned a quantity"),
         ({"function": lambda x, **_: x.mean()}, r"\(\) \(allowed: \(\d+,\)\)"),
     ],
 )

@@ -130,7 +130,9 @@ def linear_distribution(
     line = linearised_depth(camera, distance, field)
     noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
     included = line if error_source == "both" else line.without(PIXEL_NOISE)
-    return scaled_noise(camera, distance, field, included.standard_deviation / noise, false_matches)
+    # Where the image lies exactly on the microlenses, depth does not depend on disparity and is not measured.
+    scale = np.divide(included.standard_deviation, noise, out=np.full(noise.shape, np.nan), where=noise > 0.0)
+    return scaled_noise(camera, distance, field, scale, false_matches)
 
 
 def noise_distribution(

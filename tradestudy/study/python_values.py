@@ -145,7 +145,8 @@ def in_metres(distance: Any) -> FloatArray:
         raise OutOfRangeError("this is not a distance", value=f"{distance!r:.60}", remedy=str(error)) from None
     wrong = metres[~((metres > 0.0) & np.isfinite(metres))]
     if wrong.size:
-        raise OutOfRangeError("distance", value=f"{wrong[0]:g} m", limit="positive and finite")
+        given = "None" if texts.dtype.kind == "O" and None in texts.ravel().tolist() else f"{wrong[0]:g} m"
+        raise OutOfRangeError("distance", value=given, limit="positive and finite")
     return metres
 
 

@@ -34,7 +34,8 @@ from tradestudy.study.document import (
     merged,
     plain,
 )
-from tradestudy.study.schema.validation import key_names, validate
+from tradestudy.study.schema.types import key_names
+from tradestudy.study.schema.validation import validate
 from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
 
 MOST_BYTES = 1_000_000

@@ -264,7 +264,15 @@ def _first_draws(coverage: FloatArray, most_draws: int) -> int:
 
 
 def _real_numbers(returned: ArrayLike) -> FloatArray:
-    """What the function returned, refused unless it is an array of real numbers, none of them masked."""
+    """What the function returned, refused unless it is an array of real numbers, none masked or with a unit."""
+    held = getattr(returned, "data", returned) if hasattr(returned, "attrs") else returned  # xarray may hold a quantity
+    if hasattr(held, "magnitude") or hasattr(held, "unit"):  # of pint and astropy
+        raise OutOfRangeError(
+            "the function returned a quantity",
+            value=f"{held!r:.60}",
+            limit="numbers without unit",
+            remedy="return its numbers in the unit that the results shall have, such as found.to('mm').magnitude",
+        )
     try:
         found = np.asarray(returned)
     except ValueError:  # rows of unequal length

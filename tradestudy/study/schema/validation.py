@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path as FilePath
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeGuard, TypeVar, Union, get_args, get_origin
+from typing import Any, TypeGuard, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -31,92 +31,21 @@ from tradestudy.study.document import (
     walk,
 )
 from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.types import (
+    bare,
+    below,
+    chosen,
+    deeper_key,
+    is_label,
+    is_model,
+    key_names,
+    keys_of_value,
+    tags,
+)
 from tradestudy.study.source import MOST_MISTAKES
 from tradestudy.units import UnitError
 
-_LABEL = re.compile(
-    r"(?:function-(?:before|after|wrap|plain)|tuple|list|dict|set|literal|nullable|union|constrained-\w+|lax-or-strict)"
-    r"\[.*\]|str|int|float|bool|none|any|constrained-\w+",
-    re.DOTALL,
-)
 _KEY = "[key]"
-
-
-def key_names(model: type[BaseModel]) -> list[str]:
-    """List the keys that a model knows, as a file spells them."""
-    return [field.alias or name for name, field in model.model_fields.items()]
-
-
-def tags(kind: Any, discriminator: str) -> list[str]:
-    """List the values of the key that selects a model in a union."""
-    found: list[str] = []
-    for member in map(_bare, get_args(_bare(kind))):
-        if get_origin(member) in (Union, UnionType):  # an optional union
-            found += tags(member, discriminator)
-        elif _is_model(member):
-            found += map(str, get_args(member.model_fields[discriminator].annotation))
-    return found
-
-
-def keys_of_value(kind: Any) -> list[str]:
-    """List the required keys of a value of this type or, if it has none, its optional keys."""
-    kind = _bare(kind)
-    if get_origin(kind) in (Union, UnionType):
-        return list(dict.fromkeys(key for member in get_args(kind) for key in keys_of_value(member)))
-    if not _is_model(kind):
-        return []
-    required = [field.alias or name for name, field in kind.model_fields.items() if field.is_required()]
-    return required or key_names(kind)
-
-
-def _bare(kind: Any) -> Any:
-    """Strip annotations from a type."""
-    while get_origin(kind) is Annotated:
-        kind = get_args(kind)[0]
-    return kind
-
-
-def _is_model(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, BaseModel)
-
-
-def _tags(kind: Any) -> Iterator[str]:
-    """List the discriminator values that may select a model in a union."""
-    if _is_model(kind):
-        for field in kind.model_fields.values():
-            if get_origin(field.annotation) is Literal:
-                yield from (str(text) for text in get_args(field.annotation))
-
-
-def _is_label(step: str | int, kinds: list[Any]) -> bool:
-    """Distinguish a union member's label from a key or a position."""
-    if not isinstance(step, str):
-        return False
-    named = any(_is_model(kind) and (step == kind.__name__ or step in _tags(kind)) for kind in kinds)
-    return named or _LABEL.fullmatch(step) is not None
-
-
-def _chosen(label: str, kinds: list[Any], rest: list[str | int]) -> Any:
-    """Find the member of a union that a label names, else one that can contain the next step."""
-    for kind in kinds:
-        if _is_model(kind) and (label in (kind.__name__, *_tags(kind)) or label.endswith(f", {kind.__name__}]")):
-            return kind
-    wants_position = bool(rest) and isinstance(rest[0], int)
-    fitting = [kind for kind in kinds if (get_origin(kind) in (tuple, list)) == wants_position]
-    return fitting[0] if fitting else Any
-
-
-def _below(kind: Any, step: str | int) -> Any:
-    """Find the type of the value under a key or at a position."""
-    if _is_model(kind):
-        fields = kind.model_fields
-        return next((f.annotation for name, f in fields.items() if step in (name, f.alias)), Any)
-    arguments = get_args(kind)
-    if get_origin(kind) is dict:
-        return arguments[1]
-    if get_origin(kind) is tuple and isinstance(step, int) and arguments and arguments[-1] is not Ellipsis:
-        return arguments[step] if step < len(arguments) else Any
-    return arguments[0] if get_origin(kind) in (tuple, list) else Any
 
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -212,11 +141,11 @@ def _owner(document: Document, path: Path, model: type[BaseModel]) -> type[BaseM
     """The model to which the last key of a path belongs; None if the path leads out of the schema."""
     kind: Any = model
     for depth, step in enumerate(path[:-1], start=1):
-        kind = _bare(_below(kind, step))
+        kind = bare(below(kind, step))
         if get_origin(kind) in (Union, UnionType):
             tag = child(document.entry(path[:depth]), "kind")
-            kind = _chosen(text_of(tag) if tag else "", [*map(_bare, get_args(kind))], [])
-    return kind if _is_model(kind) else None
+            kind = chosen(text_of(tag) if tag else "", [*map(bare, get_args(kind))], [])
+    return kind if is_model(kind) else None
 
 
 def units_missing(document: Document, model: type[BaseModel]) -> dict[Path, str]:
@@ -293,18 +222,18 @@ class _Finding:
         owner: type[BaseModel] | None = None
         rest = list(details["loc"])
         while rest and rest[0] != _KEY:
-            kind = _bare(kind)
+            kind = bare(kind)
             if get_origin(kind) in (Union, UnionType):
-                possible = [_bare(member) for member in get_args(kind) if member is not NoneType]
-                label = str(rest.pop(0)) if len(possible) > 1 and _is_label(rest[0], possible) else ""
+                possible = [bare(member) for member in get_args(kind) if member is not NoneType]
+                label = str(rest.pop(0)) if len(possible) > 1 and is_label(rest[0], possible) else ""
                 if label:
                     members.append((path, label))
-                kind = _chosen(label, possible, rest)
+                kind = chosen(label, possible, rest)
                 continue
             step = rest.pop(0)
             path = (*path, step)
-            owner = kind if _is_model(kind) else None
-            kind = _below(kind, step)
+            owner = kind if is_model(kind) else None
+            kind = below(kind, step)
         return cls(
             kind=details["type"],
             context=details.get("ctx") or {},
@@ -314,7 +243,7 @@ class _Finding:
             members=tuple(members),
             owner=owner,
             of_key=bool(rest),
-            expected=_bare(kind),
+            expected=bare(kind),
         )
 
 
@@ -399,9 +328,9 @@ def _meaning(owner: type[BaseModel] | None, key: str | int) -> tuple[str, str]:
     fields = owner.model_fields.items()
     words = next((field.description or "" for name, field in fields if key in (name, field.alias)), "")
     meaning = words.split(". ")[0].removesuffix(".")  # its first sentence
-    below = _bare(_below(owner, key))
+    part = bare(below(owner, key))
     expected = _expected_value(owner.model_json_schema().get("properties", {}).get(key, {})) or _with_keys(
-        keys_of_value(below) if _is_model(below) else (), "; "
+        keys_of_value(part) if is_model(part) else (), "; "
     )
     return f" ({meaning})" if meaning else "", expected
 
@@ -443,13 +372,15 @@ def _unknown_key(document: Document, model: type[BaseModel], finding: _Finding) 
             what = f"neither a key of the study nor one of its cameras: {', '.join(map(repr, cameras))}"
             return document.locate_key(path).problem(path, what)
         names += cameras
+    if owner and nearest(name, names) is None and (deeper := deeper_key(owner, name)):
+        return document.locate_key(path).problem(path, f"unknown key here; nearest: '{deeper}'")
     return document.locate_key(path).problem(path, f"unknown key{nearest_name(name, names)}")
 
 
 def _path_to(document: Document, name: str) -> Path:
     """The shortest path to a key of this name below the first level and outside lists; empty without one."""
-    below = (path for path, _ in walk(document.root, ()) if path[1:] and path[-1] == name != path[0])
-    return min((path for path in below if all(isinstance(step, str) for step in path)), key=len, default=())
+    deeper = (path for path, _ in walk(document.root, ()) if path[1:] and path[-1] == name != path[0])
+    return min((path for path in deeper if all(isinstance(step, str) for step in path)), key=len, default=())
 
 
 def _is_implied(entry: Entry | None) -> TypeGuard[MappingEntry]:
