@@ -121,6 +121,21 @@ class TestCheck:
         assert done.stdout.splitlines()[-1] == ""
 
 
+@pytest.mark.parametrize(("unit", "loaded"), [("m", False), ("yd", True)])
+def test_loads_pint_only_for_units_that_need_it(unit: str, loaded: bool) -> None:
+    script = (
+        "import sys; sys.argv = sys.argv[1:]\n"
+        "from tradestudy import cli\n"
+        "try: cli.main()\n"
+        "except SystemExit as end: assert not end.code, end.code\n"
+        "import xarray; xarray.DataArray([1.0]).to_numpy()\n"
+        "print(sys.modules['pint'] is not None)"
+    )
+    words = ["tradestudy", "check", str(RIGHT), "--set", f"rig.baseline=0.1 {unit}"]
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == str(loaded)
+
+
 class TestDask:
     SCRIPT = (
         "import sys; sys.argv = sys.argv[1:]\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -147,6 +148,8 @@ def _resolve_by_pint(unit: str, *, absolute: bool) -> ResolvedUnit | str:
 @functools.cache
 def _registry() -> pint.UnitRegistry[float]:
     """Build the registry of the units above; pint is imported only here, because its import is slow."""
+    if sys.modules.get("pint", ...) is None:  # hidden by the command line
+        del sys.modules["pint"]
     import pint
 
     return pint.UnitRegistry(_DEFINITIONS.strip().splitlines(), cache_folder=None)
