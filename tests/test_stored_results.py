@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tradestudy import results
+from tradestudy import results, units
 from tradestudy.errors import NoResultsError, ResultsError
 from tradestudy.results import FORMAT_VERSION, GROUPS, dataset, storage
 
@@ -256,6 +256,22 @@ def test_numbers_in_place_of_text_are_refused(tmp_path: Path) -> None:
     storage.write_finished(storage.encoded(tree), COMPLETE, tmp_path)
     with pytest.raises(ResultsError, match="/cameras/title has numbers in place of text"):
         storage.read_finished(tmp_path)
+
+
+def test_the_file_has_units_that_udunits_knows_and_reading_restores_ours(tmp_path: Path) -> None:
+    """`cf_units.Unit` accepts these; it refuses px, electrons and mixed."""
+    known = {"", "1", "1/K", "1/m", "K", "Pa", "W", "bit", "count", "kg", "m", "m²", "percent", "rad", "s", "sr"}
+    ours = {one.units for group in GROUPS.values() for one in group.values()}
+    ours |= {one.unit for one in vars(units).values() if isinstance(one, units.Dimension)} | {"wave"}
+    data = {f"v{k}": ((), 1.0, {"units": unit, "long_name": unit}) for k, unit in enumerate(sorted(ours))}
+    tree = xr.DataTree.from_dict({"/": _tree("right").to_dataset(), "/new": xr.Dataset(data)})
+    content = storage.encoded(tree)
+    stored = xr.open_groups(io.BytesIO(content), engine="h5netcdf")["/new"]
+    assert {one.attrs.get("units", "") for one in stored.values()} == known
+    assert {one.attrs["measured_in"] for one in stored.values() if "measured_in" in one.attrs} == ours - known
+    assert all("units" not in one.attrs for one in stored.values() if one.attrs["long_name"] == "mixed")
+    storage.write_finished(content, COMPLETE, tmp_path)
+    xr.testing.assert_identical(storage.read_finished(tmp_path)[0]["new"].to_dataset(), xr.Dataset(data))
 
 
 def test_the_table_of_variables_is_complete_and_names_errors_that_exist() -> None:

@@ -35,6 +35,13 @@ _UNFINISHED: Final = ".unfinished"  # of `execution.Checkpoints`
 _ALWAYS: Final = (RESULTS, RUN, "report.html", "report.pdf")
 RUN_FILES: Final = (*_ALWAYS, "figures/*.svg", "tables/*.csv", "posteriors/*.nc", "matchers.yaml", "fitted/*.yaml")
 
+_CF_UNITS: Final = {
+    "px": "1", "m px": "m", "px/m": "1/m", "wave": "1", "electron": "count", "electrons": "count", "photon": "count",
+    "DN/electron": "1", "mixed": "",
+}  # fmt: skip
+"""Units that UDUNITS does not know, and what ``results.nc`` has in their place: nothing where values have several."""
+_OWN_UNITS: Final = "measured_in"
+
 # Types of the values in run.json, and of the members of those that have some.
 _KINDS: Final = {
     **dict.fromkeys(("study", "study_hash", "code_hash", "file", "started", CHECKSUM, PICTURES), str),
@@ -218,8 +225,24 @@ def _encode_variable(group: h5py.Group, name: str, variable: xr.Variable) -> h5p
     if values.dtype.kind in "OU":
         values = values.astype(h5py.string_dtype())
     stored = group.create_dataset(name, data=values, fillvalue=fill, track_order=True)
-    _describe(stored, variable.attrs)
+    _describe(stored, _with_known_units(variable.attrs))
     return stored
+
+
+def _with_known_units(attributes: Mapping[Hashable, Any]) -> dict[Hashable, Any]:
+    """Attributes whose ``units`` UDUNITS knows, for programs that expect CF conventions; ours moves to `_OWN_UNITS`."""
+    own = attributes.get("units")
+    if own not in _CF_UNITS:
+        return dict(attributes)
+    known = {"units": _CF_UNITS[own]} if _CF_UNITS[own] else {}
+    return {key: value for key, value in attributes.items() if key != "units"} | known | {_OWN_UNITS: own}
+
+
+def _restore_units(tree: xr.DataTree) -> None:
+    for node in tree.subtree:
+        for variable in node.variables.values():
+            if _OWN_UNITS in variable.attrs:
+                variable.attrs["units"] = variable.attrs.pop(_OWN_UNITS)
 
 
 def _describe(stored: h5py.Group | h5py.Dataset, attributes: Mapping[Hashable, Any]) -> None:
@@ -391,6 +414,7 @@ def _tree_of(content: bytes, path: Path) -> xr.DataTree:
                     f"the results file is damaged or from another version of the program: /{group}/{name} has {wrong}"
                 )
                 raise ResultsError(what, value=str(path), remedy="run the study again")
+    _restore_units(tree)
     return tree
 
 
