@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.report.layout import unreadable
 from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, figures
 from tradestudy.answers import depth_loop
@@ -170,6 +171,14 @@ def test_every_plane_is_among_the_conclusions(ran: tuple[api.Result, Path], meas
         there = measured.sel(distance=plane["distance"], electrons=plane["electrons"]).squeeze()
         for name in ("spread", "spread_error", "bias", "bias_error", "predicted", "filled"):
             assert plane[name] == float(there[f"depth_{name}"])
+
+
+@pytest.mark.parametrize("bias", [0.0009, 0.004, 0.03, 0.2, 3.0])
+def test_the_figure_can_be_read_whatever_the_bias(ran: tuple[api.Result, Path], bias: float) -> None:
+    tree = ran[0].data.copy(deep=True)
+    values = tree["depth_loop"]["depth_bias_px"]
+    values[...] = np.linspace(-bias, 0.3 * bias, values.size).reshape(values.shape)
+    assert unreadable(figures.build(tree)["depth_loop"].draw()) == []
 
 
 def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, Path]) -> None:

@@ -118,26 +118,32 @@ def test_on_a_phone_everything_wide_scrolls_in_a_block_that_keys_reach(visit: Op
             assert seen.page.evaluate(_UNREACHABLE) == [], report
 
 
-# Height of the capital-like numbers of the first figure [px], and the letters of all figures outside of the page.
-_TICK = """() => Math.max(...[...document.querySelectorAll('.plot svg [id*="xtick_"] [id*="-text_"]')]
-  .map((one) => one.getBoundingClientRect().height))"""
+# Size of the smallest letters of all figures [px]: their outlines are drawn at a hundredth of it. Letters that are cut.
+_SMALLEST = """() => {
+  const sizes = [...document.querySelectorAll('.plot svg [id*="-text_"] > g[transform*="scale"]')]
+    .map((one) => one.getScreenCTM()).map(({ a, b }) => 100 * Math.hypot(a, b));
+  return Math.min(...sizes);
+}"""
 _CUT_LETTERS = """() => [...document.querySelectorAll('.plot svg [id*="-text_"]')].filter((one) => {
-  const box = one.getBoundingClientRect();
-  return box.width && (box.left < -1 || box.right > innerWidth + 1);
+  const box = one.getBoundingClientRect(), figure = one.ownerSVGElement.getBoundingClientRect();
+  return box.width && (box.left < figure.left - 1 || box.right > figure.right + 1);
 }).map((one) => one.id)"""
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_figures_open_uncut_and_legible_on_a_phone(visit: Open, reports: list[Path], dark: bool) -> None:
+def test_figures_on_a_phone_are_legible_and_scroll_to_their_ends(visit: Open, reports: list[Path], dark: bool) -> None:
     for report in reports:
         with visit(report, width=390, dark=dark) as seen:
             for figure in seen.page.locator(".plot svg").all():
                 box = figure.bounding_box()
+                frame = figure.locator("xpath=..")
                 assert box["x"] >= 0.0, report
-                assert 370.0 <= box["width"] <= 390.0 - box["x"], report
+                shown = frame.evaluate("one => { one.scrollLeft = 1e4; return one.getBoundingClientRect().right; }")
+                assert 380.0 <= shown <= 390.0, report
+                box = figure.bounding_box()
+                assert box["x"] + box["width"] == pytest.approx(shown, abs=2.0), report
             assert seen.page.evaluate(_CUT_LETTERS) == [], report
-            # Digits are about 0.73 of the size of their letters, which are then at least 7 px high.
-            assert seen.page.evaluate(_TICK) >= 0.73 * 7.0, report
+            assert seen.page.evaluate(_SMALLEST) >= 9.0, report
 
 
 def test_keys_read_a_figure_on_a_phone(visit: Open, headline: Run) -> None:
@@ -145,5 +151,5 @@ def test_keys_read_a_figure_on_a_phone(visit: Open, headline: Run) -> None:
         frame = seen.page.locator("#whole_range .frame > .scroll")
         for key in ("End", "Home"):
             frame.press(key)
-            line = seen.page.locator("#whole_range .cursor line").first.bounding_box()
-            assert 0.0 <= line["x"] <= 390.0
+            line, box = seen.page.locator("#whole_range .cursor line").first.bounding_box(), frame.bounding_box()
+            assert box["x"] <= line["x"] <= box["x"] + box["width"] <= 390.0

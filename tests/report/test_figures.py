@@ -11,7 +11,6 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.text import Annotation
 
 from tests.report.layout import unreadable
 from tradestudy import figures
@@ -147,11 +146,35 @@ def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree
     np.testing.assert_allclose(point, [[[1.0, 40.0]]])
     named = {text.get_text(): text for text in axes.texts}
     assert "below 2 % from 0.1 m to 0.4 m" in named
-    assert isinstance(at_one_metre := named["any camera at 1 m"], Annotation)
-    assert at_one_metre.xy == (1.0, 40.0)
+    assert named["any camera at 1 m"].get_position() == (1.0, 40.0)
     without = tree.copy()
     del without["requirements"]
     assert "requirement" not in figures.build(without)["whole_range"].caption
+
+
+@pytest.mark.parametrize("place", np.geomspace(0.1, 0.9, 25))
+def test_names_of_fifty_requirements_hide_no_curve(tree: xr.DataTree, place: float) -> None:
+    """Requirements at 50 distances, each as large as the least uncertainty there; the tightest two are named."""
+    depth, own = tree["depth"].to_dataset(), tree["requirements"].to_dataset()
+    near = place * np.geomspace(1.0, 1.1, 50)
+    least = depth["depth_uncertainty"].min("camera").interp(distance=near).values
+    every = own.isel(requirement=[0, 1] * 25).assign(
+        requirement=[f"r{k}" for k in range(50)], says=("requirement", [f"at most {one:.2g} m" for one in least])
+    )
+    for name, values in {"over_near": near, "over_far": near * ([1.0, 1.3] * 25), "bound": least}.items():
+        every[name] = ("requirement", values)
+    every["bound_is_relative"] = ("requirement", np.zeros(50, dtype=bool))
+    many = tree.copy()
+    many["requirements"] = xr.DataTree(every)
+    figure = figures.figure(many, "whole_range")
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_text().startswith("at most")]
+    for line in axes.lines[: len(depth["camera"]) * 2]:
+        x = np.geomspace(*axes.get_xlim(), 2000)
+        y = np.interp(x, line.get_xdata(), line.get_ydata())
+        points = axes.transData.transform(np.column_stack([x, y])[np.isfinite(y)])
+        assert not any(box.padded(-1.0).count_contains(points) for box in boxes)
 
 
 def test_a_required_uncertainty_far_below_all_curves_lies_on_the_panel(tree: xr.DataTree) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter
+from matplotlib.transforms import offset_copy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from tradestudy.figures.curves import Flags, NamedCurve, beneath, fill, name_ends, name_places
@@ -57,6 +60,12 @@ MOST_BOUNDS: Final = 2  # named requirements
 _MOST_CROSSOVERS: Final = 10
 _LETTERS_OF_BOUND: Final = 36  # of the name of a requirement
 _LETTERS_ACROSS: Final = 62  # of a name written into the bar of the best camera
+_SPOTS: Final = (
+    (0.0, 3.5, "left", "bottom"), (0.0, -3.5, "left", "top"), (5.0, 0.0, "left", "center"),
+    (-5.0, 0.0, "right", "center"), (0.0, -3.5, "right", "top"), (0.0, 3.5, "right", "bottom"),
+)  # fmt: skip
+"""Shifts [points] of a name from an end of its line, and its alignment."""
+_FINE: Final = 500  # points of a curve
 _LETTER: Final = 0.62  # mean width of a letter, of its size
 _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), (1e-1, "10 %"), (1.0, "100 %"))
 
@@ -189,6 +198,9 @@ def draw_whole_range(tree: xr.DataTree, most: int = MOST_CAMERAS) -> StudyFigure
     edges = crossovers(tree)
     required = [np.interp(distance, one.over, one.bound, left=np.nan, right=np.nan) for one in bounds]
     draw_relative_guides(curves, distance, [*drawn, *required], edges)
+    fine = np.geomspace(distance[0], distance[-1], _FINE)
+    lines = [np.column_stack([fine, np.interp(fine, distance, one)]) for one in (*drawn, *required)]
+    hidden = np.concatenate([*lines, *(np.column_stack([one.over, one.bound]) for one in bounds)])
     for k, one in enumerate(bounds):
         name, others = shortened(one.says, _LETTERS_OF_BOUND), [*drawn, *required[:k], *required[k + 1 :]]
         look = {"linestyle": (0, (4, 1.5)), "linewidth": 1.1, "marker": "|", "markersize": 4.0}
@@ -197,7 +209,7 @@ def draw_whole_range(tree: xr.DataTree, most: int = MOST_CAMERAS) -> StudyFigure
         ends = slice(1 if one.is_point else 2)
         curves.plot(one.over[ends], one.bound[ends] * MM, color=INK, zorder=2.1, **look)
         if one.is_point or not _name_along(curves, distance, required[k], name, others, edges):
-            _name_beside(curves, one, name, below=k % 2 == 1)
+            _name_beside(curves, one, name, hidden)
     _bars(bars, depth, shown)
     if has_winners(tree):
         if len(shown) > 1:
@@ -207,15 +219,25 @@ def draw_whole_range(tree: xr.DataTree, most: int = MOST_CAMERAS) -> StudyFigure
     return figure
 
 
-def _name_beside(axes: Axes, required: RequiredUncertainty, name: str, *, below: bool) -> None:
-    """Name a required uncertainty above or below its end that is farther from the edge of the panel."""
+def _name_beside(axes: Axes, required: RequiredUncertainty, name: str, hidden: FloatArray) -> None:
+    """Name a required uncertainty beside an end, where the name hides none of these points [m] and no other name.
+
+    Without such a place, it gets no name.
+    """
+    drawn = np.array(axes.transData.transform(hidden * (1.0, MM)))
+    names = [one.get_window_extent() for one in axes.texts if not isinstance(one, Annotation)]
     is_left = np.log(required.over).mean() < np.mean(np.log(axes.get_xlim()))
-    end = 0 if is_left else -1
-    axes.annotate(
-        name, (float(required.over[end]), float(required.bound[end]) * MM), xytext=(0.0, -3.5 if below else 3.5),
-        textcoords="offset points", ha="left" if is_left else "right", va="top" if below else "bottom", color=INK,
-        fontsize=SMALL, zorder=4, bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0.0, "pad": 0.5},
-    )  # fmt: skip
+    for end, (across, up, ha, va) in product((0, -1) if is_left else (-1, 0), _SPOTS if is_left else _SPOTS[::-1]):
+        text = axes.text(
+            float(required.over[end]), float(required.bound[end]) * MM, name, ha=ha, va=va, color=INK, fontsize=SMALL,
+            transform=offset_copy(axes.transData, axes.get_figure(root=True), across, up, "points"), zorder=4,
+            bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0.0, "pad": 0.5},
+        )  # fmt: skip
+        box = text.get_window_extent()
+        inside = axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 and axes.bbox.y0 <= box.y0 and box.y1 <= axes.bbox.y1
+        if inside and not box.count_overlaps(names) and not box.count_contains(drawn):
+            return
+        text.remove()
 
 
 @dataclass(frozen=True, kw_only=True)

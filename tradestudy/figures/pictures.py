@@ -369,6 +369,7 @@ def _tables(tree: xr.DataTree, key: str) -> Tables:
 _TOLERANCE = 0.1  # of the spread: how closely a fitted matcher should predict it at other distances
 _LARGEST_BIAS = 0.05  # px
 _MARGIN = 1.1  # the axis reaches this factor beyond the planes
+_MOST_TICKS = 5  # steps of an axis
 _LARGEST_MARK = 6.5  # points
 _PANELS = {
     "Spread of the depth errors": "spread [% of distance]",
@@ -426,6 +427,10 @@ def draw_loop(tree: xr.DataTree) -> StudyFigure:
     distance_axis(panels[0], (ends[0] / _MARGIN, ends[1] * _MARGIN), dense=True)
     panels[-1].set_xlabel(distance_label(ends[1]))
     log_axis(panels[0], "y")
+    for axes in panels[
+        1:
+    ]:  # matplotlib's choice depends on the height of a panel, which is known too late for the margins
+        axes.locator_params("y", nbins=_MOST_TICKS)
     panels[1].axhline(1.0, color=INK, linewidth=0.6)
     panels[2].axhspan(1.0 - _TOLERANCE, 1.0 + _TOLERANCE, color=FAINT)
     panels[3].axhspan(-_LARGEST_BIAS, _LARGEST_BIAS, color=FAINT)
