@@ -114,7 +114,8 @@ def test_a_run_prints_its_conclusions_and_fails_if_strict_and_missed(headline_ru
     assert done.returncode == 3, done.stderr
     *reported, last = done.stdout.splitlines()
     assert last == "Report: reports/plenoptic-vs-stereo/report.html"
-    assert reported[-1].startswith("Best: ")
+    assert reported[0].startswith("From ")
+    assert not any(one.startswith("Best") for one in reported), "the first line says it"
     assert len(reported) <= 6
     assert "close-range" in done.stderr.splitlines()[-1]
 

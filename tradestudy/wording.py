@@ -137,10 +137,18 @@ def within(
     return *ends(digits), digits
 
 
-def range_words(start: float, end: float) -> str:
-    """A range of distances [m], or a single one, with its preposition and plain spaces: "from 0.4 to 3 m", "at 1 m"."""
+def range_words(
+    start: float,
+    end: float,
+    near_to: Callable[[float], int] = math.ceil,
+    far_to: Callable[[float], int] = math.floor,
+) -> str:
+    """A range of distances [m], or a single one, with its preposition and plain spaces: "from 0.4 to 3 m", "at 1 m".
+
+    Its ends are rounded as by `within`; those of a gap between such ranges with `math.floor` and `math.ceil`.
+    """
     if start < end:
-        return f"from {plain_span(start, end)}"
+        return f"from {plain_span(*within(start, end, near_to, far_to))}"
     return f"at {distance(start)}".replace("\N{NO-BREAK SPACE}", " ")
 
 

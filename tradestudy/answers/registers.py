@@ -79,7 +79,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
 def _left_out(part: CameraDeclaration, camera: Camera) -> str:
     """What of a camera's declaration or of its calibration file acts only in part or not at all, in words."""
     ignored = part.read_as.get(IGNORED)
-    file = f"{ignored} of its file acts neither in depth nor in pictures" if ignored else ""
+    file = f"neither depth nor pictures use {ignored} of its file" if ignored else ""
     return "; ".join(filter(None, (camera.left_out, file)))
 
 

@@ -192,7 +192,7 @@ def _check_range(found: SharpRange, over: tuple[float, ...], name: str, word: st
         first, last = (float(end) for end in around[0])
         beyond = (near / first - 1.0 if first > 0.0 else math.inf, near), (last / far - 1.0, far)
         margin, place = min(beyond)
-        reason = f"{word} from {pretty(first, LENGTH)} to {pretty(last, LENGTH)}"
+        reason = f"{word} {range_words(first, last)}"
         # Ends that coincide within rounding count as met.
         margin = max(margin, 0.0)
         return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
@@ -202,7 +202,7 @@ def _check_range(found: SharpRange, over: tuple[float, ...], name: str, word: st
     gaps = _gaps(found.union.covered, near, far)
     place = gaps[0][0]
     why = f": {found.reason}" if found.extent == 0.0 and found.reason else ""
-    reason = f"not {word} {listed([range_words(*gap) for gap in gaps])}{why}"
+    reason = f"not {word} {listed([range_words(*gap, math.floor, math.ceil) for gap in gaps])}{why}"
     margin = -max(unsharp, _LEAST_MISS)
     miss = _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
     return replace(miss, limit="focus") if word == "sharp" else miss

@@ -394,7 +394,7 @@ def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str], *, d
         why = f": {limit_words(limit)}" if limit else ""
         if limit == "focus" and derived:
             why += ", although its derived disparity error already contains blur"
-        parts.append(listed([range_words(*gap) for _, gap in group]) + why)
+        parts.append(listed([range_words(*gap, math.floor, math.ceil) for _, gap in group]) + why)
     return f"not usable {'; '.join(parts)}"
 
 

@@ -22,7 +22,7 @@ from tradestudy.comparison.comparison import (
 )
 from tradestudy.comparison.results import ROUNDING, SURE, left_out_share
 from tradestudy.results import judged_uncertainty
-from tradestudy.results.views.decision import answer_title, reported_winners, tied
+from tradestudy.results.views.decision import TIED, answer_title, reported_winners, shown_ends, tied
 from tradestudy.results.views.depth import (
     by_first_criterion,
     nominal,
@@ -40,7 +40,7 @@ from tradestudy.results.views.requirement_conclusions import (
 )
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import counted, distance, listed, span
+from tradestudy.wording import counted, distance, listed, span, within
 
 NOT_ASKED = "not asked"
 _NOWHERE = "at no value that was tried"
@@ -237,6 +237,8 @@ def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], bool]:
     winners = [list(reported_winners(run.tree)) for run in runs]
     ranges = list(_ranges(winners, common_range(runs)))
     edges = [edge for run, found in zip(runs, winners, strict=True) for edge in _edges(run.tree, found)]
+    # An end is that of a usable range where any run has no usable camera beyond it.
+    shown = shown_ends([(one.near, one.far, TIED.join(one.names) if all(one.names) else "") for one in ranges])
     differing = [one for one in ranges if one.differs]
     changed = [one for one in differing if not _is_explained(one, edges)]
     titles = titles_of(runs)
@@ -246,9 +248,10 @@ def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], bool]:
         Difference(
             what=what,
             values=tuple(answer_title(titles, name, NOBODY) for name in one.names),
-            where=f"from {span(one.near, one.far)}{rest if one is changed[-1] else ''}",
+            where=f"from {span(*ends)}{rest if one is changed[-1] else ''}",
         )
-        for one in changed
+        for one, ends in zip(ranges, shown, strict=True)
+        if one in changed
     )
     return unexplained, len(changed) < len(differing)
 
@@ -423,7 +426,7 @@ def _compared(what: str, found: Sequence[Sequence[UsableStretch]]) -> Difference
     moved = sorted({end for other in found[1:] for end in _moved_ends(found[0], other)})
     if not moved:
         return None
-    values = tuple(listed([span(*one.ends) for one in stretches]) or NOWHERE for stretches in found)
+    values = tuple(listed([span(*within(*one.ends)) for one in stretches]) or NOWHERE for stretches in found)
     limits = [
         f"{name} end set by {limit}"
         for end, name in enumerate(("near", "far"))

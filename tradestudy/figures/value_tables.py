@@ -14,7 +14,7 @@ from tradestudy.results.views.groups import FloatArray, camera_titles, group, ti
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, pretty
-from tradestudy.wording import distance, in_words, span
+from tradestudy.wording import distance, in_words, span, within
 
 Tables = tuple[ValueTable, ...]
 
@@ -83,7 +83,7 @@ def focus_tables(tree: xr.DataTree) -> Tables:
 
 
 def _where(one: xr.Dataset, name: str) -> str:
-    return " and ".join(span(near, far) for near, far in sharp_ranges(one, name)) or "nowhere"
+    return " and ".join(span(*within(*ends)) for ends in sharp_ranges(one, name)) or "nowhere"
 
 
 def rank_tables(tree: xr.DataTree) -> Tables:

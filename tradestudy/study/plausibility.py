@@ -122,7 +122,7 @@ _OF_IMPORTS: Final = {
     FOLDING_LENS: "depth cannot be measured in {}; check the distortion coefficients",
     UNUSUAL_MATRIX: "{}; check the camera matrix",
     OFF_CENTRE: "{}; check the size and the camera matrix",
-    IGNORED: "{} of the file is not modelled: pictures and depth are those of a camera without it",
+    IGNORED: "pictures and depth are computed without {} of the file",
     EXCHANGED_NAMES: "{}; check the names of the cameras, and the sign of the translation between them",
     UNUSUAL_SIGN: "{}; check the sign, and which camera is the left one",
     INEXACT_ROTATION: "{}; give more digits",

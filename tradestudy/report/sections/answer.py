@@ -253,7 +253,8 @@ def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     if inputs := rests_on(tree):
         named = ", and on ".join(f"the {one.removeprefix('the ')}" for one in inputs[:_MOST_INPUTS])
         if left := len(inputs) - _MOST_INPUTS if len(inputs) > _MOST_INPUTS else 0:
-            named += f", and on {counted(left, 'other input')} (section “Requirements”)"
+            section = " (section “Requirements”)" * bool(requirement_conclusions(tree))
+            named += f", and on {counted(left, 'other input')}{section}"
         solved = has(tree, "decision", "solved_rests_on") and any(group(tree, "decision")["solved_rests_on"].values)
         if requirement_conclusions(tree) or solved:
             answers = "The answers rest"

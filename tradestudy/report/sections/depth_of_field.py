@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -22,6 +23,7 @@ from tradestudy.report.words import length, share
 from tradestudy.results.views.depth import SharpCamera, by_first_criterion, sharp_cameras, sharp_ranges
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
+from tradestudy.wording import span, within
 
 _MOST_ROWS = 12  # cameras on the first page
 _SPOT = {
@@ -50,7 +52,7 @@ def _criterion_words(one: xr.Dataset) -> str:
 
 
 def _ends(found: tuple[tuple[float, float], ...]) -> str:
-    return " and ".join(f"{length(near)} – {length(far)}" for near, far in found) or "nowhere"
+    return " and ".join(span(*within(*ends)) for ends in found) or "nowhere"
 
 
 def _answer_table(tree: xr.DataTree, rows: Sequence[SharpCamera]) -> Table:
@@ -138,7 +140,7 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
                     length(float(camera["extent"])) if found else "—",
                     share(float(camera["scene_share"])) if found else "—",
                     str(int(camera["images"])) if found and int(camera["images"]) else "—",
-                    ("gaps: " * bool(gaps) + "; ".join(_ends((gap,)) for gap in gaps))
+                    ("gaps: " * bool(gaps) + "; ".join(span(*within(*gap, math.floor, math.ceil)) for gap in gaps))
                     or str(camera["reason"].item()).split(";")[0].removesuffix(": nothing is sharp"),
                 )
             )

@@ -167,19 +167,16 @@ def worths(tree: xr.DataTree) -> tuple[AssumptionWorth, ...]:
     """The worth of knowing each assumption, the largest first."""
     found = [
         AssumptionWorth(
-            says=_assumption_words(tree, str(row["says"])),
+            # An assumption without words of its own is named by its path.
+            says=says if " " in says else path_words(tree, says.removeprefix("scene.picture.").removeprefix("scene.")),
             between=str(row["between"]),
             worth=float(row["worth"]),
             error=float(row["worth_error"]),
         )
         for row in records(tree, "value_of_information", "assumption")
+        for says in [str(row["says"])]
     ]
     return tuple(sorted(found, key=lambda one: -one.worth))
-
-
-def _assumption_words(tree: xr.DataTree, says: str) -> str:
-    """The study's words for an assumption; where it only names a path, the words of that path."""
-    return says if " " in says else path_words(tree, says.removeprefix("scene.picture.").removeprefix("scene."))
 
 
 def measure_first(tree: xr.DataTree) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -18,7 +18,6 @@ from tradestudy.results.views.conclusions import (
     never_best,
     never_usable,
     question_words,
-    rests_on,
 )
 from tradestudy.results.views.decision import candidates, solved_questions
 from tradestudy.results.views.depth import (
@@ -44,7 +43,7 @@ from tradestudy.units import FRACTION, LENGTH, PIXELS, pretty, significant
 from tradestudy.wording import DECLARED_VALUE, counted, distance, few, listed, plain_span, with_article
 
 _ALONE: Final = "for depth alone, "
-_MOST_STRETCHES: Final = 5
+_MOST_STRETCHES, _CHANGES = 5, "the best camera changes"
 _HARDLY, _CLEARLY = 1.1, 1.5  # factors of the depth uncertainty over the values of a swept number
 _MEASURED: Final = 3  # cameras beside the best that a sentence on pictures names
 _NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it gives the number
@@ -169,11 +168,11 @@ def _of_fresnel(tree: xr.DataTree) -> str:
 
 def _of_scene(tree: xr.DataTree) -> str:
     """Which camera measured the rendered scene best, and how, and which measured nothing."""
-    clauses, scene = [], scene_by_error(tree)
-    for row in scene[:1]:
-        best = " best, by spread and bias together" if len(scene) > 1 else ""
-        clauses.append(f"{with_article(row['camera'])} measures the scene{best}: to {_spread_words(row)}")
-    clauses += [f"{with_article(row['camera'])}, to {_spread_words(row)}" for row in scene[1 : _MEASURED + 1]]
+    rows = scene_by_error(tree)[: _MEASURED + 1]
+    each = [(with_article(row["camera"]), f"to {pretty(row['error'], LENGTH, digits=2)}") for row in rows]
+    best = " best," * (len(each) > 1)
+    clauses = [f"{who} measures the scene{best} {to} by spread and bias together" for who, to in each[:1]]
+    clauses += [listed([f"{who} {to}" for who, to in each[1:]])] * (len(each) > 1)
     blind = [row["camera"] for row in measured_numbers(tree) if row["of"] == "scene" and np.isnan(row["spread"])]
     return "; ".join([*clauses, *_blind_words(blind)])
 
@@ -200,11 +199,6 @@ def _blind_words(titles: Sequence[str]) -> Iterator[str]:
         yield f"{few(list(map(with_article, titles)))} measured nothing in rendered pictures"
 
 
-def _spread_words(row: dict[str, Any]) -> str:
-    spread, bias = (pretty(abs(row[name]), LENGTH, digits=2) for name in ("spread", "bias"))
-    return f"±{spread}, {bias} too {'far' if row['bias'] > 0.0 else 'near'} on average"
-
-
 def _of_sharpness(tree: xr.DataTree) -> str:
     """Which cameras keep the scene sharp: with the fewest exposures and moving parts, and with the finest detail."""
     cameras = sharp_cameras(tree)
@@ -215,8 +209,8 @@ def _of_sharpness(tree: xr.DataTree) -> str:
     blur = pretty(float(by_first_criterion(tree)["blur_px"]), PIXELS)
     keep = [one for one in cameras if one.keeps_all]
     if not keep:
-        nearly = f"{with_article(cameras[0].title)} keeps {_percent(cameras[0].share)} of it"
-        return f"no camera keeps {scene} sharp to {blur}; {nearly}"
+        share = pretty(math.floor(cameras[0].share * 100.0) / 100.0, FRACTION, digits=2)
+        return f"no camera keeps {scene} sharp to {blur}; {with_article(cameras[0].title)} keeps {share} of it"
     finest, simplest = keep[0], min(keep, key=lambda one: (one.images, one.moving_parts, one.resolution))
     which = [with_article(simplest.title) + f" ({_expense(simplest)})"]
     if finest.title != simplest.title:
@@ -229,14 +223,10 @@ def _expense(camera: SharpCamera) -> str:
     return f"{pretty(camera.resolution, LENGTH)} in {counted(camera.images, 'exposure')}{parts}"
 
 
-def _percent(share: float) -> str:
-    return pretty(math.floor(share * 100.0) / 100.0, FRACTION, digits=2)
-
-
 def _of_one_camera_asked(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]) -> str:
     """The first question of a study that has one camera, no requirement, and questions."""
-    single = has(tree, "depth") and group(tree, "depth").sizes["camera"] == 1
-    return next(_questions(tree), "") if single and not requirements else ""
+    is_asked = not requirements and has(tree, "depth") and group(tree, "depth").sizes["camera"] == 1
+    return next(_questions(tree), "") if is_asked else ""
 
 
 def _questions(tree: xr.DataTree) -> Iterator[str]:
@@ -316,6 +306,12 @@ def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
     return f"; if all criteria count, {with_article(ranked[0].title)} ranks first for {share} of the possible weights"
 
 
+def says_stretches(tree: xr.DataTree, said: str) -> bool:
+    """Whether a headline names the best cameras of all distances."""
+    words = _stretch_words(tree, best_ranges(tree)).replace("\N{NO-BREAK SPACE}", " ")
+    return bool(words) and words[1:] in said and _CHANGES not in words
+
+
 def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
     """Which camera to take from which distance to which."""
     taken = [one for one in ranges if one.cameras]
@@ -335,21 +331,18 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
     for number, one in enumerate(shown):
         near, far = one.where.split(" to ")
         begins = "" if one.near == last else f"from {near} "
-        parts.append(f"{begins}to {far} {'' if number else 'take '}{_camera_words(one.cameras)}")
+        which = listed(list(map(with_article, one.cameras)), "or") + " (equally uncertain)" * (len(one.cameras) > 1)
+        parts.append(f"{begins}to {far} {'' if number else 'take '}{which}")
         last = one.far
     words = ", ".join(parts)
     if len(shown) < len(taken):
-        return f"{words}; the best camera changes {len(taken) - 1} times"
+        return f"{words}; {_CHANGES} {len(taken) - 1} times"
     nowhere = any(not one.cameras for one in ranges)
     return f"{words}; elsewhere no camera is usable" if nowhere else words + _lead_words(tree) * (len(taken) == 1)
 
 
-def _camera_words(titles: Sequence[str]) -> str:
-    return listed(list(map(with_article, titles)), "or") + (" (equally uncertain)" if len(titles) > 1 else "")
-
-
 def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
-    """The usable range of the only camera, its uncertainty at both ends, and how much larger that is off the axis."""
+    """The usable range of the only camera, its uncertainty at both ends, and how much larger it is off the axis."""
     name = str(group(tree, "depth")["camera"].values[0])
     distances, judged = where_known(tree, name)
     where = " and ".join(f"from {one.where}" for one in taken)
@@ -358,10 +351,7 @@ def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
         return f"{title} is usable {where}"
     ends = {0: None, distances.size - 1: None}  # one if they are the same
     values = [f"±{pretty(float(judged[k]), LENGTH)} at {distance(distances[k])}" for k in ends]
-    causes = rests_on(tree)
-    limits = f"; on average, {causes[0].partition(' of ')[0]} decides most of it" if causes else ""
-    worst_place = off_axis(tree, name)
-    off = ""
-    if _HARDLY < worst_place.ratio < math.inf:
-        off = f" on the axis, and off it up to {significant(worst_place.ratio, 2)} times as much ({worst_place.where})"
-    return f"depth by {title} is usable {where}, with {listed(values)}{off}{limits}"
+    ratio = off_axis(tree, name).ratio
+    is_worse = _HARDLY < ratio < math.inf
+    off = f" on the axis, and up to {significant(ratio, 2)} times as much off it" if is_worse else ""
+    return f"depth by {title} is usable {where}, with {listed(values)}{off}"

@@ -32,7 +32,7 @@ from tradestudy.results.views.groups import (
     records,
     unconverged,
 )
-from tradestudy.results.views.headline import answers, headline
+from tradestudy.results.views.headline import answers, headline, says_stretches
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
     requirement_conclusions,
@@ -127,8 +127,11 @@ def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
     if ranges:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
         nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
-        head = "Best" if len(camera_titles(tree)) >= _SEVERAL else "Usable"
-        last.append(_line(f"{head}{designs}", [*_range_words(ranges), *never_best_words(tree), *nowhere]))
+        head = f"{'Best' if len(camera_titles(tree)) >= _SEVERAL else 'Usable'}{designs}"
+        told, others = says_stretches(tree, "".join(said[:1])), [*never_best_words(tree), *nowhere]
+        clauses = others if told else [*_range_words(ranges), *others]
+        if clauses:
+            last.append(_line("Others" if told else head, clauses))
     lines = [one for one in lines if f"{one}." not in said[:1]]
     room = max(most - len(last), needed + 1)
     if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
