@@ -114,11 +114,13 @@ def _without_brief_ties(found: list[tuple[float, float, str]]) -> list[tuple[flo
             kept.remove((start, end, names))
     ends = [found[0][0], *(float(np.sqrt(a[1] * b[0])) for a, b in itertools.pairwise(kept)), found[-1][1]]
     moved = [(start, end, one[2]) for (start, end), one in zip(itertools.pairwise(ends), kept, strict=True)]
-    return [
+    joined = [
         (merged[0][0], merged[-1][1], names)
         for names, neighbours in itertools.groupby(moved, key=lambda one: one[2])
         for merged in [list(neighbours)]
     ]
+    # A tie of three between ties of two hides at first that all three are brief.
+    return _without_brief_ties(joined) if len(joined) < len(found) else joined
 
 
 def _exact_ends(tree: xr.DataTree) -> FloatArray:
