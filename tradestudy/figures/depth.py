@@ -62,6 +62,8 @@ _LETTERS_OF_BOUND: Final = 36  # of the name of a requirement
 _LETTERS_ACROSS: Final = 62  # of a name written into the bar of the best camera
 _SPOTS: Final = (
     (0.0, 3.5, "left", "bottom"), (0.0, -3.5, "left", "top"), (5.0, 0.0, "left", "center"),
+    (5.0, 6.0, "left", "bottom"), (5.0, 12.0, "left", "bottom"), (5.0, -12.0, "left", "top"),
+    (-5.0, -12.0, "right", "top"), (-5.0, 12.0, "right", "bottom"), (-5.0, 6.0, "right", "bottom"),
     (-5.0, 0.0, "right", "center"), (0.0, -3.5, "right", "top"), (0.0, 3.5, "right", "bottom"),
 )  # fmt: skip
 """Shifts [points] of a name from an end of its line, and its alignment."""
