@@ -97,7 +97,7 @@ def test_the_depth_of_field_of_a_single_lens_is_that_of_the_closed_form() -> Non
     assert judged.value == pytest.approx(math.log(far / near) / math.log(160 / 140), rel=1e-9)
     assert judged.margin == pytest.approx(judged.value - 1.0)
     assert judged.place == pytest.approx(0.14)
-    assert plain_span(0.14, near) in judged.reason
+    assert f"0.14 to {math.ceil(1e3 * near) / 1e3:g} m" in judged.reason
     before, _ = answer(hand_lens({"camera": name, "depth_of_field": {"over": ["140 mm", "142 mm"]}}))
     assert plain_span(0.14, 0.142) in before.reason  # nothing in it is sharp
 

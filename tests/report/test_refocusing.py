@@ -31,7 +31,7 @@ def result() -> tradestudy.Result:
 
 def test_the_answer_says_range_planes_and_both_depths_of_field(result: tradestudy.Result) -> None:
     assert (
-        "The Thin can be refocused from 16.6 mm to ∞, on 21 distinct planes; refocused on 0.15 m, its depth of field "
+        "The Thin can be refocused from 16.7 mm to ∞, on 21 distinct planes; refocused on 0.15 m, its depth of field "
         "is 155 mm by blur of 1 px and 164 mm by rays."
     ) in answers(result.data)
 
