@@ -67,6 +67,7 @@ _SPOTS: Final = (
     (-5.0, 0.0, "right", "center"), (0.0, -3.5, "right", "top"), (0.0, 3.5, "right", "bottom"),
 )  # fmt: skip
 """Shifts [points] of a name from an end of its line, and its alignment."""
+_NEAR_SPOT: Final = 4.0  # points up or down: tried first
 _FINE: Final = 500  # points of a curve
 _LETTER: Final = 0.62  # mean width of a letter, of its size
 _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), (1e-1, "10 %"), (1.0, "100 %"))
@@ -229,7 +230,8 @@ def _name_beside(axes: Axes, required: RequiredUncertainty, name: str, hidden: F
     drawn = np.array(axes.transData.transform(hidden * (1.0, MM)))
     names = [one.get_window_extent() for one in axes.texts if not isinstance(one, Annotation)]
     is_left = np.log(required.over).mean() < np.mean(np.log(axes.get_xlim()))
-    for end, (across, up, ha, va) in product((0, -1) if is_left else (-1, 0), _SPOTS if is_left else _SPOTS[::-1]):
+    spots = sorted(_SPOTS, key=lambda one: (abs(one[1]) > _NEAR_SPOT, (one[2] == "left") != is_left))
+    for end, (across, up, ha, va) in product((0, -1) if is_left else (-1, 0), spots):
         text = axes.text(
             float(required.over[end]), float(required.bound[end]) * MM, name, ha=ha, va=va, color=INK, fontsize=SMALL,
             transform=offset_copy(axes.transData, axes.get_figure(root=True), across, up, "points"), zorder=4,
@@ -237,7 +239,7 @@ def _name_beside(axes: Axes, required: RequiredUncertainty, name: str, hidden: F
         )  # fmt: skip
         box = text.get_window_extent()
         inside = axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 and axes.bbox.y0 <= box.y0 and box.y1 <= axes.bbox.y1
-        if inside and not box.count_overlaps(names) and not box.count_contains(drawn):
+        if inside and not box.count_overlaps(names) and not box.padded(3.0).count_contains(drawn):
             return
         text.remove()
 
