@@ -171,3 +171,21 @@ def test_new_starts_a_study_from_a_table(tmp_path: Path, monkeypatch: pytest.Mon
     refused = CliRunner().invoke(cli.app, ["new", "two", "--stereo", "--from-measurements", "wall 1's.csv"])
     assert refused.exit_code == 2
     assert not Path("two.yaml").exists()
+
+
+def test_errors_as_predicted_are_consistent_however_exact(tmp_path: Path) -> None:
+    sigma = NOISE * DISTANCES**2 / 60.0
+    for factor, verdict in ((1.0, "consistent"), (1.01, "inconsistent")):
+        _, data = _run(_write(tmp_path, table=_table(distance=DISTANCES, sigma=factor * sigma)))
+        assert data["noise_verdict"].item() == verdict
+
+
+def test_compare_says_that_other_measurements_change_the_answer(tmp_path: Path) -> None:
+    sigma = NOISE * DISTANCES**2 / 60.0
+    for factor in (1.0, 2.0):
+        result, _ = _run(_write(tmp_path, table=_table(distance=DISTANCES, sigma=factor * sigma)))
+        result.write(tmp_path / str(factor))
+    found = str(tradestudy.compare([tmp_path / "1.0", tmp_path / "2.0"]))
+    assert "answer changes" in found
+    assert "is 2 times the predicted one" in found
+    assert "1 measured table" in str(tradestudy.compare([tmp_path / "1.0", tmp_path / "1.0"]))

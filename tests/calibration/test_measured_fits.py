@@ -120,3 +120,10 @@ def test_scatter_alone_rarely_looks_like_a_ripple() -> None:
     rng, far = np.random.default_rng(2), 60.0 / np.arange(3.0, 10.0, 0.1)
     seen = [ripple(np.abs(rng.normal(size=far.size)), far, signed=False).found for _ in range(150)]
     assert np.mean(seen) <= 0.04
+
+
+def test_three_points_of_which_one_dominates_have_no_undefined_error() -> None:
+    """Two columns of a fit may differ by powers of ten, and a column may be zero."""
+    noise, floor = noise_and_floor(np.array([2e-3, 3e-3, 40e-3]), 60.0 / np.array([1.016, 2.032, 3.048]) ** 2)
+    assert not np.isnan([noise.error, noise.high, floor.error, floor.high]).any()
+    assert np.isnan(exponent(np.ones(5), np.arange(1.0, 6.0)).value)

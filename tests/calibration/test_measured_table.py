@@ -56,6 +56,12 @@ WRONG = {
     "distance [m],valid [%]\n1,101\n2,4\n3,9\n": "valid share must lie between",
     "distance [m],sigma [mm],rms [mm],bias [mm]\n1,3,5,4\n2,3,5,4\n3,3,6,4\n": "line 4: RMS² must be",
     "distance [m],rms [mm],bias [mm]\n1,3,-4\n2,3,1\n3,3,2\n": "line 2: rms must not be smaller",
+    "distance [m];sigma [mm]\n1;1\n2;4\n3;9\n": "separates columns by semicolons",
+    "distance [m]\tsigma [mm]\n1\t1\n2\t4\n3\t9\n": "separates columns by tabs",
+    "distance [m],sigma [m]\n1,1e-320\n2,4\n3,9\n": "line 2, column sigma: no measurement gives this value: 1e-320",
+    "distance [km],sigma [m]\n1,1\n2,4\n1e29,9\n": "line 4, column distance: no measurement gives this value",
+    "distance [m],bias [m]\n1,0\n2,-2\n3,0\n": "line 3: the bias must be above −distance",
+    'distance [m],sigma [m]\n1,"1\n2,4\n3,9\n': "not CSV",
     "distance [m],absolute_error [mm],bias [mm]\n1,3,-4\n2,3,1\n3,3,2\n": "must not be smaller than the magnitude",
 }
 
@@ -69,3 +75,10 @@ def test_wrong_tables_are_refused_with_their_place(tmp_path: Path, text: str) ->
 def test_a_file_that_is_no_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(OutOfRangeError, match="cannot be read"):
         read_measurements(tmp_path / "none.csv")
+
+
+def test_a_file_of_gigabytes_is_refused_without_reading_it(tmp_path: Path) -> None:
+    with (tmp_path / "big.csv").open("wb") as file:
+        file.truncate(3_000_000_000)
+    with pytest.raises(OutOfRangeError, match="3e\\+03 MB"):
+        read_measurements(tmp_path / "big.csv")

@@ -12,11 +12,13 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 from typer.testing import CliRunner, Result
 
 import tradestudy
 from tests.catalogue_index import text as text_of_index
 from tradestudy import cli
+from tradestudy.cameras.stated_declaration import StatedAccuracyPart
 from tradestudy.catalogue import INDEX, PREFIX, entry_names, entry_path, listed, revision, wanted
 from tradestudy.errors import StudyError
 from tradestudy.study.catalogue_entries import Entry, entry_of, incomplete
@@ -98,6 +100,21 @@ def test_a_claim_that_gave_the_disparity_error_checks_nothing() -> None:
         0.02 * 424 / math.tan(math.radians(43.5)) * 0.095 / 4, rel=1e-9
     )
     assert "within the claim" in claims["848x480"].verdict
+
+
+CLAIM = {"says": "x", "metric": "error", "relative": "2 %", "up_to": "4 m", "mode": "x", "target": "x"}
+
+
+@pytest.mark.parametrize(("share", "sigmas"), [("68.2689492137 %", 1.0), ("0.9999999999999999", 8.2920)])
+def test_the_share_of_a_claim_may_be_nearly_all(share: str, sigmas: float) -> None:
+    """The half-width of the interval that contains the share 1 − 2⁻⁵³ of a normal error is 8.2920 σ."""
+    part = StatedAccuracyPart.model_validate({**CLAIM, "share": share})
+    assert part.standard_deviation == pytest.approx(0.08 / sigmas, rel=1e-3)
+
+
+def test_the_share_of_a_claim_is_not_nearly_none() -> None:
+    with pytest.raises(ValidationError, match="says nothing about the error"):
+        StatedAccuracyPart.model_validate({**CLAIM, "share": "1e-17"})
 
 
 def test_derived_disparity_error_must_follow_from_its_claim(tmp_path: Path) -> None:
@@ -216,6 +233,8 @@ def test_compare_names_another_revision_of_an_entry(tmp_path: Path, monkeypatch:
         ("mode: 848x480", "mode: 848", "has no mode '848', but 1280x720, 848x480"),
         ("catalogue/realsense-d455", "catalogue/mer-pancam", "has no modes; remove this key"),
         ("from: catalogue/realsense-d455", "like: b", "unknown key"),
+        ("catalogue/oak-d", f"catalogue/{'o' * 5000}", "the catalogue has no 'oooo"),
+        ("scene:", "sweep: {a.mode: [848x480, 640x480]}\nscene:", "mode: composes the camera and cannot be set"),
     ],
 )
 def test_study_with_a_wrong_entry_or_mode_is_refused(tmp_path: Path, before: str, after: str, says: str) -> None:

@@ -93,6 +93,19 @@ def test_a_sweep_has_range_and_planes_of_every_design() -> None:
     assert found["design_planes"].values[:, 0].tolist() == [25, 21, 14]
 
 
+def test_a_sweep_of_the_largest_blur_changes_range_and_planes() -> None:
+    found = ran({}, sweep={"refocusing.blur": [0.25, 1.0]})
+    for k, blur in enumerate((0.25, 1.0)):
+        near = 1.0 / (1.0 / A0 + blur * PITCH / (PIXEL / F_L / (1.0 / F - 1.0 / A0)) * (1.0 / F - 1.0 / A0))
+        assert float(found["design_near"][k, 0]) == pytest.approx(near, rel=1e-9)
+    assert found["design_planes"].values[:, 0].tolist() == [7, 21]
+
+
+def test_a_sensor_smaller_than_a_microlens_is_refused() -> None:
+    with pytest.raises(StudyError, match=r"sensor is smaller than one microlens.*126\.5 um.*27\.5 um"):
+        study({}, {"sensor": {"pixels": [5, 5]}})
+
+
 @pytest.mark.parametrize(
     ("requirement", "met", "words"),
     [

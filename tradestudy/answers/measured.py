@@ -32,6 +32,7 @@ from tradestudy.study.schema.questions import MeasurementPart
 from tradestudy.study.writing import standalone, yaml_of
 
 _STEP_PX: Final = 1e-3
+_SAME: Final = 1e-3  # difference of disparity noise that rounded tables, or linear propagation, may cause
 _DENSE: Final = 401  # points of a curve
 _CALIBRATED: Final = 2.0  # declared standard deviations that contain 95 % of the errors of a calibration
 _TRIALS: Final[Mapping[str, float]] = {"yaw": 1e-6, "baseline": 1e-7}  # rad, m: small errors, to find what they do
@@ -211,11 +212,11 @@ def _of_noise(noise: Fitted, declared: float, spread: str) -> str:
     if math.isnan(noise.low):
         return "unknown: the table does not determine the disparity noise"
     if spread == "sigma":
-        return INCONSISTENT if noise.excludes(declared) else CONSISTENT
+        return INCONSISTENT if noise.excludes(declared, _SAME) else CONSISTENT
     # Other columns contain the bias too, which can only add to the noise.
-    if noise.high < declared:
+    if noise.high < declared * (1.0 - _SAME):
         return INCONSISTENT
-    return CONSISTENT if not noise.excludes(declared) else "unknown: the table contains noise and bias together"
+    return CONSISTENT if not noise.excludes(declared, _SAME) else "unknown: the table contains noise and bias together"
 
 
 def _of_calibration(bias: FloatArray, declared: FloatArray, fits: Mapping[str, Fitted]) -> str:

@@ -41,9 +41,9 @@ def refocusing_group(
     }
     axes = sweep_axes(definition)
     if axes:
-        swept = [[one.case.all_cameras[name].refocusing for name in cameras] for one in designs]
+        cases = [one.case for one in designs]
         shape = (*(len(axis.labels) for axis in axes), len(cameras))
-        ends = [_reach(one, asked.blur) for one in swept]
+        ends = [_reach([one.all_cameras[name].refocusing for name in cameras], largest_blur(one)) for one in cases]
         values |= {f"design_{name}": np.reshape([one[name] for one in ends], shape) for name in ends[0]}
     return over_designs("refocusing", values, {"camera": list(cameras)}, axes, {"blur_px": asked.blur})
 
@@ -52,6 +52,12 @@ def cameras_to_refocus(case: Case) -> tuple[str, ...]:
     """Names of the cameras that the study refocuses."""
     assert case.refocusing is not None  # in a valid study
     return case.refocusing.asked({name: camera.refocuses for name, camera in case.all_cameras.items()})
+
+
+def largest_blur(case: Case) -> float:
+    """Largest blur [microlenses] that counts as sharp in a study that refocuses."""
+    assert case.refocusing is not None  # in a valid study
+    return case.refocusing.blur
 
 
 def refocused(camera: Refocusing, shifts: ArrayLike, blur: float) -> dict[str, FloatArray]:

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.answers.refocusing import largest_blur
 from tradestudy.answers.trade_criteria import criterion_of
 from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.cameras.focus import SharpRange, sharp_range
@@ -143,7 +144,7 @@ def _bounded(
 
 def check_refocusable(required: RefocusablePart, case: Case, name: str) -> RequirementAnswer:
     """Check on which distances one camera can refocus, or its number of distinct planes."""
-    camera, blur = case.all_cameras[name].refocusing, _refocused_blur(case)
+    camera, blur = case.all_cameras[name].refocusing, largest_blur(case)
     if required.planes is not None:
         count = len(camera.planes(blur))
         return _bounded(name, count, required.planes, counted(count, "distinct plane"), above=True)
@@ -154,7 +155,7 @@ def check_refocusable(required: RefocusablePart, case: Case, name: str) -> Requi
 
 def check_refocused_depth(required: RefocusedDepthOfFieldPart, case: Case, name: str) -> RequirementAnswer:
     """Check the depth of field of a picture that is refocused on a distance; undecided where it cannot be."""
-    camera, blur = case.all_cameras[name].refocusing, _refocused_blur(case)
+    camera, blur = case.all_cameras[name].refocusing, largest_blur(case)
     near, far = camera.reach(blur)
     if not near * _LESS <= required.at <= far * _MORE:
         reach = f"{pretty(near, LENGTH)} to {pretty(far, LENGTH)}"
@@ -165,11 +166,6 @@ def check_refocused_depth(required: RefocusedDepthOfFieldPart, case: Case, name:
     depth, by = float(limits.extent), "blur" if required.limits == "blur" else "rays"
     reason = f"depth of field by {by} {pretty(depth, LENGTH)} {range_words(required.at, required.at)}"
     return _bounded(name, depth, required.bound, reason, above=required.above is not None, place=required.at)
-
-
-def _refocused_blur(case: Case) -> float:
-    assert case.refocusing is not None  # in a valid study
-    return case.refocusing.blur
 
 
 def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer:

@@ -39,9 +39,9 @@ class Fitted:
     low: float = math.nan
     high: float = math.nan
 
-    def excludes(self, value: float) -> bool:
-        """Whether the interval is known and does not contain a value."""
-        return value < self.low or value > self.high
+    def excludes(self, value: float, within: float = 0.0) -> bool:
+        """Whether the interval is known and contains no value that differs by less than a fraction of it."""
+        return value + abs(value) * within < self.low or value - abs(value) * within > self.high
 
     def times(self, factor: float) -> Fitted:
         """The value in another unit, of either sign."""
@@ -66,12 +66,17 @@ def _least_squares(columns: FloatArray, values: FloatArray, deviation: FloatArra
     if free < 1:
         return unknown
     a, y = columns / deviation[:, None], values / deviation
+    size = np.linalg.norm(a, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    a = a / size  # columns may have different units
     found, _, rank, _ = np.linalg.lstsq(a, y, rcond=None)
     if rank < columns.shape[1]:
         return unknown
     variance = np.sum((y - a @ found) ** 2) / free
-    errors = np.sqrt(np.diag(np.linalg.inv(a.T @ a)) * variance)
-    return tuple(_interval(float(one), float(error), free) for one, error in zip(found, errors, strict=True))
+    errors = np.linalg.norm(np.linalg.inv(np.linalg.qr(a, mode="r")), axis=1) * math.sqrt(variance)
+    return tuple(
+        _interval(float(one), float(error), free) for one, error in zip(found / size, errors / size, strict=True)
+    )
 
 
 def exponent(distance: FloatArray, deviation: FloatArray) -> Fitted:

@@ -19,6 +19,8 @@ from tradestudy.units import FRACTION, LENGTH, Dimension, UnitError, parse
 
 QUANTITIES: Final = ("sigma", "rms", "absolute_error", "bias", "valid")
 MOST_ROWS: Final = 10_000
+_MOST_BYTES: Final = 10_000_000
+_SMALLEST, _LARGEST = 1e-30, 1e30  # in SI, as for quantities of studies
 _FEWEST_ROWS: Final = 3
 _COLUMNS: Final = ("distance", *QUANTITIES)
 _HEADER: Final = re.compile(r"(?P<name>\w+)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]")
@@ -95,7 +97,7 @@ def read_measurements(path: Path) -> MeasuredTable:
             )
         for name, text in zip(names, cells, strict=True):
             if name != _NOTE and text:
-                values[name][k] = _number(path, line, name, text) * units[name][0]
+                values[name][k] = _number(path, line, name, text, units[name][0])
     for name, (_, of_distance) in units.items():
         if of_distance:
             values[name] *= values["distance"]
@@ -112,8 +114,15 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """The lines of a file that are not empty and no comments, with their numbers, as cells."""
     try:
         require_regular_file(path)
+        size = path.stat().st_size
+        if size > _MOST_BYTES:
+            raise OutOfRangeError(
+                f"'{path.name}' is no table of measurements",
+                value=f"{size / 1e6:.3g} MB",
+                limit=f"{_MOST_BYTES / 1e6:g} MB",
+            )
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.reader(stream, skipinitialspace=True)
+            reader = csv.reader(stream, skipinitialspace=True, strict=True)
             every = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         why = getattr(error, "strerror", None) or "not CSV in UTF-8"
@@ -123,6 +132,12 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
 
 def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], dict[str, tuple[float, bool]]]:
     """The names of the columns, and for each its unit in SI and whether it is relative to the distance."""
+    if len(cells) == 1 and (separator := re.search(r"[;\t]", cells[0])):
+        used = "semicolons" if separator[0] == ";" else "tabs"
+        remedy = "separate columns by commas, and write decimal points"
+        raise OutOfRangeError(
+            f"{path.name} separates columns by {used}", value=repr(cells[0]), limit="commas", remedy=remedy
+        )
     names: list[str] = []
     units: dict[str, tuple[float, bool]] = {}
     for cell in cells:
@@ -157,7 +172,8 @@ def _unit(path: Path, name: str, unit: str) -> tuple[float, bool]:
         raise OutOfRangeError(f"{path.name}, column {name}: {error}") from None
 
 
-def _number(path: Path, line: int, name: str, text: str) -> float:
+def _number(path: Path, line: int, name: str, text: str, unit: float) -> float:
+    """The number in a cell in SI, with the unit of its column in SI."""
     if not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):
         comma = "," in text or ";" in text
         raise OutOfRangeError(
@@ -166,7 +182,15 @@ def _number(path: Path, line: int, name: str, text: str) -> float:
             limit="a finite number with a decimal point",
             remedy="write decimal points, not decimal commas" if comma else "correct it, or leave the cell empty",
         )
-    return float(text)
+    value = float(text) * unit
+    if not (value == 0.0 or _SMALLEST <= abs(value) <= _LARGEST):
+        raise OutOfRangeError(
+            f"{path.name}, line {line}, column {name}: no measurement gives this value",
+            value=f"{text} ({value:g} in SI)",
+            limit=f"0, or {_SMALLEST:g} to {_LARGEST:g} in SI",
+            remedy="correct it, or leave the cell empty",
+        )
+    return value
 
 
 def _require_possible(path: Path, lines: Sequence[int], values: Mapping[str, FloatArray]) -> None:
@@ -180,6 +204,7 @@ def _require_possible(path: Path, lines: Sequence[int], values: Mapping[str, Flo
             "sigma must be above 0": sigma <= 0.0,
             "rms must be above 0": rms <= 0.0,
             "absolute_error must not be negative": mean < 0.0,
+            "the bias must be above −distance, or measured depths are not positive": bias <= -distance,
             "the valid share must lie between 0 and 1": (values["valid"] < 0.0) | (values["valid"] > 1.0),
             "RMS² must be σ² + bias²": np.abs(rms - both) > _ROUNDING * both,
             "rms must not be smaller than sigma, bias or absolute_error": more * rms

@@ -237,6 +237,12 @@ class PlenopticCamera(DepthCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.microlenses.pitch > self.sensor.width:
+            raise OutOfRangeError(
+                "the sensor is smaller than one microlens",
+                value=f"pitch {self.microlenses.pitch * 1e6:g} um",
+                limit=f"at most {self.sensor.width * 1e6:g} um",
+            )
         require_pupil(self.main_lens, self.geometry.mla_distance)
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from statistics import NormalDist
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -17,6 +17,8 @@ from tradestudy.declarations.quantities import (
     PositiveShare,
     Text,
 )
+
+_SMALLEST_SHARE: Final = 0.01
 
 
 class StatedAccuracyPart(Part):
@@ -44,6 +46,8 @@ class StatedAccuracyPart(Part):
     def _one_number(self) -> Self:
         if (self.relative is None) == (self.absolute is None):
             raise MistakeAt((), "give exactly one of relative and absolute")
+        if self.share is not None and self.share < _SMALLEST_SHARE:
+            raise MistakeAt(("share",), f"{self.share:g} says nothing about the error; 1 % to 100 % is expected")
         return self
 
     @property
@@ -56,7 +60,7 @@ class StatedAccuracyPart(Part):
         bound = self.absolute if self.absolute is not None else (self.relative or 0.0) * self.up_to
         if self.share is None or self.share == 1.0:
             return bound
-        return bound / NormalDist().inv_cdf((1.0 + self.share) / 2.0)
+        return -bound / NormalDist().inv_cdf((1.0 - self.share) / 2.0)  # exact also for shares near 1
 
 
 AccuracyName = Annotated[str, Field(pattern=r"^[a-z][\w-]*$", max_length=60)]

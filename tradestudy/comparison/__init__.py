@@ -16,6 +16,7 @@ from tradestudy.comparison.conclusions import (
     common_range,
     compare_best,
     compare_claims,
+    compare_measurements,
     compare_questions,
     compare_ranks,
     compare_requirements,
@@ -153,6 +154,7 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
         return (), ()
     found = (
         (compare_requirements(runs), "requirement", "requirements"),
+        (compare_measurements(runs), "measured table", "measured tables"),
         (compare_ranks(runs), "ranking by criteria", "rankings by criteria"),
         (compare_claims(runs), "claim", "claims"),
         (compare_questions(runs), "answer to a question", "answers to questions"),

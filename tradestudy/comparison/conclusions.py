@@ -32,6 +32,7 @@ from tradestudy.results.views.depth import (
     swept,
 )
 from tradestudy.results.views.groups import group, has, records
+from tradestudy.results.views.measured import measured_tables
 from tradestudy.results.views.requirement_conclusions import (
     MetRange,
     RequirementConclusion,
@@ -135,6 +136,19 @@ def _moved(first: Sequence[MetRange], other: Sequence[MetRange]) -> bool:
         abs(a - b) > one.error + two.error
         for one, two in zip(first, other, strict=True)
         for a, b in ((one.low, two.low), (one.high, two.high))
+    )
+
+
+def compare_measurements(runs: Sequence[Run]) -> Answers:
+    """Compare how measured depth errors compare with the predicted ones, for tables of the same name in every run."""
+    tables = [{one.name: one.finding("the camera") for one in measured_tables(run.tree)} for run in runs]
+    shared = [name for name in tables[0] if all(name in one for one in tables)]
+    found = [(name, tuple(one[name] for one in tables)) for name in shared]
+    return Answers.of(
+        [
+            Difference(what=f"Measurements {name}", values=values) if len({*values}) > 1 else None
+            for name, values in found
+        ]
     )
 
 

@@ -261,7 +261,7 @@ def _shared(steps: tree.Path, entry: Entry) -> Iterator[tree.Path]:
     """Paths in a value of keys that say from what a camera is assembled."""
     if steps[0] != "cameras":
         return
-    if len(steps) == 3 and steps[2] in (*SHARING, *OF_IMPORTS):
+    if len(steps) == 3 and steps[2] in (*SHARING, "mode", *OF_IMPORTS):
         yield steps
     elif len(steps) < 3 and isinstance(entry, MappingEntry):
         for key, member in entry.members.items():

@@ -311,7 +311,10 @@ class SharedCameras:
         path, name = self.folder / file, file.removeprefix(PREFIX)
         if name == file:
             return path
-        if path.exists():
+        is_file = False
+        with suppress(OSError):  # the operating system does not allow this name
+            is_file = path.exists()
+        if is_file:
             if name in entry_names():
                 what = f"both a file and an entry of the catalogue are called '{file}'; for the file, write ./{file}"
                 raise CameraFileError(place.problem(("from",), what))

@@ -204,12 +204,6 @@ class FocusedPlenoptic(PlenopticCamera):
             raise OutOfRangeError(
                 f"the estimator {self.estimator} has no choice of microlenses", value=self.lenses, limit=only
             )
-        if self.microlenses.pitch > self.sensor.width:
-            raise OutOfRangeError(
-                "the sensor is smaller than one microlens",
-                value=f"pitch {self.microlenses.pitch * 1e6:g} um",
-                limit=f"at most {self.sensor.width * 1e6:g} um",
-            )
 
     @property
     def focus(self) -> MicrolensTypesFocus:

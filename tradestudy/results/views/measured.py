@@ -101,18 +101,19 @@ class Measured:
         median, low, high = (significant(one, 2) for one in ratios)
         return f"{median} ({low} to {high})"
 
-    def finding(self) -> str:
-        """How the points compare with the prediction, in one sentence without a full stop."""
+    def finding(self, camera: str = "") -> str:
+        """How the points compare with the prediction, in one sentence without a full stop; may name the camera."""
+        camera = camera or with_article(self.title)
         used = self.values("used") > 0.0
         if not used.any():
-            return f"{with_article(self.title)} measures nothing at the distances of {self.name}, as declared"
+            return f"{camera} measures nothing at the distances of {self.name}, as declared"
         z = self.values("distance_of_row")[used]
         where = f"at {counted(int(used.sum()), 'distance')} from {plain_span(float(z.min()), float(z.max()))}"
         quantity = next((one for one in (self.spread, "bias", "valid") if one and self.ratio_words(one)), "")
         if not quantity:
-            return f"{with_article(self.title)} was measured {where}, without a prediction to compare with"
+            return f"{camera} was measured {where}, without a prediction to compare with"
         words = self.ratio_words(quantity).replace(" (", " times the predicted one in the median (", 1)
-        found = f"the measured {NAMES[quantity]} of {with_article(self.title)} is {words} {where}"
+        found = f"the measured {NAMES[quantity]} of {camera} is {words} {where}"
         wrong = [name for name, key in _VERDICTS.items() if str(self.table[key].item()) == "inconsistent"]
         return f"{found}; the points contradict the declared {' and '.join(wrong)}" if wrong else found
 
