@@ -109,8 +109,8 @@ def test_a_sensor_smaller_than_a_microlens_is_refused() -> None:
 @pytest.mark.parametrize(
     ("requirement", "met", "words"),
     [
-        ({"camera": "any", "refocusing": {"over": [0.14, 0.16]}}, 1, "refocusable from 16.6 mm to ∞"),
-        ({"camera": "r5", "refocusing": {"over": [0.01, 0.16]}}, 0, "not refocusable from 10 mm to 16.6 mm"),
+        ({"camera": "any", "refocusing": {"over": [0.14, 0.16]}}, 1, "refocusable from 16.7 mm to ∞"),
+        ({"camera": "r5", "refocusing": {"over": [0.01, 0.16]}}, 0, "not refocusable from 10 mm to 16.7 mm"),
         ({"camera": "all", "refocusing": {"planes": 21}}, 1, "21 distinct planes"),
         ({"camera": "all", "refocusing": {"planes": 22}}, 0, "21 distinct planes"),
         ({"camera": "r5", "refocused_depth_of_field": {"at": 0.15, "above": 0.1, "limits": "rays"}}, 1, "rays 164 mm"),
