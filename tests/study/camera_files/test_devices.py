@@ -143,6 +143,18 @@ def test_a_correction_that_does_not_grow_with_depth_is_refused(tmp_path: Path) -
     assert "reduce the distances" in message
 
 
+def test_distances_beside_the_poses_of_libpleno_are_compared_with_them(tmp_path: Path) -> None:
+    path = study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")
+    devices.plenoptic(tmp_path / "r12.js", D="56.8599", d="0.32002")
+    camera = tradestudy.load(path).definition.designs["r12"]
+    assert isinstance(camera, FocusedPlenoptic)
+    assert (camera.mla_distance, camera.microlenses.gap) == pytest.approx((0.05686, 0.32e-3), rel=1e-12)
+    devices.plenoptic(tmp_path / "r12.js", d="0.33")
+    assert "d: 0.33 contradicts the distance by the poses of mla and sensor, 0.32; correct one" in refusal(path)
+    devices.plenoptic(tmp_path / "r12.js", D="57")
+    assert "D: 57 contradicts the distance by the poses of mla and sensor, 56.86; correct one" in refusal(path)
+
+
 def test_microlenses_shorter_than_the_gap_are_keplerian(tmp_path: Path) -> None:
     array = {"focal_lengths": ["0.2", "0.25", "0.3"], "mesh": {"geometry": "1", "pitch": ["0.12745"]}}
     array["mesh"]["pose"] = devices._pose("-56.86")  # type: ignore[call-overload]

@@ -70,6 +70,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     mode = top.find("mode")
     mode_text = "" if mode is None else _MODES.get(mode.text(), mode.text()[:20].lower())
     known, distortion = poses.known(metre), top.find("distortions")
+    _compare_distances(top, abs(behind.number()), abs(plane.number()))
     if distortion is not None:
         known |= _distortion(distortion, poses, float(np.hypot(*size)) / 2.0, metre)
     scaling = top.find("scaling")
@@ -249,6 +250,16 @@ def _distortion(value: Located, poses: _Poses, corner: float, metre: float) -> d
             "depth_distortion_d2": -d2 * corner**4 * metre,
         }
     return found
+
+
+def _compare_distances(top: Located, array: float, sensor: float) -> None:
+    """Refuse distances D and d that differ by more than 1 % of the gap from those of the poses, which are read."""
+    for name, posed in (("D", array), ("d", sensor - array)):
+        value = top.find(name)
+        if value is not None and not abs(value.number() - posed) <= 0.01 * (sensor - array):
+            raise value.fail(
+                f"{value.number():g} contradicts the distance by the poses of mla and sensor, {posed:g}; correct one"
+            )
 
 
 def _refuse_moved_lens(lens: Located) -> None:
