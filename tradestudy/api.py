@@ -16,7 +16,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from tradestudy import provenance
 from tradestudy.loaded_study import Study, load
@@ -213,6 +213,17 @@ def asked_of_camera(path: Path) -> dict[str, str]:
     document = read(path)
     problems = () if document.problems else asked_values(document, StudyFile)
     return {one.path.split(".", 2)[2]: one.what.partition("; ")[2] for one in problems}
+
+
+def refocuses(path: Path) -> bool:
+    """Whether the camera in the study of one imported camera is of a kind that can be refocused."""
+    from tradestudy.cameras.kinds import KINDS
+    from tradestudy.study.document import ScalarEntry
+    from tradestudy.study.reader import read
+
+    kind = read(path).entry(("cameras", "rig", "kind"))
+    kinds = [name for one in KINDS if one.camera.refocuses for name in get_args(one.model_fields["kind"].annotation)]
+    return isinstance(kind, ScalarEntry) and kind.text in kinds
 
 
 def usable_span(study: Study) -> tuple[float, float] | None:

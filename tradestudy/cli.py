@@ -396,7 +396,15 @@ def new(
     with _reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.cameras.depth_camera import DepthCamera
-        from tradestudy.study.starter import before_table, between, of_catalogue, questions, starter, yaml_lines
+        from tradestudy.study.starter import (
+            before_table,
+            between,
+            of_catalogue,
+            questions,
+            starter,
+            with_sharp_views,
+            yaml_lines,
+        )
 
         _refuse_joined(from_ or (), context.args)
         name = name.removesuffix(".yaml")
@@ -427,9 +435,12 @@ def new(
             ) from None
         if from_:
             try:
-                if asked := api.asked_of_camera(path):
-                    text = starter(name, calibration_files=from_, said=said, asked=asked)
-                    path.write_text(between(text + questions()), encoding="utf-8")
+                asked = api.asked_of_camera(path)
+                text = starter(name, calibration_files=from_, said=said, asked=asked)
+                if api.refocuses(path):
+                    text = with_sharp_views(text)
+                path.write_text(between(text + questions() if asked else text), encoding="utf-8")
+                if asked:
                     _say(*_asking(path, asked, context.find_root().info_name))
                     return
                 study = api.load(path)
@@ -527,6 +538,8 @@ def cameras(
     """List the cameras of the catalogue, which studies use with from: catalogue/ENTRY."""
     with _reporting_errors(debug=debug):
         if check is not None:
+            if any((kind, range_, baseline, field_of_view, as_json)):
+                raise OutOfRangeError("--check takes no filters and no --json", value=check, remedy="omit them")
             from tradestudy.study.catalogue_entries import lines as check_lines
 
             _say(*check_lines(check))

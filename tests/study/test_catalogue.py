@@ -168,9 +168,26 @@ def test_list_is_filtered_by_kind_range_baseline_and_view() -> None:
     assert content["wanted"]
 
 
-@pytest.mark.parametrize("words", [("--range", "5 m to 1 m"), ("--baseline", "5"), ("--kind", "sterio")])
-def test_list_refuses_wrong_filters(words: tuple[str, str]) -> None:
-    assert invoke("cameras", *words).exit_code == 2
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--range", "5 m to 1 m"), "from small to large"),
+        (("--range", "0.6 to 1.5 m"), "both ends with units, such as '0.5 m to 3 m'"),
+        (("--baseline", "5"), "such as '0.5 m to 3 m'"),
+        (("--field-of-view", "60 to 90"), "such as '60 deg to 90 deg'"),
+        (("--kind", "sterio"), "did you mean stereo?"),
+        (("--check", "catalogue/oak-d", "--kind", "stereo"), "omit them"),
+        (("--check", "realsense-d45"), "catalogue/realsense-d455"),
+    ],
+)
+def test_list_refuses_wrong_filters(words: tuple[str, ...], says: str) -> None:
+    result = invoke("cameras", *words)
+    assert result.exit_code == 2
+    assert says in result.stderr
+
+
+def test_list_says_that_no_camera_passes() -> None:
+    assert invoke("cameras", "--baseline", "1 km to 2 km").stdout.startswith("no camera passes these filters\n")
 
 
 def test_list_loads_nothing_that_computes_or_reads_studies() -> None:

@@ -65,15 +65,15 @@ def span_of(text: str | None, option: str, dimension: Dimension) -> Span | None:
     """
     if text is None:
         return None
-    ends = text.split(" to ")
+    ends, example = text.split(" to "), "60 deg to 90 deg" if dimension is ANGLE else "0.5 m to 3 m"
     try:
         low, high = (parse(end.strip(), dimension) for end in ends)
     except (UnitError, ValueError):
         raise OutOfRangeError(
-            f"{option} takes a range", value=text, remedy=f"write, for example, '{dimension.example} to infinity'"
+            f"{option} takes a range", value=text, remedy=f"write both ends with units, such as '{example}'"
         ) from None
     if not 0.0 <= low <= high:
-        raise OutOfRangeError(f"{option} takes a range from small to large", value=text)
+        raise OutOfRangeError(f"{option} takes a range from small to large, and nothing below 0", value=text)
     return low, high
 
 
@@ -104,6 +104,8 @@ def lines(asked: Filters) -> Iterator[str]:
     """A table of the cameras that pass the filters; then which ones could not be judged."""
     decided = [(one, asked.keep(one)) for one in listed()]
     rows = [_HEAD, *(_row(one) for one, kept in decided if kept)]
+    if len(rows) == 1:
+        rows = [("no camera passes these filters",)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         yield "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()

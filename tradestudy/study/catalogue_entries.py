@@ -12,7 +12,7 @@ from tradestudy.cameras.camera import Camera, Contradiction
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.stated_declaration import StatedAccuracyPart
 from tradestudy.catalogue import PREFIX, Listed, entry_names, entry_path, revision
-from tradestudy.errors import Problem, StudyError
+from tradestudy.errors import OutOfRangeError, Problem, StudyError, nearest
 from tradestudy.study import document as tree
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import MappingEntry, ScalarEntry, child, walk
@@ -95,10 +95,17 @@ def entry_of(source: str) -> Entry:
 
     Raises
     ------
+    OutOfRangeError
+        There is no such file.
     StudyError
         The file is no camera, or one of its modes is none.
     """
     name = source.removeprefix(PREFIX)
+    if name == source and not Path(source).is_file():
+        close = nearest(source, entry_names()) or "ENTRY"
+        raise OutOfRangeError(
+            "there is no such camera file", value=source, remedy=f"catalogue/{close} names a camera of the catalogue"
+        )
     modes = _modes(Path(source) if name == source else entry_path(name))
     quoted = source.replace("'", "''")
     cameras = [

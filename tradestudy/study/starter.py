@@ -170,6 +170,14 @@ def before_table(text: str, table: Path) -> str:
     return between(text, 0.9 * float(distance.min()), 1.1 * float(distance.max())).replace("TABLE", named)
 
 
+def with_sharp_views(text: str) -> str:
+    """The text of an unfocused plenoptic camera's study, usable where its views are sharp to one microlens.
+
+    These are the distances that it can refocus.
+    """
+    return text.replace("usable_range: {", "usable_range: {blur: 1 px, ", 1)
+
+
 def questions() -> str:
     """The requirement and the inverse question with which the study of an imported camera that measures depth ends."""
     return files("tradestudy.study").joinpath("imported_questions.yaml").read_text(encoding="utf-8")

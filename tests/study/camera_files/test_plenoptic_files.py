@@ -312,6 +312,26 @@ def test_two_commands_and_the_missing_values_lead_to_a_report(
     assert tradestudy.load("other.yaml").cameras["rig"].kind in ("focused-plenoptic", "unfocused-plenoptic")
 
 
+@pytest.mark.parametrize("given_to_new", [False, True])
+def test_new_study_of_an_unfocused_camera_counts_what_it_can_refocus(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given_to_new: bool
+) -> None:
+    """One microlens from view to view: images meet α p / (q − α p / d_A) behind the array, α = ±1 at the ends."""
+    lytro(tmp_path / "lytro.json")
+    monkeypatch.chdir(tmp_path)
+    more = [f"--set={key}={value}" for key, value in DEPTHS.items()] if given_to_new else []
+    made = CliRunner().invoke(app, ["new", "mine", "--from", "lytro.json", *more])
+    assert made.exit_code == 0, made.output
+    given = [f"rig.{key}={value}" for key, value in DEPTHS.items()]
+    overrides = ["scene.distances={from: 0.25 m, to: 5 m, points: 61, spacing: log}", *([] if given_to_new else given)]
+    found = tradestudy.load("mine.yaml", overrides).cameras["rig"].usable_range()
+    pitch, slope, from_pupil, f = 20e-6, 1.5e-6 / 40e-6, 80e-3, 20e-3
+    images = [20.8e-3 + alpha * pitch / (slope - alpha * pitch / from_pupil) for alpha in (1.0, -1.0)]
+    near, far = (f * image / (image - f) for image in images)
+    assert found["usable_near"].item() == pytest.approx(near, rel=1e-3)
+    assert found["usable_far"].item() == pytest.approx(far, rel=1e-3)
+
+
 def test_another_key_may_answer_what_is_asked(tmp_path: Path) -> None:
     raytrix(tmp_path / "array.xml")
     path = study(tmp_path, rig=f"from: array.xml, {ARRAY}, sensor: {{pixels: [4000, 3000]}}")
