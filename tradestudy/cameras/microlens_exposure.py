@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -32,6 +32,7 @@ def disparity_error(errors: Errors) -> FloatArray:
 
 
 _UNDISTORTED: Final = Rational()
+_kept: Final = lru_cache(maxsize=64)(Rational)  # keeps the end of its field, whose search takes longer than depth
 _COEFFICIENTS: Final = ("k1", "k2", "k3", "p1", "p2")
 _DEPTH_COEFFICIENTS: Final = ("depth_distortion_d1", "depth_distortion_d2")
 _STEPS: Final = 6  # of Newton's method, which doubles the digits from about three on
@@ -42,7 +43,10 @@ def _distortion(errors: Errors) -> Rational:
     given = [name for name in _COEFFICIENTS if f"distortion_{name}" in errors]
     if not given:  # a shortcut saves time in every measurement
         return _UNDISTORTED
-    return Rational(**{name: value_of(errors, f"distortion_{name}") for name in given})
+    values = {name: value_of(errors, f"distortion_{name}") for name in given}
+    if any(value.ndim for value in values.values()):
+        return Rational(**values)
+    return _kept(**{name: float(value) for name, value in values.items()})
 
 
 @dataclass(frozen=True, kw_only=True)

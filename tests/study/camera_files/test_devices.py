@@ -16,6 +16,7 @@ from tests.study.camera_files.test_import import expected, refusal, shared
 from tests.study.camera_files.written import study
 from tradestudy.cameras.focused_plenoptic.declaration import FocusedPlenopticDeclaration
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
+from tradestudy.optics.lens_model import LensModel
 
 PLENOPTIC = "depth: {estimator: adjacent-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}"
 
@@ -228,6 +229,17 @@ def test_pictures_show_points_where_the_poses_of_libpleno_do(tmp_path: Path, poi
     miss = np.hypot(*(cones.start + world[2] * 1e-3 * cones.slope - aligned))
     assert lit.sum() >= 2
     assert max(miss[cones.pixel == pixel].min() for pixel in range(lit.sum())) < 2e-6
+
+
+def test_field_of_a_known_distortion_is_searched_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    searched, search = [], LensModel._end_of_field
+    monkeypatch.setattr(LensModel, "_end_of_field", lambda *given: searched.append(given[0]) or search(*given))
+    devices.plenoptic(tmp_path / "r12.js", distortions={"radial": ["1.7e-4"], "tangential": ["-1e-4", "-4e-5"]})
+    camera = tradestudy.load(study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}")).cameras["r12"]
+    camera.depth_uncertainty([0.6, 0.8])
+    once = len(searched)
+    camera.depth_uncertainty(1.0)
+    assert 0 < once == len(searched)
 
 
 def test_depth_distortion_and_lateral_distortion_are_those_of_libpleno(tmp_path: Path) -> None:
