@@ -258,7 +258,7 @@ def test_what_a_raytrix_file_says_beyond_the_lattice_is_named_or_refused(tmp_pat
     assert ignored in warning
     tradestudy.load(tmp_path / "study.yaml").run().write(tmp_path / "out", pdf=False)
     page = (tmp_path / "out" / "report.html").read_text()
-    on_page_one = page.index(f"{ignored} of its file acts neither in depth nor in pictures")
+    on_page_one = page.index(f"neither depth nor pictures use {ignored} of its file")
     assert on_page_one < re.search(r"<h2[^>]*>.*Camera by distance", page).start()  # type: ignore[union-attr]
 
 
