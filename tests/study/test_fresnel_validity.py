@@ -300,4 +300,7 @@ def test_the_conclusion_is_where_the_worst_wavelength_meets_the_limit(result: Re
         above = worst["f_number"].values > one["f_number"]
         assert np.all(worst.values[above] < one["limit"])
         assert np.all(worst.values[~above] >= one["limit"])
-    assert [line.split(":")[0] for line in result.lines()][1:3] == ["Main lens", "Microlens"]
+    for one in limits:  # the first line says the limit of each element, rounded up
+        element = f"behind the {one['element'].lower()}"
+        told = f"from f/{np.ceil(10.0 * one['f_number']) / 10.0:g} on {element}"
+        assert (told if one["lens_phase"] == "parabolic" else element) in result.lines()[0]
