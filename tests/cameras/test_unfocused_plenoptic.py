@@ -82,7 +82,7 @@ def test_least_squares_baseline_is_that_of_the_solved_normal_equations():
     slope_error = math.sqrt(np.linalg.inv(design.T @ design)[2, 2])  # for unit error of one coordinate
     # A pair Δu apart has the slope error √2/Δu.
     assert found.estimator_baseline == pytest.approx(math.sqrt(2.0) / slope_error, rel=1e-9)
-    fine = camera(estimator="least-squares", sensor=Sensor(columns=99, rows=99, pixel_pitch=PIXEL / 10))
+    fine = camera(estimator="least-squares", sensor=Sensor(columns=990, rows=990, pixel_pitch=PIXEL / 10))
     many = math.sqrt(math.pi / 16) * fine.main_lens.pupil_diameter**2 / fine.view_pupil_diameter
     assert fine.estimator_baseline == pytest.approx(many, rel=2e-3)  # views all over a round pupil
 

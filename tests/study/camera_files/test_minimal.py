@@ -48,6 +48,7 @@ def test_the_register_lists_every_default_and_the_first_page_perfect_calibration
     assert defaults == {
         "lenses.across": "width",
         "lenses.f_number": "2.8",
+        "right_sensor": "as sensor",
         "convergence_distance": "infinity",
         "focus_distance": "autofocus",
         "depth.estimator": "disparity",
