@@ -97,6 +97,14 @@ def test_ties_use_both_errors_and_only_usable_cameras() -> None:
     assert best_cameras(nowhere, width, error) == [""] * 4
 
 
+def test_a_hardly_known_uncertainty_does_not_tie_with_a_far_smaller_one() -> None:
+    """±300 m known to ±1600 m against ±15 mm; where it is ±18 mm with the same relative error, nothing is decided."""
+    where = {name: np.ones(3, dtype=bool) for name in ("a", "b")}
+    width = {"a": np.array([300.0, 0.018, 0.0]), "b": np.array([0.015, 0.015, 0.0])}
+    error = {"a": np.array([1600.0, 0.018 * 1600.0 / 300.0, 0.0]), "b": np.array([1e-5, 1e-5, 0.0])}
+    assert best_cameras(where, width, error) == ["b", f"a{TIED}b", f"a{TIED}b"]
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_spread_of_the_end_of_a_range_contains_the_truth(seed: int) -> None:
     """Where the half width is 6 % of the distance, with a baseline off by 5 %."""

@@ -143,7 +143,8 @@ def best_cameras(
 ) -> list[str]:
     """The usable camera with the lowest uncertainty at each distance; empty if none is usable.
 
-    A camera whose difference from the best is within their combined stated errors (`stated_error`) shares the win.
+    A camera whose difference from the best is within their combined stated errors (`stated_error`) shares the win. The
+    error of the larger uncertainty counts relative to it: ±300 m, known to ±300 m, does not tie with ±15 mm.
     """
     names = list(usable)
     table = np.stack([np.where(usable[name], uncertainty[name], np.inf) for name in names])
@@ -151,8 +152,8 @@ def best_cameras(
     errors = np.stack([np.nan_to_num(error[name]) for name in names])
     best = np.argmin(table, axis=0)
     lowest, of_lowest = (np.take_along_axis(rows, best[None], axis=0) for rows in (table, errors))
-    with np.errstate(invalid="ignore", over="ignore"):  # ∞ − ∞: neither camera is usable
-        tied = table - lowest <= np.hypot(errors, of_lowest)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # ∞ − ∞: neither is usable; 0 / 0: both exact
+        tied = table - lowest <= np.hypot(errors * np.nan_to_num(lowest / table), of_lowest)
     tied[best, np.arange(best.size)] = True
     return [
         TIED.join(name for name, one in zip(names, tied[:, k], strict=True) if one)
