@@ -156,6 +156,12 @@ class TestDask:
         assert "not the address of a Dask scheduler" in done.stderr
         assert "True <module 'dask'" in done.stdout
 
+    def test_is_not_hidden_from_an_xarray_that_knows_of_it(self) -> None:
+        pytest.importorskip("dask")
+        words = [sys.executable, "-c", f"import xarray; {self.SCRIPT}", "tradestudy", "check", str(RIGHT)]
+        done = subprocess.run(words, capture_output=True, text=True, check=True)
+        assert not done.stdout.endswith("True None\n")
+
 
 class TestRun:
     def test_passes_on_what_was_asked(self, ran: dict[str, Any], tmp_path: Path) -> None:

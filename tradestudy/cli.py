@@ -113,8 +113,10 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(20_000, 20, 20)  # most objects live until the end: collect garbage rarely
     atexit.register(gc.freeze)  # and not at exit, where it takes half a second
-    # Hidden until they are needed: xarray would import them for every run, only to ask whether arrays are theirs.
-    sys.modules["dask"] = sys.modules["pint"] = None  # type: ignore[assignment]
+    # Hidden until they are needed: xarray would import them for every run, only to ask whether arrays are theirs. An
+    # xarray that a caller has imported knows already that they are there, and fails without them.
+    if "xarray" not in sys.modules:
+        sys.modules["dask"] = sys.modules["pint"] = None  # type: ignore[assignment]
     try:
         app()
     except KeyboardInterrupt:  # before a command has begun

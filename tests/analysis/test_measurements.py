@@ -121,6 +121,12 @@ def test_the_zero_of_the_tape_can_be_fitted(tmp_path: Path) -> None:
     assert data["calibration_verdict"].item() == "consistent"
 
 
+def test_biases_that_are_all_zero_contradict_no_perfect_calibration(tmp_path: Path) -> None:
+    table = _table(distance=DISTANCES, sigma=NOISE * DISTANCES**2 / 60.0, bias=0.0 * DISTANCES)
+    _, data = _run(_write(tmp_path, table=table))
+    assert data["calibration_verdict"].item() == "consistent"
+
+
 def test_rows_where_the_camera_measures_nothing_are_named_and_left_out(tmp_path: Path) -> None:
     distance = np.array([0.02, *DISTANCES])  # nearer than both views overlap
     sigma = NOISE * distance**2 / 60.0

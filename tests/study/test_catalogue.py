@@ -249,7 +249,7 @@ def test_compare_names_another_revision_of_an_entry(tmp_path: Path, monkeypatch:
         ("catalogue/oak-d", "catalogue/oak-c", "nearest: 'oak-d'"),
         ("mode: 848x480", "mode: 848", "has no mode '848', but 1280x720, 848x480"),
         ("catalogue/realsense-d455", "catalogue/mer-pancam", "has no modes; remove this key"),
-        ("from: catalogue/realsense-d455", "like: b", "unknown key"),
+        ("from: catalogue/realsense-d455", "like: b", "to choose one, write from: and the file instead of like:"),
         ("catalogue/oak-d", f"catalogue/{'o' * 5000}", "the catalogue has no 'oooo"),
         ("scene:", "sweep: {a.mode: [848x480, 640x480]}\nscene:", "mode: composes the camera and cannot be set"),
     ],

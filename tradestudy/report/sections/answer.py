@@ -359,7 +359,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
 def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     """The uncertainty at both ends of a range, absolute and relative, and what decides it."""
     depth, places = best.cameras[camera], (start, end)
-    known = np.isfinite(depth.uncertainty)
+    known = np.isfinite(depth.uncertainty) & (depth.uncertainty > 0.0)  # 0 at an entrance pupil among the distances
     logs = (np.log(best.of_curves[known]), np.log(depth.uncertainty[known]))  # interpolated along a smooth curve
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))

@@ -70,6 +70,8 @@ def frame_metadata(file: BinaryIO, size: int) -> bytes:
         file.seek(position)
         padding = file.read(_HEADER)
         position += len(padding) - len(padding.lstrip(b"\0"))
+    else:
+        raise ContainerError(f"it has more than {_MOST} sections, so it is not a raw picture from the camera")
     if len(found) != 1:
         raise ContainerError(
             f"it contains metadata of {len(found)} frames; one is expected, as in a raw picture from the camera"
