@@ -3,7 +3,8 @@
     python -m tests.campaigns.camera_files --inputs 2000
 
 Whatever stands in a calibration file, `check` reads the camera or refuses it in words at its place: never another
-exception or a warning, never longer than ten seconds, never beyond a gigabyte, never writing or starting anything.
+exception or a warning, never longer than ten seconds of processor time, never beyond a gigabyte, never
+writing or starting anything.
 Figures go to camera_files.md beside this file; an input that breaks a rule is kept.
 """
 

@@ -157,7 +157,7 @@ def test_a_kind_can_be_removed(copy: Path) -> None:
         if found.returncode:
             with_such_a_camera.append(study.name)
             assert "'unfocused-plenoptic'" in found.stderr
-    assert with_such_a_camera == ["hand_lens.yaml", "rock_scene.yaml"]
+    assert with_such_a_camera == ["arms_length.yaml", "hand_lens.yaml", "rock_scene.yaml"]
     for name in ("plenoptic_vs_stereo", "close_range"):
         few = ["--set", "scene.distances.points=11"]
         invoke(copy, "run", f"studies/{name}.yaml", "--out", name, "--no-pdf", "--quiet", *few)
