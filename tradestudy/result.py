@@ -73,7 +73,7 @@ class Result:
         """
         from tradestudy.results.views.terminal import terminal_lines
 
-        return tuple(terminal_lines(self.data, most))
+        return tuple(terminal_lines(self.data, most, self.run_record.get("seconds", {})))
 
     def conclusions(self, directory: str | Path | None = None) -> dict[str, Any]:
         """Return the conclusions as a dictionary, the object that ``--json`` prints, with numbers in SI units.

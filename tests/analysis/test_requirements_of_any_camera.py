@@ -202,7 +202,7 @@ def test_a_study_without_depth_answers_its_requirements_in_every_place(tmp_path:
     study = tradestudy.load(tmp_path / "plain.yaml")
     result = study.run()
     answer, sharp, light = result.lines()
-    assert answer.startswith("To keep 0.149 to 0.151 m sharp to 1 px, take Near (")
+    assert answer.startswith("To keep 0.149 to 0.151 m sharp, take Near (")
     assert sharp.startswith("Met: the rock is sharp, by Near (sharp from ")
     assert light == (
         "Not met: not heavy (should), not by Near (mass 400 g; missed by a factor of 2); "

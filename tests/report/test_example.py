@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tradestudy import figures
 from tradestudy.results.storage import read_finished
 
 ROOT = Path(__file__).parents[2]
@@ -17,6 +18,13 @@ def test_this_program_reads_the_example() -> None:
     tree, run = read_finished(EXAMPLE)
     assert tree.attrs["study"] == run["study"] == EXAMPLE.name
     assert "cost" in tree.children  # it shows what accuracy costs
+
+
+def test_its_first_figure_names_both_requirements() -> None:
+    """That from 0.25 to 0.4 m lies among three curves."""
+    tree, _ = read_finished(EXAMPLE)
+    shown = {text.get_text() for text in figures.figure(tree, "deciding_cameras").axes[0].texts}
+    assert set(tree["requirements"]["says"].values) <= shown
 
 
 def test_git_tracks_the_example_and_nothing_that_a_run_or_a_cost_writes() -> None:

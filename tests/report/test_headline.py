@@ -134,6 +134,26 @@ def test_fresnel_limits_are_grouped_by_lens_and_phase(monkeypatch: pytest.Monkey
     )
 
 
+def test_pictures_of_a_light_spot_have_their_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [
+        {"method": method, "reference": "kirchhoff", "difference": difference, "error": 1e-3}
+        for method, difference in (("geometric", 0.2), ("kirchhoff", np.nan))
+    ]
+    monkeypatch.setattr(views_headline, "light_numbers", lambda _tree: rows)
+    tree = xr.DataTree(xr.Dataset(attrs={"question": ""}))
+    said = headline(tree, {"image: geometric": 0.25, "image: kirchhoff": 90.0})
+    assert re.fullmatch(r"Pictures differ from the reference \([^,]+, 90 s\) by 20 % \([^,]+, 250 ms\)\.", said)
+
+
+def test_a_trade_off_that_ranks_another_camera_first_replaces_the_requirement() -> None:
+    said = headline(load(STUDIES / "robot.yaml", ["scene.distances.points=20"]).run().data)
+    assert re.fullmatch(
+        r"For depth alone, take the 75 mm stereo head; every other camera is at least 1\.4 times as uncertain; if all "
+        r"criteria count, the 50 mm stereo head ranks first\.",
+        said,
+    )
+
+
 def measured(*cameras: tuple[str, float, float, float, float]) -> xr.DataTree:
     """Cameras with spread, its standard error, bias and predicted bias, in millimetres, in pictures of a scene."""
     titles, *numbers = zip(*cameras, strict=True)

@@ -65,9 +65,11 @@ _SPOTS: Final = (
     (5.0, 6.0, "left", "bottom"), (5.0, 12.0, "left", "bottom"), (5.0, -12.0, "left", "top"),
     (-5.0, -12.0, "right", "top"), (-5.0, 12.0, "right", "bottom"), (-5.0, 6.0, "right", "bottom"),
     (-5.0, 0.0, "right", "center"), (0.0, -3.5, "right", "top"), (0.0, 3.5, "right", "bottom"),
+    (5.0, -18.0, "left", "top"), (5.0, 18.0, "left", "bottom"),
+    (-5.0, 18.0, "right", "bottom"), (-5.0, -18.0, "right", "top"),
 )  # fmt: skip
 """Shifts [points] of a name from an end of its line, and its alignment."""
-_NEAR_SPOT: Final = 4.0  # points up or down: tried first
+_FARTHER: Final = (4.0, 12.0)  # points up or down; nearer spots are tried first
 _FINE: Final = 500  # points of a curve
 _LETTER: Final = 0.62  # mean width of a letter, of its size
 _GUIDES: Final = ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 % of distance"), (1e-1, "10 %"), (1.0, "100 %"))
@@ -230,8 +232,8 @@ def _name_beside(axes: Axes, required: RequiredUncertainty, name: str, hidden: F
     drawn = np.array(axes.transData.transform(hidden * (1.0, MM)))
     names = [one.get_window_extent() for one in axes.texts if not isinstance(one, Annotation)]
     is_left = np.log(required.over).mean() < np.mean(np.log(axes.get_xlim()))
-    spots = sorted(_SPOTS, key=lambda one: (abs(one[1]) > _NEAR_SPOT, (one[2] == "left") != is_left))
-    for end, (across, up, ha, va) in product((0, -1) if is_left else (-1, 0), spots):
+    spots = sorted(_SPOTS, key=lambda one: (np.searchsorted(_FARTHER, abs(one[1])), (one[2] == "left") != is_left))
+    for (across, up, ha, va), end in product(spots, (0, -1) if is_left else (-1, 0)):
         text = axes.text(
             float(required.over[end]), float(required.bound[end]) * MM, name, ha=ha, va=va, color=INK, fontsize=SMALL,
             transform=offset_copy(axes.transData, axes.get_figure(root=True), across, up, "points"), zorder=4,

@@ -65,8 +65,8 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
     """
     first, drawings = dict(list(drawings.items())[:1]), dict(list(drawings.items())[1:])
     first_page = (
-        *describe_sharp_answer(tree),
         *describe_answer(tree),
+        *describe_sharp_answer(tree),
         *describe_fresnel_answer(tree),
         *describe_light_spot_answer(tree, run),
         *pictures_of(first, *first),
@@ -115,6 +115,6 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
     return Report(
         title=str(tree.attrs.get("title", "")),
         subtitle=literal(str(tree.attrs.get("question", ""))),
-        headline=literal(headline(tree)),
+        headline=literal(headline(tree, run.get("seconds", {}))),
         blocks=(*first_page, PageBreak(), *body) if first_page else body,
     )

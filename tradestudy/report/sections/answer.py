@@ -207,7 +207,9 @@ def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
             cameras=few(failed),
         )
     if worse := off_axis_words(tree):
-        yield say("**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=few(worse))
+        yield say(
+            "**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=few(worse, 1)
+        )
     if biased := offset_words(tree):
         yield say("**Biased**: {biased}.", biased=few(biased))
     if conclusion := trade_off_conclusion(tree):

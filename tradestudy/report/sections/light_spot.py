@@ -89,9 +89,7 @@ def describe_light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
 
 def _seconds(run: Mapping[str, Any], name: str) -> float:
     """The measured seconds in the record of the run; NaN if it has none."""
-    seconds = run.get("seconds")
-    value = seconds.get(name) if isinstance(seconds, Mapping) else None
-    return float(value) if isinstance(value, int | float) else float("nan")
+    return float(run.get("seconds", {}).get(name, "nan"))
 
 
 def _duration(seconds: float) -> str:

@@ -98,16 +98,6 @@ def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], .
     return ranges_of(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
 
 
-def where_known(tree: xr.DataTree, camera: str) -> tuple[FloatArray, FloatArray]:
-    """The distances [m] at which a camera is usable and its judged uncertainty is bounded, and this uncertainty [m]."""
-    depth = nominal(tree)
-    places = np.asarray(depth["distance"].values, dtype=np.float64)
-    judged = np.asarray(judged_uncertainty(depth).sel(camera=camera).values, dtype=np.float64)
-    inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, camera)]
-    known = np.any([np.zeros(places.shape, dtype=bool), *inside], axis=0) & np.isfinite(judged)
-    return places[known], judged[known]
-
-
 def field_words(field: float, corner: str = "") -> str:
     """A field position in words: 0 is the axis, 1 the corner of the sensor; towards any corner if none is named."""
     return (

@@ -11,9 +11,8 @@ import xarray as xr
 
 from tradestudy.results.views.conclusions import best_ranges, never_best
 from tradestudy.results.views.decision import tied
-from tradestudy.results.views.depth import where_known
 from tradestudy.results.views.groups import FloatArray, group, has, records, titles_in
-from tradestudy.results.views.headline import headline
+from tradestudy.results.views.headline import headline, uncertainty_at_ends
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import DECLARED_VALUE, distance, in_words, plain_span, with_article
@@ -72,20 +71,12 @@ def camera_finding(tree: xr.DataTree) -> str:
     if not taken:
         return f"No camera is usable from {plain_span(ranges[0].near, ranges[-1].far)}."
     if len(group(tree, "depth")["camera"]) == 1:
-        return _growth(tree)
+        return f"Depth uncertainty: {' to '.join(uncertainty_at_ends(tree, taken))}."
     every = f"Most certain: {'; '.join(one.words for one in taken)}."
     if len(every.split()) <= MOST_WORDS:
         return every
     longest = max(taken, key=lambda one: one.far / one.near)
     return f"Over the longest stretch, {longest.where}, {with_article(longest.cameras[0])} is the most certain."
-
-
-def _growth(tree: xr.DataTree) -> str:
-    places, judged = where_known(tree, str(group(tree, "depth")["camera"].values[0]))
-    if not places.size:
-        return ""
-    first, last = (f"{pretty(float(judged[k]), LENGTH)} at {distance(places[k])}" for k in (0, -1))
-    return f"Depth uncertainty runs from {first} to {last}."
 
 
 def headline_finding(tree: xr.DataTree) -> str:

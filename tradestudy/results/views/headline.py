@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -22,7 +23,6 @@ from tradestudy.results.views.conclusions import (
 from tradestudy.results.views.decision import candidates, solved_questions
 from tradestudy.results.views.depth import (
     SharpCamera,
-    by_first_criterion,
     declared_place,
     measured_numbers,
     off_axis,
@@ -30,39 +30,36 @@ from tradestudy.results.views.depth import (
     sharp_cameras,
     spreads_over_predicted,
     swept,
-    where_known,
 )
-from tradestudy.results.views.designs import all_requirements, feasible_words, margin_words, path_words, value_words
+from tradestudy.results.views.designs import all_requirements, feasible_words, path_words, value_words
 from tradestudy.results.views.groups import camera_titles, dotted_path, group, has, titles_in
 from tradestudy.results.views.measured import measured_tables
 from tradestudy.results.views.refocusing import refocusing_words
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers
-from tradestudy.units import FRACTION, LENGTH, PIXELS, pretty, significant
+from tradestudy.units import DURATION, FRACTION, LENGTH, pretty, significant
 from tradestudy.wording import DECLARED_VALUE, counted, distance, few, listed, plain_span, with_article
 
-_ALONE: Final = "for depth alone, "
 _MOST_STRETCHES, _CHANGES = 5, "the best camera changes"
 _HARDLY, _CLEARLY = 1.1, 1.5  # factors of the depth uncertainty over the values of a swept number
 _MEASURED: Final = 3  # cameras beside the best that a sentence on pictures names
 _NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it gives the number
 
 
-def headline(tree: xr.DataTree) -> str:
-    """The answer in one sentence, with a full stop; empty where the results hold no answer."""
-    return next(iter(answers(tree)), "")
+def headline(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({})) -> str:
+    """The answer in one sentence, with a full stop; empty where the results hold no answer.
+
+    ``seconds`` of the run's steps give the pictures of a light spot their computing times.
+    """
+    return next(iter(answers(tree, seconds)), "")
 
 
-def answers(tree: xr.DataTree) -> list[str]:
+def answers(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({})) -> list[str]:
     """The headline, and a sentence on everything else that a study of several subjects answers, with full stops."""
     requirements = requirement_conclusions(tree)
-    ways = (_of_sweep, _of_light, _of_fresnel, hard_case_words, _of_scene, _of_planes)
-    found = [way(tree) for way in ways]
-    if sharp := _of_sharpness(tree):
-        depth = _of_cameras(tree, requirements).removeprefix(_ALONE) if requirements else ""
-        depth = depth.replace("take ", "to measure depth, ", 1)
-        found.insert(0, "; ".join(filter(None, (sharp, depth))))
+    found = [_of_sharpness(tree), _of_sweep(tree), _of_light(tree, seconds)]
+    found += [way(tree) for way in (_of_fresnel, hard_case_words, _of_scene, _of_planes)]
     measured, asked = [one.finding() for one in measured_tables(tree)[:_NAMED]], bool(requirements)
     found += [] if asked else measured
     if not any(found):
@@ -126,8 +123,8 @@ def _deciding(tree: xr.DataTree) -> str:
     return f"; for depth at {where}, {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: ±{spread} with {held}"
 
 
-def _of_light(tree: xr.DataTree) -> str:
-    """How far pictures of a light spot by simpler methods differ from that by the most complete one."""
+def _of_light(tree: xr.DataTree, seconds: Mapping[str, float]) -> str:
+    """How far pictures of a light spot by simpler methods differ from the most complete one, and how long each took."""
     pictures = light_numbers(tree)
     others = [one for one in pictures if one["method"] != one["reference"]]
     if not others:
@@ -135,11 +132,13 @@ def _of_light(tree: xr.DataTree) -> str:
         return "".join(
             words(title_within_a_sentence(one["method"]), pretty(one["error"], FRACTION, digits=2)) for one in pictures
         )
-    each = [
-        f"{pretty(one['difference'], FRACTION, digits=2)} ({title_within_a_sentence(one['method'])})" for one in others
-    ]
-    reference = title_within_a_sentence(others[0]["reference"])
-    return f"pictures of the light spot differ from the one by {reference} by {listed(each)}"
+    took = {
+        method: f"{title_within_a_sentence(method)}{f', {pretty(time, DURATION, digits=2)}' if time else ''}"
+        for method in (one["method"] for one in pictures)
+        for time in [seconds.get(f"image: {method}")]
+    }
+    each = [f"{pretty(one['difference'], FRACTION, digits=2)} ({took[one['method']]})" for one in others]
+    return f"pictures differ from the reference ({took[others[0]['reference']]}) by {listed(each)}"
 
 
 def _of_fresnel(tree: xr.DataTree) -> str:
@@ -206,21 +205,20 @@ def _of_sharpness(tree: xr.DataTree) -> str:
         return ""
     attrs = group(tree, "depth_of_field").attrs
     scene = plain_span(float(attrs["scene_near"]), float(attrs["scene_far"]))
-    blur = pretty(float(by_first_criterion(tree)["blur_px"]), PIXELS)
     keep = [one for one in cameras if one.keeps_all]
     if not keep:
         share = pretty(math.floor(cameras[0].share * 100.0) / 100.0, FRACTION, digits=2)
-        return f"no camera keeps {scene} sharp to {blur}; {with_article(cameras[0].title)} keeps {share} of it"
+        return f"no camera keeps {scene} sharp; {with_article(cameras[0].title)} keeps {share} of it"
     finest, simplest = keep[0], min(keep, key=lambda one: (one.images, one.moving_parts, one.resolution))
     which = [with_article(simplest.title) + f" ({_expense(simplest)})"]
     if finest.title != simplest.title:
-        which.append(f"for finer detail, {with_article(finest.title)} ({_expense(finest)})")
-    return f"to keep {scene} sharp to {blur}, take {' or, '.join(which)}"
+        which.append(f"finer, {with_article(finest.title)} ({_expense(finest)})")
+    return f"to keep {scene} sharp, take {' or, '.join(which)}"
 
 
 def _expense(camera: SharpCamera) -> str:
     parts = "" if camera.moving_parts == "—" else f", {counted(int(camera.moving_parts), 'moving part')}"
-    return f"{pretty(camera.resolution, LENGTH)} in {counted(camera.images, 'exposure')}{parts}"
+    return f"{pretty(camera.resolution, LENGTH)}, {counted(camera.images, 'exposure')}{parts}"
 
 
 def _of_one_camera_asked(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]) -> str:
@@ -242,12 +240,10 @@ def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]
     deciding = {one.camera for one in must if one.met}
     ranges = best_ranges(tree)
     if must and all(one.met for one in must) and len(deciding) == 1 and len(camera_titles(tree)) > 1:
-        other = _trade_off_words(tree, must[0].camera)
-        words = f"{_ALONE if other else ''}take {with_article(must[0].camera)}: {_requirement_words(must)}"
-        best = {title for one in ranges for title in one.cameras}
-        if best == deciding:
-            words += _lead_words(tree)
-        return words + other
+        other, why = _trade_off_words(tree, must[0].camera), f": {_requirement_words(must)}"
+        lead = _lead_words(tree) if {title for one in ranges for title in one.cameras} == deciding else ""
+        words = f"{'for depth alone, ' * bool(other)}take {with_article(must[0].camera)}"
+        return words + (lead or why) + other if other else words + why + lead
     words = _stretch_words(tree, ranges)
     if not words:
         return ""
@@ -277,14 +273,13 @@ def _of_requirements(requirements: Sequence[RequirementConclusion]) -> str:
 
 
 def _requirement_words(met: Sequence[RequirementConclusion]) -> str:
-    """What a camera meets, and with what to spare in the tightest case."""
+    """What a camera meets, and its value in the tightest case; it can meet what matching at its bound would meet."""
     tightest = min(met, key=lambda one: one.margin)
     alone = not any(other.met for other in tightest.others)
     which = f"“{tightest.says}”" if len(met) == 1 else all_requirements(len(met))
-    bound = ", on the lower bound of matching" if any(one.at_lower_bound for one in met) else ""
     only = "it alone" if alone and len(met) == 1 and tightest.others else "it"
-    spare = f", {margin_words(tightest.margin)}" if np.isfinite(tightest.margin) else ""
-    return f"{only} meets {which} ({tightest.reason}{spare}{bound})"
+    meets = "can meet" if any(one.at_lower_bound for one in met) else "meets"
+    return f"{only} {meets} {which} ({tightest.reason})"
 
 
 def _lead_words(tree: xr.DataTree) -> str:
@@ -302,8 +297,7 @@ def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
     ranked = candidates_by_rank(tree)
     if not ranked or not taken or ranked[0].title == taken:
         return ""
-    share = pretty(ranked[0].ranks[0], FRACTION, digits=2)
-    return f"; if all criteria count, {with_article(ranked[0].title)} ranks first for {share} of the possible weights"
+    return f"; if all criteria count, {with_article(ranked[0].title)} ranks first"
 
 
 def says_stretches(tree: xr.DataTree, said: str) -> bool:
@@ -344,14 +338,16 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
 def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     """The usable range of the only camera, its uncertainty at both ends, and how much larger it is off the axis."""
     name = str(group(tree, "depth")["camera"].values[0])
-    distances, judged = where_known(tree, name)
     where = " and ".join(f"from {one.where}" for one in taken)
     title = with_article(camera_titles(tree)[name])
-    if not distances.size:
-        return f"{title} is usable {where}"
-    ends = {0: None, distances.size - 1: None}  # one if they are the same
-    values = [f"±{pretty(float(judged[k]), LENGTH)} at {distance(distances[k])}" for k in ends]
     ratio = off_axis(tree, name).ratio
     is_worse = _HARDLY < ratio < math.inf
     off = f" on the axis, and up to {significant(ratio, 2)} times as much off it" if is_worse else ""
-    return f"depth by {title} is usable {where}, with {listed(values)}{off}"
+    return f"depth by {title} is usable {where}, with ±{' to ±'.join(uncertainty_at_ends(tree, taken))}{off}"
+
+
+def uncertainty_at_ends(tree: xr.DataTree, taken: Sequence[BestRange]) -> list[str]:
+    """Depth uncertainty of the only camera at both ends of its usable range, in words; one if they read the same."""
+    camera, usable = group(tree, "depth")["camera"].values[0], slice(taken[0].near, taken[-1].far)
+    judged = group(tree, "decision")["judged_uncertainty"].sel(camera=camera, distance=usable).values
+    return list(dict.fromkeys(pretty(float(one), LENGTH) for one in judged[np.isfinite(judged)][[0, -1]]))

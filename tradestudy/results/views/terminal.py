@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -76,18 +77,20 @@ def _claim_words(tree: xr.DataTree) -> Iterator[str]:
         yield f"Claims: {'; '.join(f'{verdict} – {listed(named[verdict])}' for verdict in best_first)}"
 
 
-def terminal_lines(tree: xr.DataTree, most: int = 6) -> Iterator[str]:
+def terminal_lines(
+    tree: xr.DataTree, most: int = 6, seconds: Mapping[str, float] = MappingProxyType({})
+) -> Iterator[str]:
     """The answer in one sentence and the other conclusions of a run, in at most `most` lines.
 
     One of them counts the conclusions left out. Every question of the study gets its answer, even if that takes more
     lines.
     """
-    return map(with_unit_symbols, _terminal_lines(tree, most))
+    return map(with_unit_symbols, _terminal_lines(tree, most, seconds))
 
 
-def _terminal_lines(tree: xr.DataTree, most: int) -> Iterator[str]:
+def _terminal_lines(tree: xr.DataTree, most: int, seconds: Mapping[str, float]) -> Iterator[str]:
     ranges, requirements, rests = best_ranges(tree), requirement_conclusions(tree), rests_on(tree)
-    said = answers(tree)
+    said = answers(tree, seconds)
     yield from said[:1]
     most -= 1
     lines = []
