@@ -238,8 +238,9 @@ def test_the_conclusion_is_the_summed_difference_from_the_reference(result: Resu
         else:
             change = np.abs(image(result, one["method"]) - whole).sum() / whole.sum()
             assert one["difference"] == pytest.approx(change, rel=1e-9)
-    (line,) = [line for line in result.lines() if line.startswith("Pictures of the light spot differ")]
+    (line,) = [line for line in result.lines() if line.startswith("Pictures differ from Kirchhoff")]
     assert line.count("%") == len(pictures) - 1
+    assert len(re.findall(r", [\d.]+ m?s\b", line)) == len(pictures)
 
 
 @pytest.fixture(scope="module")

@@ -138,7 +138,7 @@ def _of_light(tree: xr.DataTree, seconds: Mapping[str, float]) -> str:
         for time in [seconds.get(f"image: {method}")]
     }
     each = [f"{pretty(one['difference'], FRACTION, digits=2)} ({took[one['method']]})" for one in others]
-    return f"pictures differ from the reference ({took[others[0]['reference']]}) by {listed(each)}"
+    return f"pictures differ from {took[others[0]['reference']]}, by {listed(each)}"
 
 
 def _of_fresnel(tree: xr.DataTree) -> str:
@@ -149,20 +149,19 @@ def _of_fresnel(tree: xr.DataTree) -> str:
     by_phase: dict[str, dict[str, list[str]]] = {}
     for one in limits:
         if one["f_number"] == 0.0:
-            where = "at every f-number of the study"
+            where = "at every f-number tried"
         elif math.isfinite(one["f_number"]):
             where = f"from f/{significant(math.ceil(one['f_number'] * 10.0) / 10.0)} on"
         else:
-            where = "at no f-number of the study"
+            where = "at no f-number tried"
         of_phase = by_phase.setdefault(one["lens_phase"], {})
-        of_phase.setdefault(where, []).append(f"the {one['element'].lower()}")
+        of_phase.setdefault(where, []).append(one["element"].lower())
     phases: dict[str, list[str]] = {}
     for phase, places in by_phase.items():
-        each_place = [f"{where} behind {listed(elements)}" for where, elements in places.items()]
+        each_place = [where + f" ({listed(elements)})" * (len(places) > 1) for where, elements in places.items()]
         phases.setdefault(listed(each_place), []).append(phase)
-    each = "; ".join(f"with a {listed(names)} lens phase, {where}" for where, names in phases.items())
-    within = f"{pretty(limits[0]['limit'], FRACTION)} over {significant(limits[0]['window'])} Airy radii"
-    return f"Fresnel's approximation agrees with Kirchhoff's integral on the axis to {within}: {each}"
+    each = "; ".join(f"{where} with a {listed(names, 'or')} phase" for where, names in phases.items())
+    return f"Fresnel suffices to {pretty(limits[0]['limit'], FRACTION)} on the axis {each}"
 
 
 def _of_scene(tree: xr.DataTree) -> str:
