@@ -20,6 +20,7 @@ from tradestudy.cli import app
 from tradestudy.comparison import compare_runs
 from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
+from tradestudy.report.contents import compose_report
 from tradestudy.report.document import plain_text
 from tradestudy.report.sections.answer import _stretches
 from tradestudy.results.views.conclusions import best_ranges, measure_first, never_best, rests_on, worths
@@ -538,9 +539,12 @@ def test_few_distances_do_not_hide_that_a_camera_is_usable_between_them(tmp_path
 
     Z² e / (a b), with e = 0.5 µm, a = 12.224 mm and b = 60 mm, is 268 and 320 µm there.
     """
-    answer, *others = between(tmp_path, 4, {"pair": ("2", "60 mm")}).lines()
+    result = between(tmp_path, 4, {"pair": ("2", "60 mm")})
+    answer, *others = result.lines()
     assert answer == "Depth by the pair is usable from 0.628 to 0.685 m, with ±268 µm to ±320 µm."
     assert not any("0.628" in line for line in others), "the first line says it"
+    sections = str(compose_report(result.data, {}, {}).blocks)
+    assert re.search(r"±268\\xa0µm \(.* to ±320\\xa0µm \(", sections), "section 2 says the same"
 
 
 def test_few_distances_do_not_hide_that_a_camera_is_best_between_them(tmp_path: Path) -> None:
