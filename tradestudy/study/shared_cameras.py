@@ -187,7 +187,9 @@ class SharedCameras:
             raise CameraFileError(place.problem(("like",), "a camera may have from: or like:, not both"))
         word = "from" if "from" in own.members else "like"
         if word == "like" and "mode" in own.members:
-            what = "a camera that is like another has its mode; to choose one, write from: and the file instead of like:"
+            what = (
+                "a camera that is like another has its mode; to choose one, write from: and the file instead of like:"
+            )
             raise CameraFileError(own.members["mode"].key_place.problem(("mode",), what))
         source = own.members[word].entry
         if word == "from":
