@@ -71,24 +71,24 @@ class Watch:
 
     @contextlib.contextmanager
     def watching(self) -> Iterator[list[str]]:
+        compiles, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # of modules that are imported late
         self.seen, self.on = [], True
         try:
             yield self.seen
         finally:
-            self.on = False
+            self.on, sys.dont_write_bytecode = False, compiles
 
     def _audit(self, event: str, arguments: tuple[Any, ...]) -> None:
         if not self.on:
             return
         if event == "open":
             path, mode, flags = arguments
-            compiled = "__pycache__" in str(path)  # Python's own, of modules that are imported late
             writes = (
                 set(mode) & set("wax+") if isinstance(mode, str) else flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
             )
-            if writes and not compiled:
+            if writes:
                 self.seen.append(f"opens {path} to write")
-        elif event in self._CHANGES + self._STARTS and "__pycache__" not in str(arguments):
+        elif event in self._CHANGES + self._STARTS:
             self.seen.append(f"{event} {arguments}")
 
 

@@ -320,6 +320,13 @@ def test_a_projection_matrix_whose_baseline_overflows_is_refused(tmp_path: Path)
     assert all(word in message for word in ("right.yaml", "P[3]", "too large for the focal length"))
 
 
+def test_a_pinhole_that_shows_no_angles_is_refused(tmp_path: Path) -> None:
+    text = written.camchain(tmp_path / "chain.yaml").read_text(encoding="utf-8")
+    (tmp_path / "chain.yaml").write_text(text.replace("[882.5,", "[1.0e-308,"), encoding="utf-8")
+    message = refusal(study(tmp_path, rig="from: chain.yaml"))
+    assert all(word in message for word in ("cam0.intrinsics", "1e-308, 881.75, 320.125", "0.1 px or more"))
+
+
 @pytest.mark.parametrize(
     ("lengths", "unit", "reported"),
     [

@@ -140,6 +140,7 @@ another resolution by 0.125 (4/3 times the right one) and 0.25 (twice).
 _ORDER, _UPPER = "order of cameras", "is upper"
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _PLACES: Final = 65  # points along each side of a picture at which directions are computed
+_LEAST_FOCAL_PX, _MOST_PX = 0.1, 1e9  # beyond which no picture has a field of view
 _LARGEST_TANGENTIAL: Final = 0.05
 """p1 and p2 of real lenses are below 0.01; 0.05 would shift a slope of 1 by a tenth."""
 
@@ -328,8 +329,15 @@ def checked_camera(
     Raises
     ------
     CameraFileError
-        A coefficient lies outside its range, or a fisheye lens is labelled as a pinhole.
+        A focal length, the principal point or a coefficient lies outside its range, or a fisheye lens is labelled as
+        a pinhole.
     """
+    if not (min(map(abs, pinhole[:2])) >= _LEAST_FOCAL_PX and max(map(abs, pinhole)) <= _MOST_PX):
+        given = ", ".join(f"{value:g}" for value in pinhole)
+        raise matrix.fail(
+            f"focal lengths and principal point of {given} px belong to no camera (allowed: focal lengths of "
+            f"{_LEAST_FOCAL_PX:g} px or more, nothing beyond {_MOST_PX:g} px); correct them"
+        )
     if lens_model in FAMILIES:
         try:
             FAMILIES[lens_model](**coefficients)
