@@ -17,7 +17,7 @@ from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.optical_transfer import is_by_rays
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
-from tradestudy.models.light_trial import TOLERANCE, LightTrial
+from tradestudy.models.light_trial import TOLERANCE, light_trial
 from tradestudy.models.problem import Change, Changes, SimulationProblem, Slot
 from tradestudy.models.spot_images import RAYS, SpotModels, light_path, light_source
 from tradestudy.optics.arrays import FloatArray, IndexArray
@@ -220,7 +220,7 @@ class LightSpotProblem(SimulationProblem):
         self._forced = {slot: name for slot, name in forced.items() if name in models_of(slot, "spot")}
         if part.spot.is_point:  # a point has no extent, whatever the study prescribes
             self._forced.pop("source_extent", None)
-        self._part, self._trial = part, LightTrial(part)
+        self._part, self._trial = part, light_trial(part)
         self._found: dict[SpotModels, list[tuple[float, float]]] = {}
         coherent, point, one_line = part.spot.coherent, part.spot.is_point, len(part.lines) == 1
         slots = (

@@ -216,7 +216,7 @@ def refuse_picture(part: LightSpotPart, models: SpotModels) -> None:
     refuse_large_picture(part, models)
     if not phase_follows_source(path, source, laws):
         return
-    refuse_change_by_phase(path, LightTrial(part).change_by_fixed_phase(models), models.tolerance)
+    refuse_change_by_phase(path, light_trial(part).change_by_fixed_phase(models), models.tolerance)
     if not part.spot.coherent:
         change = _change_of_rays(without_comparison(part), models.tolerance, as_point=models.point)
         refuse_change_by_phase(path, change, models.tolerance)
@@ -271,7 +271,7 @@ class LightTrial:
     def change_by_fixed_phase(self, models: SpotModels) -> float:
         """Relative L2 change of the points' pixels if the phase of the microlenses is fixed."""
         lenses = self._part.microlenses.model_copy(update={"lens_phase": "parabolic"})
-        fixed = LightTrial(self._part.model_copy(update={"microlenses": lenses}))
+        fixed = light_trial(self._part.model_copy(update={"microlenses": lenses}))
         radii = [self._spread(index, models) for index in range(len(self._probes))]
         places = [(index, number) for index, one in enumerate(self._probes) for number in range(len(one.points))]
         found, parabolic = (
@@ -357,6 +357,14 @@ class LightTrial:
             path = probe.pair if pair else probe.alone
             self._images[key] = _point_image(path, probe.points[place[1]], probe.coherent_radius, plain, wavelength)
         return self._images[key]
+
+
+def light_trial(part: LightSpotPart) -> LightTrial:
+    """The trial of a part, whose images the check, the plan and the run of a study share."""
+    return _light_trial(without_comparison(part))
+
+
+_light_trial = lru_cache(maxsize=4)(LightTrial)
 
 
 def _prepared(part: LightSpotPart, models: SpotModels) -> Spot:
