@@ -12,6 +12,8 @@ from tests.test_cli import RIGHT
 from tradestudy.cli import app
 from tradestudy.results import storage
 
+pytestmark = pytest.mark.usefixtures("empty_figures")
+
 MINE = b"mine"
 
 

@@ -20,6 +20,8 @@ from tradestudy.report import csv_tables
 from tradestudy.wording import json_text
 
 RIGHT = Path(__file__).parent / "study" / "wrong" / "right.yaml"
+# A study that is computed and reported quickly.
+QUICK = "format: 2\nstudy: quick\ntitle: T\nquestion: Q\nhard_cases: {families: [equation-27]}\n"
 # Sets a terminal's title, colours, C1 controls, directions of writing, line ends; a new line that looks like an answer.
 HOSTILE = "\x1b]0;mine\x07 \x1b[2J \x9b31m \x7f \u202eleft\u2066 \u200f \u061c \u2028 end\nMet: all requirements"
 ACTS = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -104,7 +106,8 @@ def test_texts_of_a_study_act_nowhere(tmp_path: Path, monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("shell", ["2>/dev/full", "<&- 2>&-"])
 def test_streams_that_nobody_reads_do_not_end_a_run(shell: str, tmp_path: Path) -> None:
-    done = _process("run", RIGHT, "--out", tmp_path / "out", "--no-pdf", shell=shell)
+    (tmp_path / "quick.yaml").write_text(QUICK, encoding="utf-8")
+    done = _process("run", tmp_path / "quick.yaml", "--out", tmp_path / "out", "--no-pdf", shell=shell)
     assert done.returncode == 0
     assert b"Report: " in done.stdout
     assert (tmp_path / "out" / "report.html").exists()
@@ -140,8 +143,7 @@ def test_any_locale_can_show_what_is_printed(locale: dict[str, str], tmp_path: P
 
 def test_names_that_are_not_utf_8(tmp_path: Path) -> None:
     study, out, page = (tmp_path / os.fsdecode(name) for name in (b"n\xff.yaml", b"out\xff", b"page\xff.html"))
-    study.write_bytes(RIGHT.read_bytes())
-    study.with_name("cameras").symlink_to(RIGHT.parent / "cameras")
+    study.write_text(QUICK, encoding="utf-8")
     done = _process("run", study, "--out", out, "--no-pdf", "--json")
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr
     assert json.loads(done.stdout)["report"] == str(out / "report.html")

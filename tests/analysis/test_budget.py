@@ -275,6 +275,7 @@ def test_of_many_pairs_the_report_gives_the_sum(tmp_path: Path) -> None:
     assert own[-1] == ["10 correlated pairs", "", "", "", "", "", share(pairs).replace("\N{NO-BREAK SPACE}", " ")]
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_the_csv_has_what_python_gives(result: Result, tmp_path: Path) -> None:
     result.write(tmp_path, pdf=False)
     written = pd.read_csv(tmp_path / "tables" / "budget_by_camera_distance_source.csv")

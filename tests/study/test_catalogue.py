@@ -234,10 +234,11 @@ def test_study_uses_an_entry_in_a_mode_and_records_its_revision(tmp_path: Path) 
     assert "https://docs.luxonis.com" in str(notes["baseline"])
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_compare_names_another_revision_of_an_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    load(tmp_path).run().write(tmp_path / "before")
+    load(tmp_path).run().write(tmp_path / "before", pdf=False)
     monkeypatch.setattr("tradestudy.study.shared_cameras.revision", lambda _: "0123456789ab")
-    load(tmp_path).run().write(tmp_path / "after")
+    load(tmp_path).run().write(tmp_path / "after", pdf=False)
     found = str(tradestudy.compare([tmp_path / "before", tmp_path / "after"]))
     assert f"revision {revision('oak-d')}" in found
     assert "revision 0123456789ab" in found
