@@ -97,7 +97,7 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
     answer, met, wish, weighed, rests, best = swept.lines()
     assert re.fullmatch(
         r"Take the 75 mm stereo head with baseline from 53\.\d mm on \(the sweep ends at 150 mm\): 5 of 6 designs "
-        r"meet the requirement with one camera or another\.",
+        r"meet the requirement with one of the cameras\.",
         answer,
     )
     assert re.fullmatch(

@@ -85,7 +85,7 @@ def test_one_feasible_design_and_all_feasible_designs_are_described() -> None:
     assert one == "take the rig with baseline 100 mm and focal length 4 mm: 1 of 6 designs meets both requirements"
     assert feasible_words(tree(1, 7)).startswith("every design meets both requirements: ")
     by_any = feasible_words(tree(1, 7, of="any"))
-    assert by_any.startswith("every design meets both requirements with one camera or another: ")
+    assert by_any.startswith("every design meets both requirements with one of the cameras: ")
 
 
 def test_without_a_feasible_design_the_nearest_one_is_named_with_the_requirement_it_misses() -> None:

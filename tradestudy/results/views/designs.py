@@ -279,7 +279,7 @@ def feasible_words(tree: xr.DataTree) -> str:
         return ""
     what = all_requirements(found.required)
     what += " that must hold" if found.wishes and found.required > 1 else ""
-    what += " with one camera or another" if found.by_any and len(camera_titles(tree)) > 1 else ""
+    what += " with one of the cameras" if found.by_any and len(camera_titles(tree)) > 1 else ""
     if not found.count:
         return f"none of {found.designs} designs meets {what}: {found.best.words} comes closest"
     if found.count == found.designs:

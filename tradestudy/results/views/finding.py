@@ -75,6 +75,9 @@ def camera_finding(tree: xr.DataTree) -> str:
     every = f"Most certain: {'; '.join(one.words for one in taken)}."
     if len(every.split()) <= MOST_WORDS:
         return every
+    must = [one for one in requirement_conclusions(tree) if one.priority == "must"]
+    if must and all(one.met for one in must):  # the headline says which camera meets them, not which is best where
+        return headline_finding(tree)
     longest = max(taken, key=lambda one: one.far / one.near)
     return f"Over the longest stretch, {longest.where}, {with_article(longest.cameras[0])} is the most certain."
 

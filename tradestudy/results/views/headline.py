@@ -278,7 +278,8 @@ def _requirement_words(met: Sequence[RequirementConclusion]) -> str:
     which = f"“{tightest.says}”" if len(met) == 1 else all_requirements(len(met))
     only = "it alone" if alone and len(met) == 1 and tightest.others else "it"
     meets = "can meet" if any(one.at_lower_bound for one in met) else "meets"
-    return f"{only} {meets} {which} ({tightest.reason})"
+    best = " best" if len(met) == 1 and not alone else ""
+    return f"{only} {meets} {which}{best} ({tightest.reason})"
 
 
 def _lead_words(tree: xr.DataTree) -> str:
