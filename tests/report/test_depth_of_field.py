@@ -48,7 +48,7 @@ def test_the_first_page_says_which_camera_at_what_resolution_exposures_and_movin
     assert re.search(row, first_page)
     assert re.search(r"R5 without microlenses\s+27\.6 %", first_page)
     assert re.search(
-        r"take\s+the\s+(?:single|multi)-focus\s+R5\s+set\s+to\s+135\s+mm\s+\(154\s+µm\s+in\s+1\s+exposure", first_page
+        r"take\s+the\s+(?:single|multi)-focus\s+R5\s+set\s+to\s+135\s+mm\s+\(154\s+µm,\s+1\s+exposure", first_page
     )
     assert "Figure 1" in first_page
 
