@@ -201,29 +201,15 @@ def rectangle_nodes(
 def gauss_legendre(count: int) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights of the Gauss–Legendre rule of `count` points on the interval [0, 1].
 
-    Newton's method from Tricomi's values gives the right half of the nodes, and symmetry the left. It costs O(n²); the
-    eigenvalues of the companion matrix would cost O(n³). The returned arrays are shared and read-only.
+    The returned arrays are shared and read-only.
     """
-    i = np.arange(1, (count + 1) // 2 + 1, dtype=np.float64)
-    x = np.cos(np.pi * (i - 0.25) / (count + 0.5)) * (1 - (count - 1) / (8.0 * count**3))
-    for _ in range(3):
-        value, slope = _legendre_and_slope(count, x)
-        x = x - value / slope
-    w = 2.0 / ((1.0 - x**2) * _legendre_and_slope(count, x)[1] ** 2)
-    left = slice(0, count // 2)  # leaves out the middle node of an odd rule
-    nodes = 0.5 * (1.0 + np.concatenate([-x[left], x[::-1]]))
-    weights = 0.5 * np.concatenate([w[left], w[::-1]])
+    from scipy.special import roots_legendre  # checking a study needs no rule
+
+    x, w = roots_legendre(count)
+    nodes, weights = np.asarray(0.5 * (1.0 + x), dtype=np.float64), np.asarray(0.5 * w, dtype=np.float64)
     nodes.setflags(write=False)
     weights.setflags(write=False)
     return nodes, weights
-
-
-def _legendre_and_slope(count: int, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """P_n and its derivative."""
-    from scipy.special import eval_legendre  # checking a study needs no rule
-
-    value = eval_legendre(count, x)
-    return value, count * (x * value - eval_legendre(count - 1, x)) / (x**2 - 1.0)
 
 
 def _check_positive(what: str, value: float) -> None:

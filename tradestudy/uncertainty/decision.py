@@ -212,16 +212,10 @@ def _spline_basis(parameter: FloatArray, utility: FloatArray) -> FloatArray:
 
 
 def _basis(ranks: FloatArray, intervals: int) -> FloatArray:
-    inner = np.linspace(0.0, 1.0, intervals + 1)
-    knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
-    # As scipy.interpolate.BSpline.design_matrix, which takes longer to load: Cox and de Boor's recursion.
-    place = np.minimum((ranks * intervals).astype(int), intervals - 1)
-    basis: FloatArray = (place[:, np.newaxis] + _DEGREE == np.arange(knots.size - 1)).astype(float)
-    for degree in range(1, _DEGREE + 1):
-        width = knots[degree:] - knots[:-degree]
-        rising = (ranks[:, np.newaxis] - knots[:-degree]) / np.where(width > 0.0, width, 1.0)
-        basis = rising[:, :-1] * basis[:, :-1] + (1.0 - rising[:, 1:]) * basis[:, 1:]
-    return basis
+    from scipy.interpolate import BSpline  # takes longer to load than most studies to check
+
+    knots = np.pad(np.linspace(0.0, 1.0, intervals + 1), _DEGREE, mode="edge")
+    return np.asarray(BSpline.design_matrix(ranks, knots, _DEGREE).toarray(), dtype=np.float64)
 
 
 def _generalised_error(basis: FloatArray, utility: FloatArray) -> float:

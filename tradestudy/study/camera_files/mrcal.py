@@ -1,4 +1,4 @@
-"""mrcal ``.cameramodel``: a Python literal with one camera; a pair is two files in one frame of reference."""
+"""mrcal ``.cameramodel``: one camera, as YAML in the form of a Python literal; a pair is two files in one frame."""
 
 from __future__ import annotations
 

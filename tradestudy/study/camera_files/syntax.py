@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import Any, Final
 from xml.parsers import expat
 
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
-from tradestudy.study.document import Entry, ListEntry, MappingEntry, Member, Place, ScalarEntry, scalar_text
+from tradestudy.study.document import Entry, ListEntry, MappingEntry, Member, Place, ScalarEntry
 from tradestudy.study.source import DEEPEST, MOST_VALUES, UnreadableError, compose
 
 _CORNER_LINE: Final = re.compile(
@@ -30,6 +28,7 @@ _ASSIGNMENTS: Final = re.compile(
     re.MULTILINE,
 )
 """The beginning of lines such as ``fx=700``, ``fc_left = [ 700 701 ];`` or ``P0: 700 0 …``, below comments."""
+_SAVED_INPUTS: Final = re.compile(r"""(['"]optimization_inputs['"]\s*:\s*)b(?:'[^']*'|"[^"]*")""")
 _NAME: Final = re.compile(r"([A-Za-z][\w.]*)\s*[=:]\s*")
 
 
@@ -228,64 +227,6 @@ class _XmlBuilder:
         return _value(place, text)
 
 
-def _python(path: Path, text: str) -> Entry:
-    """A Python literal, parsed like `ast.literal_eval`, never executed."""
-    start = Place(str(path), 1, 1)
-    try:
-        tree = ast.parse(text.lstrip(), mode="eval")
-    except SyntaxError as error:
-        place = Place(str(path), error.lineno or 1, error.offset or 1)
-        raise CameraFileError(place.problem((), f"this is not a Python literal: {error.msg}")) from None
-    except (ValueError, RecursionError, MemoryError) as error:
-        raise CameraFileError(
-            start.problem((), f"this is not a Python literal: {error or 'nested too deeply'}")
-        ) from None
-    lines_before = text[: len(text) - len(text.lstrip())].count("\n")
-    return _literal(tree.body, str(path), lines_before, 0, [0])
-
-
-def _literal(node: ast.expr, file: str, below: int, depth: int, count: list[int]) -> Entry:
-    place = Place(file, node.lineno + below, node.col_offset + 1)
-    count[0] += 1
-    if depth > DEEPEST or count[0] > MOST_VALUES:
-        what = (
-            f"values are nested more than {DEEPEST} levels deep"
-            if depth > DEEPEST
-            else f"more than {MOST_VALUES} values"
-        )
-        raise CameraFileError(place.problem((), what))
-    if isinstance(node, ast.Dict):
-        members: dict[str, Member] = {}
-        for key, value in zip(node.keys, node.values, strict=True):
-            if not (isinstance(key, ast.Constant) and isinstance(key.value, str)):
-                raise CameraFileError(place.problem((), "keys must be text in quotes"))
-            key_place = Place(file, key.lineno + below, key.col_offset + 1)
-            if key.value in members:
-                what = "duplicate key; remove one of them"
-                raise CameraFileError(key_place.problem((key.value,), what))
-            members[key.value] = Member(key_place, _literal(value, file, below, depth + 1, count))
-        return MappingEntry(place=place, members=members)
-    if isinstance(node, ast.List | ast.Tuple):
-        items = tuple(_literal(item, file, below, depth + 1, count) for item in node.elts)
-        return ListEntry(place=place, items=items)
-    if isinstance(node, ast.Constant | ast.UnaryOp):
-        found: object = ...
-        with suppress(ValueError, TypeError):
-            found = ast.literal_eval(node)
-        if isinstance(found, bytes):
-            return _scalar(place, None, "")
-        if found is None or isinstance(found, str | int | float | bool):
-            return _scalar(place, found, "" if found is None else _short(found))
-    raise CameraFileError(place.problem((), "a number, text, a list or a mapping is expected, not an expression"))
-
-
-def _short(value: str | float | bool) -> str:
-    try:
-        return scalar_text(value)
-    except ValueError:  # an integer of too many digits for Python to print
-        return "a number of too many digits"
-
-
 def _scalar(place: Place, value: Any, text: str) -> ScalarEntry:
     return ScalarEntry(place=place, value=value, text=text)
 
@@ -295,8 +236,8 @@ _PARSERS: Final[Mapping[str, Callable[[Path, str], Entry]]] = {
     "opencv-xml": _xml,
     "opencv-yaml": _opencv_yaml,
     "assignments": _assignments,
-    "python": _python,
-    # YAML, but for tabs between values and escaped slashes.
+    # YAML, but for tabs between values, escaped slashes in JSON, and the bytes in which mrcal saves its inputs.
+    "python": lambda path, text: _yaml(path, _SAVED_INPUTS.sub(r"\1''", text.replace("\t", " "))),
     "json": lambda path, text: _yaml(path, text.replace("\t", " ").replace("\\/", "/")),
     "yaml": _yaml,
 }
