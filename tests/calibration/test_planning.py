@@ -284,4 +284,4 @@ def test_a_calibration_that_only_a_design_leaves_unconverged_is_reported(tmp_pat
     (told,) = [line for line in result.lines() if line.startswith("Not converged")]
     assert told.startswith("Not converged: the calibration of Rig under 1 of 1 other sets of values (")
     page = " ".join(plain_text(one.text) for one in describe_answer(result.data) if isinstance(one, Paragraph))
-    assert "The calibration did not converge for Rig under 1 of 1 other sets of values (" in page
+    assert "Not converged: the calibration of Rig under 1 of 1 other sets of values (" in page

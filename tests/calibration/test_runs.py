@@ -164,7 +164,7 @@ def test_an_unconverged_calibration_is_reported_and_fails_a_strict_run(ran):
     assert {"corner-rig", "corner-r5", "trace-r5", "trace-views"} <= set(drawings)
     blocks = tuple(all_blocks(compose_report(result.data, {}, drawings).blocks))
     first = "".join(plain(one.text) for one in all_blocks(describe_answer(result.data)) if isinstance(one, Paragraph))
-    assert "The calibration did not converge for R5 (" in first
+    assert "Not converged: the calibration of R5 (" in first
     warnings = [block for block in blocks if isinstance(block, Callout) and block.tone == "warning"]
     assert [plain(warning.title) for warning in warnings] == ["Unusual values", "R5 did not converge"]
     words = [plain(block.text) for block in all_blocks(warnings[1].blocks) if isinstance(block, Paragraph)]

@@ -25,9 +25,9 @@ from tradestudy.report.document import (
     all_blocks,
     spans,
 )
-from tradestudy.report.sections import answer
 from tradestudy.report.sections.registers import _times_the_error
 from tradestudy.report.sections.results import _factor
+from tradestudy.results.views import conclusion_list
 from tradestudy.results.views.decision import best_cameras, winners
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_details
@@ -266,16 +266,16 @@ def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> Non
 
 def test_the_answer_says_what_it_rests_on(tree: xr.DataTree) -> None:
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
-    assert any("The answers rest on the yaw of a rig, assumed 0.2°" in text for text in texts)
+    assert any("Rests on (measure first): yaw of a rig, assumed 0.2°" in text for text in texts)
 
 
 def test_without_requirements_only_predicted_depth_rests_on_an_input(
     tree: xr.DataTree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(answer, "rests_on", lambda _tree: ("yaw of a rig",))
-    monkeypatch.setattr(answer, "requirement_conclusions", lambda _tree: ())
+    monkeypatch.setattr(conclusion_list, "rests_on", lambda _tree: ("yaw of a rig",))
+    monkeypatch.setattr(conclusion_list, "requirement_conclusions", lambda _tree: ())
     said = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
-    assert any("Predicted depth errors rest on the yaw of a rig" in text for text in said)
+    assert any("Predicted depth rests on: yaw of a rig" in text for text in said)
 
 
 def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
@@ -293,7 +293,7 @@ def test_one_reading_that_reverses_the_verdict_is_named(tree: xr.DataTree) -> No
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if isinstance(b, Paragraph)]
     says = str(data["reading_says"].sel(reading=turning[0]).item())
     (told,) = (text for text in texts if f"The reading “{says}” reverses the choice between " in text)
-    assert re.search(r"65\.24° across at [\d.]+\sm \(", told)
+    assert re.search(r"65\.24° across at [\d.]+\sm\.", told)
 
 
 def test_the_method_explains_only_limits_that_apply_in_the_study(tree: xr.DataTree) -> None:

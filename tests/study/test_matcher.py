@@ -22,7 +22,7 @@ from tradestudy.models.depth_problem import depth_problems
 from tradestudy.models.plan import plan_of
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Table, Text, all_blocks, spans
-from tradestudy.results.views.depth import best_of_any_matcher
+from tradestudy.results.views.depth import lower_bound_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
@@ -35,7 +35,7 @@ OF_SCENE = (
     "pixel_locking: 0.1 px, false_matches: 2 %}"
 )
 HEAD = "stereo-75mm"
-CAVEAT = best_of_any_matcher(("",)).rpartition("; ")[2]
+CAVEAT = "Lower bound, as no matcher is declared"
 PLACES = np.array([0.5, 1.0, 3.0])
 REQUIRED = (
     "requirements={near-and-mid: null, far: {says: 0.78 % up to 3 m, camera: stereo-75mm, "
@@ -327,11 +327,11 @@ def test_without_a_matcher_the_report_says_that_the_error_is_the_bound(ideal: Re
     reported = ideal.conclusions()
     assert (reported["requirements"][0]["on_lower_bound"], reported["lower_bounds"]) == (True, ["75 mm stereo head"])
     blocks = tuple(compose_report(ideal.data, {}, {}).blocks)
-    first = [text for text in first_page(blocks) if CAVEAT in text]
-    assert len(first) == 1
-    assert best_of_any_matcher(("75 mm stereo head",)) in first[0]  # the others are not in the answer
-    everywhere = [text for text in texts(blocks) if CAVEAT in text]
-    assert len(everywhere) == 2  # the first page and the causes
+    first = " ".join(first_page(blocks))
+    assert "Met on the lower bound of matching" in first
+    assert CAVEAT not in first  # the verdict says it of the only camera in the answer
+    (causes,) = (text for text in texts(blocks) if CAVEAT in text)
+    assert causes.startswith(f"{CAVEAT}: the disparity error of 50 mm stereo head, 75 mm stereo head and ")
 
 
 def test_one_matcher_of_several_cameras_leaves_the_others_at_the_bound() -> None:
@@ -343,8 +343,8 @@ def test_one_matcher_of_several_cameras_leaves_the_others_at_the_bound() -> None
         causes["matched_error_px"].sel(camera=heads), causes["disparity_error_px"].sel(camera=heads)
     )
     reported = texts(tuple(compose_report(result.data, {}, {}).blocks))
-    both = best_of_any_matcher(("50 mm stereo head", "75 mm stereo head"))
-    assert any(text.startswith(both) for text in reported)
+    head, both = lower_bound_words(("50 mm stereo head", "75 mm stereo head"))
+    assert any(text.startswith(f"{head}: {both[0]}") for text in reported)
 
 
 def test_the_register_has_each_value_with_its_basis(real: Result) -> None:

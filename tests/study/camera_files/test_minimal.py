@@ -61,7 +61,7 @@ def test_the_register_lists_every_default_and_the_first_page_perfect_calibration
     }
     result.write(tmp_path / "out", pdf=False)
     page = re.sub(r"<[^>]+>", " ", (tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
-    assert "The calibration of rig is assumed perfect:" in " ".join(page.split())
+    assert "Assumed perfect : the calibration of rig" in " ".join(page.split())
 
 
 def test_an_error_that_is_declared_is_not_taken_as_perfect(tmp_path: Path) -> None:

@@ -21,59 +21,42 @@ from tradestudy.report.document import (
     with_subscripts,
 )
 from tradestudy.report.words import length, part_words, share
+from tradestudy.results.views.conclusion_list import conclusions
 from tradestudy.results.views.conclusions import (
-    lower_bounds,
-    measure_first,
-    never_best_words,
-    never_usable,
+    other_words,
     question_words,
-    ranked_by_bias,
-    rests_on,
 )
 from tradestudy.results.views.decision import (
     BestCameras,
     answer_title,
     best_cameras,
-    flips,
-    readings_in_words,
     shown_ends,
     solved_questions,
     tied,
 )
 from tradestudy.results.views.depth import (
-    best_of_any_matcher,
     is_swept,
     least_broken,
-    off_axis_words,
-    offset_words,
 )
 from tradestudy.results.views.designs import design_details
 from tradestudy.results.views.groups import (
-    camera_titles,
-    consequences,
-    group,
     has,
-    left_out,
-    perfectly_calibrated,
     titles_in,
-    unconverged,
 )
-from tradestudy.results.views.headline import answers
 from tradestudy.results.views.requirement_conclusions import (
     VERDICTS,
     RequirementConclusion,
     requirement_conclusions,
     requirement_details,
 )
-from tradestudy.results.views.trade_off import trade_off_conclusion
-from tradestudy.units import significant
-from tradestudy.wording import DECLARED_VALUE, counted, distance, few, limit_words, listed, span, with_article
+from tradestudy.wording import DECLARED_VALUE, counted, distance, few, limit_words, listed, span
 
 _MOST_REASONS = 3
 _MOST_REQUIREMENTS: Final = 4
-_MOST_INPUTS: Final = 2  # on which answers rest
+_ROOM: Final = 250  # characters of a sentence, so that the page has room for its figure
+_ELSEWHERE: Final = ("headline", "designs", "requirement", "question", "answer", "claims", "origin", "best")
+"""Kinds of conclusions that the first page has in another place, or the report in a section."""
 _MOST_OTHERS: Final = 5  # cameras that are nowhere best, or usable nowhere
-_FEW_OTHERS = 2  # cameras that miss a requirement, each with its reason; more would push the figure off the page
 _CLOSE = 0.1  # relative difference of two distances, across which the causes of errors hardly change
 _MOST_STRETCHES: Final = 6
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
@@ -94,15 +77,13 @@ def describe_answer(tree: xr.DataTree) -> Iterator[Block]:
     yield from _requirements(requirement_conclusions(tree), _DECLARED if is_swept(tree) else "")
     if solved:
         yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
-    if others := tuple(answers(tree)[1:]):
+    found = conclusions(tree)
+    if others := tuple(f"{one}." for one in found if one.kind == "answer"):
         yield Callout(title="Other answers", blocks=(Bullets(others),), tone="answer")
     sentences = [
-        *_qualified(tree),
-        *_doubted(tree),
-        *_rests_on(tree),
-        *_measure_first(tree),
-        *(say("{sentence}", sentence=one) for one in [best_of_any_matcher(lower_bounds(tree))] if one),
-        *_reversed(tree),
+        say("**{head}**: {rest}.", head=one.head, rest=one.rest(_ROOM)) if one.head else say("{one}.", one=str(one))
+        for one in found
+        if one.kind not in _ELSEWHERE
     ]
     if sentences:  # in one paragraph, so that the page has room for its figure
         yield Paragraph(tuple(span for text in sentences for span in (*text, Span(" "))))
@@ -185,118 +166,17 @@ def _requirement(one: RequirementConclusion) -> Spans:
     return say(
         "**{verdict}**: {rest}.",
         verdict=one.verdict.capitalize(),
-        rest=requirement_details(one, brief=len(one.others) > _FEW_OTHERS),
+        rest=requirement_details(one),
     )
 
 
 def _never_best(tree: xr.DataTree) -> Iterator[Spans]:
     """Candidates that are best nowhere, or usable nowhere, and why."""
-    nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
-    words = [*never_best_words(tree), *nowhere]
+    words = list(other_words(tree))
     yield from (say("{words}.", words=one) for one in words[:_MOST_OTHERS])
     if len(words) > _MOST_OTHERS:
         left = counted(len(words) - _MOST_OTHERS, "other camera is", "other cameras are")
         yield say("{left} best nowhere, or usable nowhere ([](#usable-range-table)).", left=left)
-
-
-def _qualified(tree: xr.DataTree) -> Iterator[Spans]:
-    """Say where answers hold, which cameras are biased, and which inputs are contradictory or assumed perfect."""
-    if failed := unconverged(tree):
-        yield say(
-            "**The calibration did not converge** for {cameras}, so the depth uncertainty may be wrong.",
-            cameras=few(failed),
-        )
-    if worse := off_axis_words(tree):
-        yield say(
-            "**Answers hold on the optical axis unless they name a place.** Off it, {worse}.", worse=few(worse, 1)
-        )
-    if biased := offset_words(tree):
-        yield say("**Biased**: {biased}.", biased=few(biased))
-    if conclusion := trade_off_conclusion(tree):
-        yield say("**Weighing all criteria** ([](#trade-off-table)): {conclusion}.", conclusion=conclusion)
-    for sentence in consequences(tree):
-        yield say("**Contradictory inputs of {sentence}.**", sentence=sentence)
-    if partly := left_out(tree):
-        yield say("**Used only in part**: {partly}.", partly=few(partly))
-    if titles := perfectly_calibrated(tree):
-        yield say(
-            "**The calibration of {cameras} is assumed perfect:** the study declares no errors, corners, target or "
-            "posterior for it, or its `effects` switch the errors off.",
-            cameras=few(titles),
-        )
-
-
-def _doubted(tree: xr.DataTree) -> Iterator[Spans]:
-    """Rigs whose calibration claims more than its views support, at the distance where the two differ most."""
-    if not has(tree, "calibration", "rig_claimed"):
-        return
-    titles, data = camera_titles(tree), group(tree, "calibration")
-    for name in map(str, data["posterior"].values):
-        rig = data.sel(posterior=name)
-        ratio = rig["rig_halves_difference"].values / rig["rig_halves_claim"].values
-        if not np.any(ratio > 1.0):  # or no views were compared
-            continue
-        worst = int(np.nanargmax(ratio))
-        claimed = float(rig["rig_claimed"].values[worst])
-        yield say(
-            "**The calibration of {camera}** is good to {good} at {where}, although it claims {claimed}: depths "
-            "from random halves of its views differ by {ratio} times as much as claimed. This report uses the claimed "
-            "uncertainty.",
-            camera=with_article(titles[name]),
-            good=length(ratio[worst] * claimed),
-            where=distance(float(rig["rig_distance"].values[worst])),
-            claimed=length(claimed),
-            ratio=significant(float(ratio[worst]), 3),
-        )
-
-
-def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
-    """The inputs on which the answers rest, with the basis of each."""
-    if inputs := rests_on(tree):
-        named = ", and on ".join(f"the {one.removeprefix('the ')}" for one in inputs[:_MOST_INPUTS])
-        if left := len(inputs) - _MOST_INPUTS if len(inputs) > _MOST_INPUTS else 0:
-            section = " (section “Requirements”)" * bool(requirement_conclusions(tree))
-            named += f", and on {counted(left, 'other input')}{section}"
-        solved = has(tree, "decision", "solved_rests_on") and any(group(tree, "decision")["solved_rests_on"].values)
-        if requirement_conclusions(tree) or solved:
-            answers = "The answers rest"
-        else:  # without them, these are the shares of the depth of the best cameras, whatever the study asks
-            answers = "The ranking rests" if ranked_by_bias(tree) else "Predicted depth errors rest"
-        yield say("**{answers} on** {inputs}.", answers=answers, inputs=named)
-
-
-def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
-    """Which assumption to replace by a measurement first."""
-    if first := measure_first(tree):
-        head, _, rest = first.partition(": ")
-        if rest in rests_on(tree):  # the sentence before gives its value and share
-            rest = rest.partition(", assumed ")[0]
-        yield say("**{head}:** {rest}.", head=head, rest=rest) if rest else say("{head}.", head=head)
-
-
-def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
-    """The readings under which the other camera of the pair wins, by distance."""
-    found = tuple(flips(tree))
-    if not any(one.alternatives for one in found):
-        return
-    decision, titles = group(tree, "decision"), camera_titles(tree)
-    # Where neither is usable under a reading or in the study itself, or they are tied, nothing is reversed.
-    turning = {
-        one.place: [name for name, winner in one.flipped if len(tied(winner)) == len(tied(one.winner)) == 1]
-        for one in found
-    }
-    names = list(dict.fromkeys(name for some in turning.values() for name in some))
-    places = [distance(place) for place, some in turning.items() if some]
-    says = [f"“{readings_in_words(decision)[name]}”" for name in names]
-    yield say(
-        "{who} the choice between {first} and {second} {where} ([](#verdict-table)).",
-        who=say("The reading {says} **reverses**", says=says[0])
-        if len(says) == 1
-        else say("{count} other readings **reverse**", count=str(len(says)) if says else "No"),
-        first=with_article(titles[decision.attrs["first"]]),
-        second=with_article(titles[decision.attrs["second"]]),
-        where="at any declared distance" if not places else f"at {listed(places)}",
-    )
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:

@@ -16,10 +16,10 @@ from tradestudy.report.words import part_words, share
 from tradestudy.results.views.decision import Flips, answer_title, flips, readings_in_words
 from tradestudy.results.views.depth import (
     at_the_bound,
-    best_of_any_matcher,
     declared_matchers,
     is_swept,
     least_broken,
+    lower_bound_words,
     nominal,
     uniform_shares,
 )
@@ -242,12 +242,14 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
 
 def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
     """Say which bounds leave out a real matcher, and what declared matchers add."""
-    if bounds := best_of_any_matcher(at_the_bound(tree)):
+    head, bounds = lower_bound_words(at_the_bound(tree))
+    if bounds:
         yield Paragraph(
             say(
-                "{bounds} To include what a real matcher adds, declare `scene.picture.matcher`, or `depth.matcher` of "
-                "a camera.",
-                bounds=bounds,
+                "{head}: {bounds}. To include what a real matcher adds, declare `scene.picture.matcher`, or "
+                "`depth.matcher` of a camera.",
+                head=head,
+                bounds=bounds[0],
             )
         )
     declared = declared_matchers(tree)

@@ -252,12 +252,13 @@ def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
             yield titles[name], float((uncertainty[name][known] / smallest[known]).min())
 
 
-def never_best_words(tree: xr.DataTree) -> Iterator[str]:
-    """The candidates that are usable but nowhere best, in words, the closest first, without factors that round to 1."""
+def other_words(tree: xr.DataTree) -> Iterator[str]:
+    """The candidates that are nowhere best, the closest first, without factors that round to 1, or nowhere usable."""
     for title, ratio in sorted(never_best(tree), key=lambda one: one[1]):
         factor = at_least(ratio)
         why = f" (at least {factor} times as uncertain)" if factor != "1" else ""
         yield f"{title} is best nowhere{why}"
+    yield from (f"{title} is usable nowhere ({why})" for title, why in never_usable(tree))
 
 
 def at_least(ratio: float) -> str:

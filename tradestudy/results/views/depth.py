@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,7 +14,7 @@ import xarray as xr
 from tradestudy.results import distances_without_decision, judged_uncertainty
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, ranges_of, titles_in
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
-from tradestudy.wording import distance, listed, with_article
+from tradestudy.wording import distance, few, with_article
 
 _SEEN_TWICE: Final = ("overlap", "availability")  # limits on the share of points
 _MEASURED: Final = (
@@ -351,12 +352,9 @@ def at_the_bound(tree: xr.DataTree) -> tuple[str, ...]:
     return tuple(title for title in titles_in(tree, _CAUSES).values() if title not in real)
 
 
-def best_of_any_matcher(titles: tuple[str, ...]) -> str:
-    """The caveat on errors at the bound of matching; empty if no camera has such errors."""
-    if not titles:
-        return ""
-    what = "disparity error of {} is a lower bound" if len(titles) == 1 else "disparity errors of {} are lower bounds"
-    return f"The {what.format(listed(titles))} derived from the picture; no matcher does better."
+def lower_bound_words(titles: Sequence[str]) -> tuple[str, list[str]]:
+    """The caveat on errors at the bound of matching: its head, and the cameras; none if no camera has such errors."""
+    return "Lower bound, as no matcher is declared", [f"the disparity error of {few(titles)}"] if titles else []
 
 
 _NUMBERS: Final = ("spread", "spread_error", "bias", "bias_error", "predicted", "predicted_bias", "filled")

@@ -128,10 +128,10 @@ def unconverged(tree: xr.DataTree) -> tuple[str, ...]:
     return (*declared, *others)
 
 
-def consequences(tree: xr.DataTree) -> tuple[str, ...]:
-    """What contradictory inputs do to the answers about a camera, one sentence each, without a full stop."""
+def consequences(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
+    """The cameras with contradictory inputs, and what these do to the answers, without a full stop."""
     if not has(tree, "contradictions", "consequence"):
         return ()
     titles = camera_titles(tree)
     rows = [one for one in records(tree, "contradictions", "contradiction") if one["consequence"]]
-    return tuple(f"{titles.get(str(one['camera']), one['camera'])}: {one['consequence']}" for one in rows)
+    return tuple((titles.get(str(one["camera"]), str(one["camera"])), str(one["consequence"])) for one in rows)

@@ -205,18 +205,18 @@ def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: An
     )
 
 
-def requirement_sentence(one: RequirementConclusion, *, brief: bool = False) -> str:
+def requirement_sentence(one: RequirementConclusion) -> str:
     """Whether a requirement is met, by which camera, with what margin and where; in a sweep, by which designs."""
-    return f"{one.verdict.capitalize()}: {requirement_details(one, brief=brief)}"
+    return f"{one.verdict.capitalize()}: {requirement_details(one)}"
 
 
-def requirement_details(one: RequirementConclusion, *, brief: bool = False) -> str:
-    """The sentence on a requirement without its verdict; a brief one omits the others if all miss it."""
+def requirement_details(one: RequirementConclusion) -> str:
+    """The sentence on a requirement without its verdict; it omits more than two others if all of them miss it."""
     wish = " (should)" if one.priority == "should" else ""
     by = decided_by(one)
     why = "; ".join(filter(None, (one.reason, _margin_words(one))))
     words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
-    words += "".join(f"; {part}" for part in _others_words(one, brief=brief))
+    words += "".join(f"; {part}" for part in _others_words(one))
     if one.bound_alone is not None and not (one.met and one.bound_alone.met):
         words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
     if one.other_verdicts:
@@ -244,11 +244,11 @@ def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[
     return tuple(sorted(asked, key=lambda one: (one.met is not True, -np.nan_to_num(one.margin, nan=-np.inf))))
 
 
-def _others_words(one: RequirementConclusion, *, brief: bool) -> Iterator[str]:
+def _others_words(one: RequirementConclusion) -> Iterator[str]:
     """What the other cameras do: those that meet the requirement with their margin, the rest with their values."""
     met = [f"{other.camera} ({margin_words(other.margin)})" for other in one.others if other.met]
     missed = [f"{other.camera} ({other.reason.removeprefix(_WORST)})" for other in one.others if other.met is False]
-    if brief and len(missed) == len(one.others):
+    if _NAMED < len(missed) == len(one.others):
         missed = []  # the closest one tells
     silent = [f"{other.camera} ({other.reason})" for other in one.others if other.met is None]
     if met:

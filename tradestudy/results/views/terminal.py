@@ -2,79 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
+from tradestudy.results.views.conclusion_list import ANSWERS, conclusions
 from tradestudy.results.views.conclusions import (
-    BestRange,
     best_ranges,
     lower_bounds,
     measure_first,
     never_best,
-    never_best_words,
-    never_usable,
-    question_words,
     rests_on,
     worths,
 )
-from tradestudy.results.views.decision import solved_questions
-from tradestudy.results.views.depth import measured_numbers, off_axis_words, offset_words
-from tradestudy.results.views.designs import design_details, feasible_designs
+from tradestudy.results.views.depth import measured_numbers
+from tradestudy.results.views.designs import feasible_designs
 from tradestudy.results.views.groups import (
-    camera_titles,
-    consequences,
     has,
-    origin_words,
-    perfectly_calibrated,
     records,
-    unconverged,
 )
-from tradestudy.results.views.headline import answers, headline, says_stretches
+from tradestudy.results.views.headline import headline
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
     requirement_conclusions,
-    requirement_sentence,
 )
-from tradestudy.results.views.trade_off import candidates_by_rank, trade_off_conclusion
+from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_numbers, light_numbers
-from tradestudy.wording import counted, few, listed, with_unit_symbols
-
-_SEVERAL: Final = 2
-_LONGEST_LINE: Final = 400  # characters
-_COUNTING: Final = 30  # of them for the number of clauses left out
-
-
-def _range_words(ranges: Sequence[BestRange]) -> Iterator[str]:
-    """The best cameras with their ranges, and then the ranges in which none is usable, by the reason."""
-    yield from (one.words for one in ranges if one.cameras)
-    nobody: dict[str, list[str]] = {}
-    for one in ranges:
-        if not one.cameras:
-            where = f"from {one.where}"
-            nobody.setdefault(one.words.removesuffix(where), []).append(where)
-    yield from (why + listed(where) for why, where in nobody.items())
-
-
-def _line(head: str, clauses: Sequence[str]) -> str:
-    """A line of clauses, as many as it has room for, and the number of the others."""
-    lengths = np.cumsum([len(head), *(len(clause) + 2 for clause in clauses)])[1:]
-    shown = len(clauses) if lengths[-1] <= _LONGEST_LINE else max(1, int(np.sum(lengths < _LONGEST_LINE - _COUNTING)))
-    left = [f"and {len(clauses) - shown} more in the report"] * (shown < len(clauses))
-    return f"{head}: {'; '.join([*clauses[:shown], *left])}"
-
-
-def _claim_words(tree: xr.DataTree) -> Iterator[str]:
-    """One sentence, without a full stop, on the verdicts of all claims."""
-    named: dict[str, list[str]] = {}
-    for row in records(tree, "claims", "claim"):
-        named.setdefault(str(row["verdict"]), []).append(str(row["claim"]))
-    best_first = sorted(named, key=lambda verdict: (verdict != "met", verdict != "not met"))
-    if best_first:
-        yield f"Claims: {'; '.join(f'{verdict} – {listed(named[verdict])}' for verdict in best_first)}"
+from tradestudy.wording import counted, with_unit_symbols
 
 
 def terminal_lines(
@@ -85,68 +42,24 @@ def terminal_lines(
     One of them counts the conclusions left out. Every question of the study gets its answer, even if that takes more
     lines.
     """
-    return map(with_unit_symbols, _terminal_lines(tree, most, seconds))
-
-
-def _terminal_lines(tree: xr.DataTree, most: int, seconds: Mapping[str, float]) -> Iterator[str]:
-    ranges, requirements, rests = best_ranges(tree), requirement_conclusions(tree), rests_on(tree)
-    said = answers(tree, seconds)
-    yield from said[:1]
-    most -= 1
-    lines = []
-    # For one swept parameter and one requirement, the sentence of the requirement already says this.
-    feasible = feasible_designs(tree)
-    if feasible is not None and not (feasible.required == 1 and requirements[0].met_ranges is not None):
-        lines.append(design_details(tree))
-    sentences = [(requirement_sentence(one), requirement_sentence(one, brief=True)) for one in requirements]
-    judged = [full if len(full) <= _LONGEST_LINE else brief for full, brief in sentences]
-    lines += judged[:1]
-    solved = [f"{question_words(says)} {answer}" for says, answer in solved_questions(tree)]
-    lines += solved
-    needed = len(lines) if solved else 0
-    lines += judged[1:]  # fewer lines may leave out a lesser requirement, but no answer to a question
-    if weighed := trade_off_conclusion(tree):
-        lines.append(f"Weighing all criteria: {weighed}")
-    lines += [*(one.removesuffix(".") for one in said[1:]), *_claim_words(tree)]
-    first = measure_first(tree)
-    if rests and first == f"Measure first: {rests[0]}":
-        last = [_line("Rests on (measure first)", rests)]
-    else:
-        last = ([_line("Rests on", rests)] if rests else []) + [first] * bool(first)
-    if worse := off_axis_words(tree):
-        unless = ", unless a place is named" if requirements else ""
-        last.append(f"On the optical axis{unless}; off it, {few(worse)}")
-    named = {one.camera for one in requirements if one.at_lower_bound and one.met}
-    if bounds := [title for title in lower_bounds(tree) if title not in named]:
-        last.append(f"Lower bound, as no matcher is declared: the disparity error of {few(bounds)}")
-    if biased := offset_words(tree):
-        last.append(f"Biased: {few(biased)}")
-    if failed := unconverged(tree):
-        last.append(f"Not converged: the calibration of {few(failed)}")
-    if perfect := perfectly_calibrated(tree):
-        last.append(f"Assumed perfect: the calibration of {few(perfect)}")
-    last += origin_words(tree)
-    last += [f"Contradictory inputs of {one}" for one in consequences(tree)]
-    if ranges:
-        designs = ", as declared" if has(tree, "requirements", "design_met") else ""
-        nowhere = [f"{title} is usable nowhere ({why})" for title, why in never_usable(tree)]
-        head = f"{'Best' if len(camera_titles(tree)) >= _SEVERAL else 'Usable'}{designs}"
-        told, others = says_stretches(tree, "".join(said[:1])), [*never_best_words(tree), *nowhere]
-        clauses = others if told else [*_range_words(ranges), *others]
-        if clauses:
-            last.append(_line("Others" if told else head, clauses))
-    lines = [one for one in lines if f"{one}." not in said[:1]]
-    room = max(most - len(last), needed + 1)
-    if len(lines) > room:  # the assumptions behind the answers matter more than a fourth requirement
-        hidden = lines[room - 1 :]
-        missed = sum(one.startswith("Not met") for one in hidden)
-        yield from lines[: room - 1]
-        of = " by the study as declared" if feasible else ""
-        suffix = f", including {counted(missed, 'requirement')} not met{of}" if missed else ""
-        yield f"and {counted(len(hidden), 'more conclusion')} in the report{suffix}"
-    else:
-        yield from lines
-    yield from last
+    found = conclusions(tree, seconds)
+    said = [str(one) for one in found if one.kind == "headline"]
+    # For one swept parameter and one requirement, the sentence of the requirement already says which design.
+    feasible, judged = feasible_designs(tree), requirement_conclusions(tree)
+    told = ["designs"] if feasible and feasible.required == 1 and judged[0].met_ranges is not None else []
+    answering = [one for one in found if one.kind in ANSWERS and one.kind not in told and f"{one}." not in said]
+    last = [str(one) for one in found if one.kind not in (*ANSWERS, "headline", "readings")]
+    asked = [number for number, one in enumerate(answering, start=1) if one.kind == "question"]
+    # The assumptions behind the answers matter more than a fourth requirement, but no question goes unanswered.
+    room = max(most - 1 - len(last), max(asked, default=0) + 1)
+    shown = answering if len(answering) <= room else answering[: room - 1]
+    lines = [*said, *map(str, shown)]
+    if hidden := answering[len(shown) :]:
+        missed = sum(one.kind == "requirement" and one.head == "Not met" for one in hidden)
+        suffix = f", including {counted(missed, 'requirement')} not met" if missed else ""
+        suffix += " by the study as declared" * bool(suffix and feasible)
+        lines.append(f"and {counted(len(hidden), 'more conclusion')} in the report{suffix}")
+    return map(with_unit_symbols, [*lines, *last])
 
 
 JSON_FORMAT: Final = 1
