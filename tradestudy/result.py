@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
-from tradestudy.results import UNCONVERGED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,23 +39,14 @@ class Result:
     @property
     def unmet_requirements(self) -> list[str]:
         """Requirements of priority ``must`` that are missed or undecided, and calibrations that did not converge."""
-        missed = []
-        if "requirements" in self.data.children:
-            columns = ["says", "priority", "met", "camera_deciding", "reason"]
-            table = self.data["requirements"].to_dataset()[columns].to_dataframe()
-            unmet = table[(table["met"] != 1) & (table["priority"] == "must")]
-            missed += [
-                f"{name}: {row['says']} ({row['camera_deciding']}: {row['reason']})" for name, row in unmet.iterrows()
-            ]
-        if "calibration" in self.data.children and "posterior_converged" in self.data["calibration"].data_vars:
-            chains = self.data["calibration"].to_dataset()
-            for name, converged in zip(chains["posterior"].values, chains["posterior_converged"].values, strict=True):
-                if not converged:
-                    why = str(chains["posterior_verdict"].sel(posterior=name).item())
-                    missed.append(f"{name}: its calibration did not converge ({why})")
-        others = str(self.data.attrs.get(UNCONVERGED, "")).splitlines()
-        missed += [f"calibrations did not converge for {one}" for one in others]
-        return missed
+        from tradestudy.results.views.groups import unconverged
+        from tradestudy.results.views.requirement_conclusions import requirement_conclusions
+
+        unmet = [one for one in requirement_conclusions(self.data) if one.priority == "must" and not one.met]
+        return [
+            *(f"{one.name}: {one.says} ({one.camera}: {one.reason})" for one in unmet),
+            *(f"calibrations did not converge for {one}" for one in unconverged(self.data)),
+        ]
 
     def lines(self, most: int = 6) -> tuple[str, ...]:
         """Return the conclusions as lines for a terminal.

@@ -152,7 +152,7 @@ def test_a_posterior_of_one_run_gives_another_study_the_same_depth_bit_for_bit(r
 def test_an_unconverged_calibration_is_reported_and_fails_a_strict_run(ran):
     folder, result = ran
     (unmet,) = result.unmet_requirements
-    assert unmet.startswith("r5: ")
+    assert unmet.startswith("calibrations did not converge for R5 (")
     assert "converge" in unmet
     assert "steps/τ" in unmet
     status, said = (folder / "said.txt").read_text(encoding="utf-8").splitlines()

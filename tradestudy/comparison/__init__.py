@@ -12,13 +12,11 @@ import xarray as xr
 
 from tradestudy.comparison.comparison import Comparison, Difference, Run, are_alike, common_cameras, titles_of
 from tradestudy.comparison.conclusions import (
+    KINDS,
     best_is_compared,
     common_range,
+    compare_answers,
     compare_best,
-    compare_claims,
-    compare_measurements,
-    compare_questions,
-    compare_ranks,
     compare_requirements,
     compare_sharp,
     compare_usable,
@@ -154,10 +152,7 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
         return (), ()
     found = (
         (compare_requirements(runs), "requirement", "requirements"),
-        (compare_measurements(runs), "measured table", "measured tables"),
-        (compare_ranks(runs), "ranking by criteria", "rankings by criteria"),
-        (compare_claims(runs), "claim", "claims"),
-        (compare_questions(runs), "answer to a question", "answers to questions"),
+        *((compare_answers([of(run.tree) for run in runs]), word, words) for of, word, words in KINDS),
     )
     changed = [difference for answers, _, _ in found for difference in answers.changed]
     unchanged = [counted(one.unchanged, word, words) for one, word, words in found if one.unchanged]

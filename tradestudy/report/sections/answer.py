@@ -126,9 +126,13 @@ def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -
     if requirements:
         most = _MOST_REQUIREMENTS if len(requirements) > _MOST_REQUIREMENTS + 1 else len(requirements)
         missed = any(one.met is not True and one.priority == "must" for one in requirements)
+        judged = [
+            say("**{verdict}**: {rest}.", verdict=one.verdict.capitalize(), rest=requirement_details(one))
+            for one in requirements[:most]
+        ]
         yield Callout(
             title=f"Requirements{of}",
-            blocks=(Bullets((*map(_requirement, requirements[:most]), *_counted(requirements[most:]))),),
+            blocks=(Bullets((*judged, *_counted(requirements[most:]))),),
             tone="warning" if missed else "answer",
             name="answer-requirements",
         )
@@ -159,15 +163,6 @@ def _solved(tree: xr.DataTree) -> Iterator[Spans]:
         )
     if shared:
         yield say("All answers: {shared}.", shared="; ".join(shared))
-
-
-def _requirement(one: RequirementConclusion) -> Spans:
-    """A requirement, its verdict first."""
-    return say(
-        "**{verdict}**: {rest}.",
-        verdict=one.verdict.capitalize(),
-        rest=requirement_details(one),
-    )
 
 
 def _never_best(tree: xr.DataTree) -> Iterator[Spans]:

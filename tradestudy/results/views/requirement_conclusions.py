@@ -104,6 +104,8 @@ class RequirementConclusion:
     rests_on, rests_on_share
         That limit and NaN, or the uncertain input that decides the value most, with its basis, and its share of the
         variance; empty where none does.
+    bound
+        The bound in SI; NaN for designs of a sweep.
     met_ranges
         Ranges of the one swept parameter in which it is met; None without such a sweep.
     designs
@@ -136,6 +138,7 @@ class RequirementConclusion:
     limited_by: str
     rests_on: str
     rests_on_share: float
+    bound: float = math.nan
     met_ranges: tuple[MetRange, ...] | None = None
     designs: tuple[int, int] | None = None
     probability: float = math.nan
@@ -201,6 +204,7 @@ def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: An
         limited_by=str(row["limited_by"]),
         rests_on=str(row["rests_on"]),
         rests_on_share=float(row["rests_on_share"]),
+        bound=float(row.get("bound", math.nan)),
         **further,
     )
 
