@@ -9,7 +9,7 @@ import pytest
 
 import tradestudy
 from tradestudy.answers.decision import NOISE, largest_cause
-from tradestudy.answers.questions import planned
+from tradestudy.answers.solutions import planned
 from tradestudy.depth.evaluation import depth_uncertainty
 
 STUDY = Path(__file__).parents[2] / "studies" / "calibration_plan.yaml"

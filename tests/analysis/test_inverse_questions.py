@@ -11,7 +11,8 @@ import pytest
 
 import tradestudy
 from tradestudy.answers import questions as inverse_questions
-from tradestudy.answers.questions import Solved, solve
+from tradestudy.answers.questions import solve
+from tradestudy.answers.solutions import Solved
 from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
 

@@ -12,8 +12,9 @@ import pytest
 from tests.analysis.plain_depths import B, F, of_rig
 from tests.analysis.test_linear_depth import STUDY
 from tests.cameras.builders import stereo
-from tradestudy.answers.questions import Solved, solve
+from tradestudy.answers.questions import solve
 from tradestudy.answers.ranks import rank
+from tradestudy.answers.solutions import Solved
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.distributions import Normal

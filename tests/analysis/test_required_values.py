@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.answers.questions import Solved, _beside_the_nearest, _nearest, _Trial, solve_requirement
+from tradestudy.answers.required_values import _beside_the_nearest, _nearest, _Trial, solve_requirement
 from tradestudy.answers.requirement_answer import RequirementAnswer
+from tradestudy.answers.solutions import Solved
 from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import StudyError
 from tradestudy.units import LENGTH

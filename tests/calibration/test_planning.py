@@ -17,7 +17,9 @@ from scipy.spatial.transform import Rotation
 import tradestudy
 from tests.calibration.cameras import board, focused, normal, shown, stereo
 from tradestudy.answers.calibration import infer_calibrations
-from tradestudy.answers.questions import planned, questions_group, solve, solve_requirement
+from tradestudy.answers.questions import questions_group, solve
+from tradestudy.answers.required_values import solve_requirement
+from tradestudy.answers.solutions import planned
 from tradestudy.calibration.camera_target import (
     TargetProblem,
     TargetToInfer,

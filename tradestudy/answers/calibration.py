@@ -122,7 +122,7 @@ def _design_with(definition: StudyDefinition, key: str) -> str:
 
 def _unseen_plans(definition: StudyDefinition) -> Iterator[Problem]:
     """Ends of inverse questions at which too few views of a planned calibration show the target."""
-    from tradestudy.answers.questions import PLANS, varied_calibrations
+    from tradestudy.answers.solutions import PLANS, varied_calibrations
     from tradestudy.calibration.camera_target import TargetToInfer, planned_problem
 
     for name, question in definition.file.solve.items():

@@ -1,19 +1,19 @@
-"""Inverse questions: the value of an input at which two uncertainties are equal, or a bound or requirement is met."""
+"""Inverse questions for an uncertainty: the value of an input at which it equals another one, or a bound."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
 import numpy as np
 import xarray as xr
 
-from tradestudy.answers.requirement_answer import RequirementAnswer
-from tradestudy.answers.requirements import ANY, Judge
+from tradestudy.answers.required_values import solve_requirement
+from tradestudy.answers.solutions import Solution, Solved, bracketed, planned, plans, to_be_planned, with_declared_value
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.depth.evaluation import distribution
 from tradestudy.errors import NotConvergedError
@@ -28,134 +28,17 @@ from tradestudy.units import (
     FRACTION,
     LENGTH,
     PIXELS,
-    Dimension,
     pretty,
     pretty_with_error,
-    rounded_inwards,
-    shows_error,
     significant,
 )
-from tradestudy.wording import DECLARED_VALUE, listed, with_article
-
-
-def bracketed(
-    inside: float,
-    outside: float,
-    holds: Callable[[float], bool | None],
-    *,
-    possible: Callable[[float], float],
-    close: float,
-) -> tuple[float, float]:
-    """The last value found at which a condition holds, and the next one at which it does not.
-
-    Parameters
-    ----------
-    inside, outside
-        Where it holds, and where it does not; either may be the larger.
-    holds
-        Whether it holds at a value; None if this cannot be known, which ends the search.
-    possible
-        The permitted value nearest to a value, such as a whole number.
-    close
-        Relative distance of the two values at which the search ends.
-    """
-    while abs(outside - inside) > close * max(abs(inside), abs(outside)):
-        middle = possible((inside + outside) / 2.0)
-        if middle in (inside, outside):
-            break
-        kept = holds(middle)
-        if kept is None:
-            break
-        inside, outside = (middle, outside) if kept else (inside, middle)
-    return inside, outside
-
-
-PLANS: Final = range(8)
-"""The arrangements of the views from which the scatter of an answer is estimated; the first is that of the run."""
-
-
-def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
-    """The study with the calibrations expected from its targets, where none has been inferred yet.
-
-    Raises
-    ------
-    TradestudyError
-        A target is seen in too few views.
-    """
-    asked = definition.calibrations_to_infer()
-    if not asked:
-        return definition
-    from tradestudy.calibration.camera_target import TargetToInfer, planned_calibration
-
-    return definition.with_posteriors(
-        {key: planned_calibration(one, plan) for key, one in asked.items() if isinstance(one, TargetToInfer)}
-    )
-
-
-def to_be_planned(definition: StudyDefinition, varying: Varying) -> StudyDefinition:
-    """The study without calibrations inferred from targets that a question varies, to make its values comparable."""
-    varied = varied_calibrations(definition, varying)
-    kept = {key: posterior for key, posterior in definition.posteriors.items() if key not in varied}
-    return replace(definition, posteriors=kept, before=definition)
-
-
-def varied_calibrations(definition: StudyDefinition, varying: Varying) -> set[str]:
-    """Keys of the inferred calibrations that a question varies."""
-    keys = definition.posterior_keys
-    ends = [definition.with_values(varying.changes(end)).posterior_keys for end in (varying.low, varying.high)]
-    return {keys[name] for name in keys if any(end.get(name) != keys[name] for end in ends)}
-
-
-def plans(definition: StudyDefinition) -> range:
-    """The arrangements of the views to try: only the first if nothing needs planning or every pose is given."""
-    from tradestudy.calibration.camera_target import TargetToInfer
-
-    asked = definition.calibrations_to_infer().values()
-    is_spread = any(isinstance(one, TargetToInfer) and one.part.poses is None for one in asked)
-    return PLANS if is_spread else PLANS[:1]
-
+from tradestudy.wording import listed, with_article
 
 _ROOT_TOLERANCE: Final = 1e-10
 _ROUNDING: Final = 1e-12
 _PLACES: Final = 9  # values tried between the ends of a question
 _EXTRAPOLATED: Final = 2.0  # lengths of the interval, on a logarithmic scale, by which a solution may lie beyond it
 _LOG_OF_UNBOUNDED: Final = 700.0  # represents the logarithm of the ratio to an unbounded width
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solution:
-    """A value that answers an inverse question, with its standard error, in the SI unit of the varied input."""
-
-    value: float
-    error: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solved:
-    """Every solution of an inverse question within its ends, ascending, with the answer in words.
-
-    `tried` has the values at which the depth uncertainty [m] of a camera was computed, each with that uncertainty (the
-    geometric mean over scrambles or plans), for a question that gives it a required value; otherwise it is empty.
-    `rests_on` names the input that decides the variance at the first solution, and `share` is its share of it; empty
-    and NaN where none is known to.
-    """
-
-    solutions: tuple[Solution, ...]
-    dimension: Dimension
-    answer: str
-    tried: tuple[tuple[float, float], ...] = ()
-    rests_on: str = ""
-    share: float = math.nan
-
-    @property
-    def value(self) -> float:
-        """The first solution; NaN if there is none."""
-        return self.solutions[0].value if self.solutions else math.nan
-
-    @property
-    def error(self) -> float:
-        """Its standard error."""
-        return self.solutions[0].error if self.solutions else math.nan
 
 
 def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
@@ -406,189 +289,6 @@ def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[So
     ]
     answer = listed(values) if len(values) == 1 else f"{len(values)} solutions: {listed(values)}"
     return with_declared_value(definition, question, answer)
-
-
-def with_declared_value(definition: StudyDefinition, question: SolvePart, answer: str) -> str:
-    """An answer, followed by the declared value of the varied input if it has one."""
-    path = question.paths[0]
-    if definition.document.entry(path) is None:
-        return answer
-    return f"{answer}{DECLARED_VALUE}{definition.document.text_of(path)}"
-
-
-_TRIED_PLACES: Final = 17  # values tried between the ends of a question
-_REFINEMENTS: Final = 4  # halvings of the steps beside the largest margin, if the requirement is met at none of them
-_CLOSE: Final = 1e-4  # relative width of the bracket around the value where a requirement ceases to be met
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Trial:
-    """The answer to the requirement at one value, in SI."""
-
-    value: float
-    answer: RequirementAnswer
-
-
-def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solved:
-    """Find every value at which a requirement, or the last of several, begins or ceases to be met.
-
-    Where any camera may meet it, each is asked by itself; the solutions are those of the first whose values vary. The
-    requirement is evaluated at seventeen values between the declared ends and at the declared value. Where the
-    answer changes between two of them, bisection locates the change, because the margin may jump where a camera ceases
-    to be usable. Two changes between neighbouring values are not seen. The error combines the final bracket with the
-    error of the worst value divided by the slope of its margin.
-
-    Raises
-    ------
-    OutOfRangeError
-        The ends do not share a unit.
-    StudyError
-        The study is invalid for a value between them.
-    """
-    varying, judge = Varying.of(definition, question), Judge()
-    definition = to_be_planned(definition, varying)
-    tried = _Tried(definition=definition, requirements=question.requirements, varying=varying, judge=judge, known={})
-    places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _TRIED_PLACES)}
-    for value in places | varying.declared(definition):
-        tried.answer(value)
-    for _ in range(_REFINEMENTS):
-        for value in _beside_the_nearest({value: tried.answer(value) for value in tried.known}):
-            tried.answer(varying.possible(value))
-    asked = _cameras_asked(definition, tried)
-    varied = {path.removeprefix("cameras.").partition(".")[0] for path in question.paths}
-    alone = {name: _solved(tried, definition, name) for name in sorted(asked, key=lambda name: name not in varied)}
-    first = next((name for name in alone if name in varied), "")
-    solutions, answer = alone[first] if first else _solved(tried, definition)
-    if alone:
-        each = "; ".join(f"{definition.file.cameras[name].title}: {words}" for name, (_, words) in alone.items())
-        answer = each if first else f"{answer}; {each}"
-    return Solved(
-        solutions=tuple(solutions),
-        dimension=varying.dimension,
-        answer=with_declared_value(definition, question, answer),
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Tried:
-    """The answers to the requirements at the values tried so far, by value in SI."""
-
-    definition: StudyDefinition
-    requirements: tuple[str, ...]
-    varying: Varying
-    judge: Judge
-    known: dict[float, list[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]]
-
-    def answer(self, value: float, camera: str = "") -> RequirementAnswer:
-        """The answer to the requirement that is hardest to meet, of all cameras together or of one alone."""
-        if value not in self.known:
-            changed = planned(self.definition.with_values(self.varying.changes(value)))
-            self.known[value] = [
-                self.judge.answer(changed.file.requirements[name], changed.case) for name in self.requirements
-            ]
-        answers = [every[camera] if camera else deciding for deciding, every in self.known[value]]
-        return min(answers, key=lambda one: (one.met is True, one.met is None, np.nan_to_num(one.margin)))
-
-
-def _cameras_asked(definition: StudyDefinition, tried: _Tried) -> list[str]:
-    """The cameras of a requirement on any of several, in their order; none for other requirements."""
-    if len(tried.requirements) > 1 or definition.file.requirements[tried.requirements[0]].camera != ANY:
-        return []
-    ((_, every),) = next(iter(tried.known.values()))
-    return list(every) if len(every) > 1 else []
-
-
-def _solved(tried: _Tried, definition: StudyDefinition, camera: str = "") -> tuple[list[Solution], str]:
-    """Where the requirements begin or cease to be met, by all cameras together or by one alone, also in words."""
-    varying = tried.varying
-    trials = [_Trial(value=value, answer=tried.answer(value, camera)) for value in sorted(tried.known)]
-    if undecided := [one.answer.reason for one in trials if one.answer.met is None]:
-        return [], f"cannot be decided: {undecided[0]}"
-    solutions: list[Solution] = []
-    for before, after in itertools.pairwise(trials):
-        if before.answer.met == after.answer.met:
-            continue
-        inside, outside = (before, after) if before.answer.met else (after, before)
-        ends = bracketed(
-            inside.value,
-            outside.value,
-            lambda value: tried.answer(value, camera).met,
-            possible=varying.possible,
-            close=_CLOSE,
-        )
-        # A count has no values between neighbouring integers.
-        bracket = abs(ends[1] - ends[0])
-        error = 0.0 if varying.is_counted else _error(tried.answer(ends[0], camera), bracket, before, after)
-        solutions.append(Solution(value=ends[0], error=error))
-    return solutions, _range_answer(trials, solutions, varying.dimension, varying.declared(definition))
-
-
-def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Trial) -> float:
-    """Half of the bracket, combined with the shift of the end due to the error of the worst value."""
-    slope = abs(after.answer.margin - before.answer.margin) / abs(after.value - before.value)
-    own = answer.error / abs(answer.value) if answer.error > 0.0 and math.isfinite(answer.value) else 0.0
-    return math.hypot(bracket / 2.0, own / slope if slope > 0.0 and math.isfinite(slope) else 0.0)
-
-
-def _beside_the_nearest(known: Mapping[float, RequirementAnswer]) -> list[float]:
-    """Values halfway to the neighbours of that with the largest margin, if it is met nowhere and margins differ."""
-    values, margins = sorted(known), [known[value].margin for value in sorted(known)]
-    if any(answer.met is not False for answer in known.values()) or _alike(margins):
-        return []
-    nearest = int(np.argmax(margins))
-    beside = {max(nearest - 1, 0), min(nearest + 1, len(values) - 1)} - {nearest}
-    return [math.sqrt(values[nearest] * values[k]) for k in beside]
-
-
-def _alike(margins: Sequence[float]) -> bool:
-    return max(margins) - min(margins) <= 1e-9 * max(map(abs, margins))
-
-
-def _range_answer(
-    trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: Dimension, declared: Container[float]
-) -> str:
-    """The values for which it is met; if there are none, how close it comes and whether it may be met beyond an end."""
-    ends = [pretty(trials[k].value, dimension) for k in (0, -1)]
-    if not solutions:
-        between = f"between {ends[0]} and {ends[1]}"
-        return (
-            f"met everywhere {between}"
-            if trials[0].answer.met
-            else f"met nowhere {between}: {_nearest(trials, dimension, declared)}"
-        )
-    changes = [None, *solutions] if trials[0].answer.met else solutions
-    parts = []
-    for low, high in itertools.zip_longest(changes[::2], changes[1::2]):
-        near, far = (low.value if low else trials[0].value), (high.value if high else trials[-1].value)
-        first, last = rounded_inwards(near, far, dimension)
-        if low and shows_error(near, low.error, dimension):
-            first = pretty_with_error(near, low.error, dimension)
-        if high and shows_error(far, high.error, dimension):
-            last = pretty_with_error(far, high.error, dimension)
-        if low is None:
-            parts.append(f"up to {last} (searched from {ends[0]})")
-        else:
-            parts.append(f"from {first} to {last}" if high else f"from {first} on (searched up to {ends[1]})")
-    return f"met {listed(parts)}"
-
-
-def _nearest(trials: Sequence[_Trial], dimension: Dimension, declared: Container[float] = ()) -> str:
-    """Where it comes closest to being met and how close; among values that are equally close, at the declared one."""
-    margins = np.array([one.answer.margin for one in trials])
-    if _alike(margins.tolist()):
-        at = next((k for k, one in enumerate(trials) if one.value in declared), 0)
-        return f"it does not depend on this value ({trials[at].answer.reason})"
-    closest = np.flatnonzero(margins >= margins.max() - 1e-9 * abs(margins.max())).tolist()
-    nearest = next((k for k in closest if trials[k].value in declared), closest[0])
-    words = f"closest at {pretty(trials[nearest].value, dimension)}"
-    if margins[nearest] > 0.0:
-        words += ", where only its guard band is violated"
-    else:
-        words += f" ({trials[nearest].answer.reason})"
-    # A margin that rises towards an end may rise further.
-    if nearest in (0, len(trials) - 1) and np.ptp(margins) > 0.0:
-        words += "; it may be met beyond that end"
-    return words
 
 
 def questions_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:

@@ -13,9 +13,9 @@ import xarray as xr
 
 from tradestudy.answers.decision import largest_cause
 from tradestudy.answers.depth import over_designs
-from tradestudy.answers.questions import bracketed, planned
 from tradestudy.answers.requirement_answer import RequirementAnswer
 from tradestudy.answers.requirements import ALL, ANY, Judge
+from tradestudy.answers.solutions import bracketed, planned
 from tradestudy.errors import TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import at_bound

@@ -1,0 +1,200 @@
+"""Inverse questions for a requirement: the values of an input at which it begins or ceases to be met."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.answers.requirement_answer import RequirementAnswer
+from tradestudy.answers.requirements import ANY, Judge
+from tradestudy.answers.solutions import Solution, Solved, bracketed, planned, to_be_planned, with_declared_value
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.questions import SolvePart
+from tradestudy.study.varying import Varying
+from tradestudy.units import (
+    Dimension,
+    pretty,
+    pretty_with_error,
+    rounded_inwards,
+    shows_error,
+)
+from tradestudy.wording import listed
+
+_TRIED_PLACES: Final = 17  # values tried between the ends of a question
+_REFINEMENTS: Final = 4  # halvings of the steps beside the largest margin, if the requirement is met at none of them
+_CLOSE: Final = 1e-4  # relative width of the bracket around the value where a requirement ceases to be met
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Trial:
+    """The answer to the requirement at one value, in SI."""
+
+    value: float
+    answer: RequirementAnswer
+
+
+def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solved:
+    """Find every value at which a requirement, or the last of several, begins or ceases to be met.
+
+    Where any camera may meet it, each is asked by itself; the solutions are those of the first whose values vary. The
+    requirement is evaluated at seventeen values between the declared ends and at the declared value. Where the
+    answer changes between two of them, bisection locates the change, because the margin may jump where a camera ceases
+    to be usable. Two changes between neighbouring values are not seen. The error combines the final bracket with the
+    error of the worst value divided by the slope of its margin.
+
+    Raises
+    ------
+    OutOfRangeError
+        The ends do not share a unit.
+    StudyError
+        The study is invalid for a value between them.
+    """
+    varying, judge = Varying.of(definition, question), Judge()
+    definition = to_be_planned(definition, varying)
+    tried = _Tried(definition=definition, requirements=question.requirements, varying=varying, judge=judge, known={})
+    places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _TRIED_PLACES)}
+    for value in places | varying.declared(definition):
+        tried.answer(value)
+    for _ in range(_REFINEMENTS):
+        for value in _beside_the_nearest({value: tried.answer(value) for value in tried.known}):
+            tried.answer(varying.possible(value))
+    asked = _cameras_asked(definition, tried)
+    varied = {path.removeprefix("cameras.").partition(".")[0] for path in question.paths}
+    alone = {name: _solved(tried, definition, name) for name in sorted(asked, key=lambda name: name not in varied)}
+    first = next((name for name in alone if name in varied), "")
+    solutions, answer = alone[first] if first else _solved(tried, definition)
+    if alone:
+        each = "; ".join(f"{definition.file.cameras[name].title}: {words}" for name, (_, words) in alone.items())
+        answer = each if first else f"{answer}; {each}"
+    return Solved(
+        solutions=tuple(solutions),
+        dimension=varying.dimension,
+        answer=with_declared_value(definition, question, answer),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tried:
+    """The answers to the requirements at the values tried so far, by value in SI."""
+
+    definition: StudyDefinition
+    requirements: tuple[str, ...]
+    varying: Varying
+    judge: Judge
+    known: dict[float, list[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]]
+
+    def answer(self, value: float, camera: str = "") -> RequirementAnswer:
+        """The answer to the requirement that is hardest to meet, of all cameras together or of one alone."""
+        if value not in self.known:
+            changed = planned(self.definition.with_values(self.varying.changes(value)))
+            self.known[value] = [
+                self.judge.answer(changed.file.requirements[name], changed.case) for name in self.requirements
+            ]
+        answers = [every[camera] if camera else deciding for deciding, every in self.known[value]]
+        return min(answers, key=lambda one: (one.met is True, one.met is None, np.nan_to_num(one.margin)))
+
+
+def _cameras_asked(definition: StudyDefinition, tried: _Tried) -> list[str]:
+    """The cameras of a requirement on any of several, in their order; none for other requirements."""
+    if len(tried.requirements) > 1 or definition.file.requirements[tried.requirements[0]].camera != ANY:
+        return []
+    ((_, every),) = next(iter(tried.known.values()))
+    return list(every) if len(every) > 1 else []
+
+
+def _solved(tried: _Tried, definition: StudyDefinition, camera: str = "") -> tuple[list[Solution], str]:
+    """Where the requirements begin or cease to be met, by all cameras together or by one alone, also in words."""
+    varying = tried.varying
+    trials = [_Trial(value=value, answer=tried.answer(value, camera)) for value in sorted(tried.known)]
+    if undecided := [one.answer.reason for one in trials if one.answer.met is None]:
+        return [], f"cannot be decided: {undecided[0]}"
+    solutions: list[Solution] = []
+    for before, after in itertools.pairwise(trials):
+        if before.answer.met == after.answer.met:
+            continue
+        inside, outside = (before, after) if before.answer.met else (after, before)
+        ends = bracketed(
+            inside.value,
+            outside.value,
+            lambda value: tried.answer(value, camera).met,
+            possible=varying.possible,
+            close=_CLOSE,
+        )
+        # A count has no values between neighbouring integers.
+        bracket = abs(ends[1] - ends[0])
+        error = 0.0 if varying.is_counted else _error(tried.answer(ends[0], camera), bracket, before, after)
+        solutions.append(Solution(value=ends[0], error=error))
+    return solutions, _range_answer(trials, solutions, varying.dimension, varying.declared(definition))
+
+
+def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Trial) -> float:
+    """Half of the bracket, combined with the shift of the end due to the error of the worst value."""
+    slope = abs(after.answer.margin - before.answer.margin) / abs(after.value - before.value)
+    own = answer.error / abs(answer.value) if answer.error > 0.0 and math.isfinite(answer.value) else 0.0
+    return math.hypot(bracket / 2.0, own / slope if slope > 0.0 and math.isfinite(slope) else 0.0)
+
+
+def _beside_the_nearest(known: Mapping[float, RequirementAnswer]) -> list[float]:
+    """Values halfway to the neighbours of that with the largest margin, if it is met nowhere and margins differ."""
+    values, margins = sorted(known), [known[value].margin for value in sorted(known)]
+    if any(answer.met is not False for answer in known.values()) or _alike(margins):
+        return []
+    nearest = int(np.argmax(margins))
+    beside = {max(nearest - 1, 0), min(nearest + 1, len(values) - 1)} - {nearest}
+    return [math.sqrt(values[nearest] * values[k]) for k in beside]
+
+
+def _alike(margins: Sequence[float]) -> bool:
+    return max(margins) - min(margins) <= 1e-9 * max(map(abs, margins))
+
+
+def _range_answer(
+    trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: Dimension, declared: Container[float]
+) -> str:
+    """The values for which it is met; if there are none, how close it comes and whether it may be met beyond an end."""
+    ends = [pretty(trials[k].value, dimension) for k in (0, -1)]
+    if not solutions:
+        between = f"between {ends[0]} and {ends[1]}"
+        return (
+            f"met everywhere {between}"
+            if trials[0].answer.met
+            else f"met nowhere {between}: {_nearest(trials, dimension, declared)}"
+        )
+    changes = [None, *solutions] if trials[0].answer.met else solutions
+    parts = []
+    for low, high in itertools.zip_longest(changes[::2], changes[1::2]):
+        near, far = (low.value if low else trials[0].value), (high.value if high else trials[-1].value)
+        first, last = rounded_inwards(near, far, dimension)
+        if low and shows_error(near, low.error, dimension):
+            first = pretty_with_error(near, low.error, dimension)
+        if high and shows_error(far, high.error, dimension):
+            last = pretty_with_error(far, high.error, dimension)
+        if low is None:
+            parts.append(f"up to {last} (searched from {ends[0]})")
+        else:
+            parts.append(f"from {first} to {last}" if high else f"from {first} on (searched up to {ends[1]})")
+    return f"met {listed(parts)}"
+
+
+def _nearest(trials: Sequence[_Trial], dimension: Dimension, declared: Container[float] = ()) -> str:
+    """Where it comes closest to being met and how close; among values that are equally close, at the declared one."""
+    margins = np.array([one.answer.margin for one in trials])
+    if _alike(margins.tolist()):
+        at = next((k for k, one in enumerate(trials) if one.value in declared), 0)
+        return f"it does not depend on this value ({trials[at].answer.reason})"
+    closest = np.flatnonzero(margins >= margins.max() - 1e-9 * abs(margins.max())).tolist()
+    nearest = next((k for k in closest if trials[k].value in declared), closest[0])
+    words = f"closest at {pretty(trials[nearest].value, dimension)}"
+    if margins[nearest] > 0.0:
+        words += ", where only its guard band is violated"
+    else:
+        words += f" ({trials[nearest].answer.reason})"
+    # A margin that rises towards an end may rise further.
+    if nearest in (0, len(trials) - 1) and np.ptp(margins) > 0.0:
+        words += "; it may be met beyond that end"
+    return words
