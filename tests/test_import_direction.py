@@ -18,7 +18,7 @@ ORDER = (
     "cameras", "imaging", "calibration", "effects",
     "study", "depth", "verification", "results", "models", "answers",
     "figures", "report", "comparison", "result", "camera_object", "loaded_study", "api",
-    "shown_progress", "cli", "__main__",
+    "shown_progress", "console", "cli", "__main__",
 )  # fmt: skip
 # Figures and reports are made from results, and from nothing that computes them.
 READ_RESULTS_ONLY = ("figures", "report")
@@ -51,7 +51,7 @@ HEAVY = {
     "jinja2": ("report",),
     "ruamel": ("study", "verification.study_files"),
     "pint": ("unit_registry",),
-    "typer": ("cli",),
+    "typer": ("cli", "console"),
     "rich": ("shown_progress",),
     "emcee": ("calibration",),
     "arviz_stats": ("calibration",),

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import atexit
 import gc
-import io
 import logging
 import os
 import signal
 import sys
-import tempfile
-import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -19,26 +16,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import tradestudy
-from tradestudy.errors import (
-    OutOfRangeError,
-    RequirementsNotMetError,
-    StudyError,
-    TradestudyError,
-    escaped,
-    place_error,
-)
+from tradestudy.console import INTERRUPTED, prepare_streams, reporting_errors, say, warned
+from tradestudy.errors import OutOfRangeError, RequirementsNotMetError, StudyError, TradestudyError
 from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.shown_progress import shown_progress
 from tradestudy.wording import json_text
 
 if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
-
-    from tradestudy.api import Study
     from tradestudy.execution import Executor
 
-INTERRUPTED = 130
-UNEXPECTED = 1
 _NEEDED_BY_WORKERS = ("tradestudy.answers.requirements", "tradestudy.answers.ranks")
 
 app = typer.Typer(
@@ -107,7 +93,7 @@ def _print_version(asked: bool) -> None:
 
 def main() -> None:
     """Run the command line; the exit status says how it ended."""
-    _prepare_streams()
+    prepare_streams()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that SIGTERM ends a run as Ctrl-C does
     # Read when NumPy loads OpenBLAS, whose threads make no study faster and wait for each other beside busy cores.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -121,36 +107,6 @@ def main() -> None:
         app()
     except KeyboardInterrupt:  # before a command has begun
         sys.exit(INTERRUPTED)
-
-
-class _Unfailing(io.FileIO):
-    """The file of standard error; what nobody can read any more is dropped, so that it ends no run."""
-
-    def write(self, content: ReadableBuffer, /) -> int:
-        try:
-            return super().write(content)
-        except OSError:
-            return len(memoryview(content))
-
-
-def _prepare_streams() -> None:
-    """Let no closed or limited stream end a run."""
-    for number, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY), (2, os.O_WRONLY)):
-        try:
-            os.fstat(number)
-        except OSError:  # closed: or the next file opened would get its number, and messages
-            os.open(os.devnull, mode)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
-    encoding = "utf-8" if sys.stderr is None else sys.stderr.encoding
-    sys.stderr = io.TextIOWrapper(
-        io.BufferedWriter(_Unfailing(2, "w", closefd=False)), encoding, "backslashreplace", line_buffering=True
-    )
-
-
-def _say(*lines: str, err: bool = False) -> None:
-    """Print lines, in which nothing that a study, a result or the name of a file says can act on the terminal."""
-    typer.echo("\n".join(map(escaped, lines)), err=err)
 
 
 @app.callback()
@@ -197,10 +153,10 @@ def run(
     debug: DebugOption = False,
 ) -> None:
     """Compute a study, write its report and print its conclusions."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
 
-        loaded = _warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
+        loaded = warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
         directory = out if out is not None else Path("reports") / loaded.folder_name
         with _executor(jobs=jobs, threads=threads, dask=dask) as executor, shown_progress(quiet=quiet) as progress:
             result = api.run(
@@ -217,7 +173,7 @@ def run(
             typer.echo(json_text(result.conclusions(directory)))
         elif not quiet:
             left_out = [] if large_tables else api.tables_left_out(result)
-            _say(*result.lines(), *left_out, f"Report: {directory / 'report.html'}")
+            say(*result.lines(), *left_out, f"Report: {directory / 'report.html'}")
         if strict and result.unmet_requirements:
             raise RequirementsNotMetError("requirements not met", value=", ".join(result.unmet_requirements))
 
@@ -238,10 +194,10 @@ def render(
     debug: DebugOption = False,
 ) -> None:
     """Render the pictures of a study's scene; also write their true depth and a description of each camera."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
 
-        loaded = _warned(api.load(study, set_ or ()), quiet=quiet)
+        loaded = warned(api.load(study, set_ or ()), quiet=quiet)
         directory = out if out is not None else Path("reports") / loaded.folder_name
         with (
             _executor(jobs=jobs, threads=threads, dask=dask) as executor,
@@ -249,7 +205,7 @@ def render(
         ):
             done = api.render(loaded, directory, depth=depth, fresh=fresh, progress=progress, executor=executor)
         if not quiet:
-            _say(
+            say(
                 *map(str, done.pictures),
                 *(line for name, one in done.depths.items() for line in (one.line(name), f"  {one.matcher}")),
             )
@@ -279,15 +235,15 @@ def export(
 
     The option --format chooses among the formats.
     """
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
 
-        loaded = _warned(api.load(study, set_ or ()))
+        loaded = warned(api.load(study, set_ or ()))
         directory = out if out is not None else Path("reports") / loaded.folder_name / "cameras"
         written, left_out = api.export(loaded, camera, directory, formats=formats or (), lossy=lossy)
         for line in left_out:
-            _say(f"left out: {line}", err=True)
-        _say(*map(str, written))
+            say(f"left out: {line}", err=True)
+        say(*map(str, written))
 
 
 @app.command()
@@ -304,10 +260,10 @@ def plan(
     debug: DebugOption = False,
 ) -> None:
     """Say what a run will simulate and how long it will take. Also say which effects it will leave out, and why."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
 
-        _say(*_warned(api.load(study, set_ or (), tolerance=tolerance)).plan().text(verbose=verbose).split("\n"))
+        say(*warned(api.load(study, set_ or (), tolerance=tolerance)).plan().text(verbose=verbose).split("\n"))
 
 
 @app.command()
@@ -331,24 +287,24 @@ def cost(
 
     The command writes cost.json and cost.svg.
     """
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
 
-        loaded = _warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
+        loaded = warned(api.load(study, set_ or (), tolerance=tolerance), quiet=quiet)
         directory = out if out is not None else Path("reports") / loaded.folder_name
         with shown_progress(quiet=quiet) as progress:
             lines = api.cost(loaded, directory, budget=budget, progress=progress)
         if not quiet:
-            _say(*lines)
+            say(*lines)
 
 
 @app.command()
 def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = False) -> None:
     """Check a study and report every mistake in it; compute nothing."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
 
-        _say(_warned(api.load(study, set_ or ())).check())
+        say(warned(api.load(study, set_ or ())).check())
 
 
 @app.command(context_settings={"allow_extra_args": True})
@@ -395,7 +351,7 @@ def new(
     debug: DebugOption = False,
 ) -> None:
     """Write NAME.yaml, a commented study to start from. By default it compares a plenoptic camera with a stereo rig."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.cameras.depth_camera import DepthCamera
         from tradestudy.study.starter import (
@@ -443,17 +399,17 @@ def new(
                     text = with_sharp_views(text)
                 path.write_text(between(text + questions() if asked else text), encoding="utf-8")
                 if asked:
-                    _say(*_asking(path, asked, context.find_root().info_name))
+                    say(*_asking(path, asked, context.find_root().info_name))
                     return
                 study = api.load(path)
                 if isinstance(study.definition.designs["rig"], DepthCamera):
                     text = between(text + questions(), *(api.usable_span(study) or ()))
                     path.write_text(text, encoding="utf-8")
-                _warned(api.load(path))
+                warned(api.load(path))
             except TradestudyError as error:
                 path.unlink()  # nobody can start from a study that cannot run
                 raise OutOfRangeError(_not_written(path, error, set_ or ())) from None
-        _say(str(path), f"{context.find_root().info_name} run {path}")
+        say(str(path), f"{context.find_root().info_name} run {path}")
 
 
 @app.command()
@@ -464,11 +420,11 @@ def report(
     debug: DebugOption = False,
 ) -> None:
     """Write the report of a finished run again, from its results."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
 
         result = api.report(directory, pdf=not no_pdf, large_tables=large_tables)
-        _say(*([] if large_tables else api.tables_left_out(result)), str(directory / "report.html"))
+        say(*([] if large_tables else api.tables_left_out(result)), str(directory / "report.html"))
 
 
 @app.command()
@@ -488,7 +444,7 @@ def compare(
     debug: DebugOption = False,
 ) -> None:
     """Compare conclusions, inputs and results of runs. Results that agree within their errors count as unchanged."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.results.storage import replace_file
 
@@ -497,7 +453,7 @@ def compare(
         found = api.compare(directories)
         if html is not None:
             replace_file(html, found.html())
-        _say(*str(found).split("\n"), *([] if html is None else [f"Page: {html}"]))
+        say(*str(found).split("\n"), *([] if html is None else [f"Page: {html}"]))
 
 
 @app.command()
@@ -538,13 +494,13 @@ def cameras(
     debug: DebugOption = False,
 ) -> None:
     """List the cameras of the catalogue, which studies use with from: catalogue/ENTRY."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         if check is not None:
             if any((kind, range_, baseline, field_of_view, as_json)):
                 raise OutOfRangeError("--check takes no filters and no --json", value=check, remedy="omit them")
             from tradestudy.study.catalogue_entries import lines as check_lines
 
-            _say(*check_lines(check))
+            say(*check_lines(check))
             return
         from tradestudy.catalogue.listing import content, filters, lines
 
@@ -552,13 +508,13 @@ def cameras(
         if as_json:
             typer.echo(json_text(content(asked)))
         else:
-            _say(*lines(asked))
+            say(*lines(asked))
 
 
 @app.command()
 def schema(debug: DebugOption = False) -> None:
     """Print the JSON Schema of study files, for editors."""
-    with _reporting_errors(debug=debug):
+    with reporting_errors(debug=debug):
         from tradestudy import api
 
         typer.echo(json_text(api.schema(), indent=1))
@@ -577,19 +533,6 @@ def _refuse_other(page: Path) -> None:
             raise OutOfRangeError(
                 "--html would replace the report of a run", value=str(page), remedy="name another file"
             )
-
-
-def _warned(study: Study, *, quiet: bool = False) -> Study:
-    """Print what was read from calibration files and the study's warnings; return the study."""
-    if quiet:
-        return study
-    for reading in study.definition.document.imported:
-        _say(f"read: {reading.lines[0]}", *reading.lines[1:], err=True)
-    from tradestudy.study.plausibility import implausible
-
-    for warning in implausible(study.definition):  # with the place on the command line
-        _say(f"warning: {warning}", err=True)
-    return study
 
 
 @contextmanager
@@ -653,53 +596,3 @@ def _not_written(path: Path, error: TradestudyError, said: Sequence[str]) -> str
         "another --from."
     )
     return "\n".join([*causes, advice])
-
-
-@contextmanager
-def _reporting_errors(*, debug: bool) -> Iterator[None]:
-    """Map every outcome of a command to its exit status and, on failure, to one line that helps the user."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        _say("interrupted; if you run it again, it takes up what was finished", err=True)
-        raise typer.Exit(INTERRUPTED) from None
-    except BrokenPipeError:
-        # The reader of our output has gone (`| head`); Python would complain about it again when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(UNEXPECTED) from None
-    except TradestudyError as error:
-        if debug:
-            traceback.print_exc()
-        _say(*(map(str, error.problems) if isinstance(error, StudyError) else str(error).split("\n")), err=True)
-        raise typer.Exit(error.exit_status) from None
-    except OSError as error:
-        if debug:
-            traceback.print_exc()
-        known = place_error(error)
-        if known is None:
-            raise _unexpected(error) from None
-        _say(*str(known).split("\n"), err=True)
-        raise typer.Exit(known.exit_status) from None
-    except Exception as error:
-        if debug:
-            traceback.print_exc()
-        raise _unexpected(error) from None
-
-
-def _unexpected(error: Exception) -> typer.Exit:
-    """Report an unexpected error, and where to find its details."""
-    text = " ".join(str(error).split())
-    _say(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
-    return typer.Exit(UNEXPECTED)
-
-
-def _logged() -> str:
-    """Write the error being handled to a log file and name it."""
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="tradestudy-", suffix=".log", encoding="utf-8", errors="backslashreplace", delete=False
-        ) as file:
-            file.write(f"{' '.join(sys.argv)}\nPython {sys.version}\n\n{traceback.format_exc()}")
-    except OSError as error:
-        return f"no log could be written ({error.strerror}); --debug shows more"
-    return f"details are in {file.name}"
