@@ -13,13 +13,12 @@ import xarray as xr
 from tradestudy.comparison.comparison import Comparison, Difference, Run, are_alike, common_cameras, titles_of
 from tradestudy.comparison.conclusions import (
     KINDS,
-    best_is_compared,
-    common_range,
     compare_answers,
     compare_best,
     compare_requirements,
     compare_sharp,
     compare_usable,
+    compared_headline,
 )
 from tradestudy.comparison.results import Results, compare_results
 from tradestudy.effects import EFFECT, MODEL
@@ -28,8 +27,7 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.overlay import FEW, overlay_drawing
 from tradestudy.results.views.designs import path_words
 from tradestudy.results.views.groups import group, has
-from tradestudy.results.views.headline import compared_headline
-from tradestudy.wording import counted, in_words, listed, span
+from tradestudy.wording import counted, in_words, listed
 
 __all__ = ["Comparison", "Difference", "compare_runs"]
 
@@ -156,11 +154,9 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
     )
     changed = [difference for answers, _, _ in found for difference in answers.changed]
     unchanged = [counted(one.unchanged, word, words) for one, word, words in found if one.unchanged]
-    if best_is_compared(runs):
-        differing, is_explained = compare_best(runs)
-        changed += differing
-        within = ", within the error of its switch distances" if is_explained else ""
-        unchanged += [] if differing else [f"the best camera from {span(*common_range(runs))}{within}"]
+    differing, same = compare_best(runs)
+    changed += differing
+    unchanged += [same] if same else []
     for ranges, word in ((compare_usable(runs), "usable"), (compare_sharp(runs), "sharp")):
         changed += ranges.changed
         unchanged += [f"the {word} range of {counted(ranges.unchanged, 'camera')}"] if ranges.unchanged else []

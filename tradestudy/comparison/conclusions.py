@@ -25,6 +25,7 @@ from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import TIED, answer_title, reported_winners, shown_ends, tied
 from tradestudy.results.views.depth import by_first_criterion, nominal, nominal_is_declared, sharp_ranges, swept
 from tradestudy.results.views.groups import group, has, records
+from tradestudy.results.views.headline import headline
 from tradestudy.results.views.measured import measured_tables
 from tradestudy.results.views.requirement_conclusions import (
     MetRange,
@@ -129,13 +130,24 @@ def compare_answers(found: Sequence[Mapping[str, Answer]]) -> Answers:
         [
             None
             if all(first.is_same(one) for one in others)
-            else Difference(what=first.what, values=_changed_clauses([first.says, *(one.says for one in others)]))
+            else Difference(what=first.what, values=changed_clauses([first.says, *(one.says for one in others)]))
             for first, *others in shared
         ]
     )
 
 
-def _changed_clauses(answers: Sequence[str]) -> tuple[str, ...]:
+def compared_headline(trees: Sequence[xr.DataTree], changed: int) -> str:
+    """How the answer differs between runs of which so many conclusions differ; empty where no run has an answer."""
+    answers = [headline(tree).removesuffix(".") for tree in trees]
+    if len(set(answers)) > 1 and changed:
+        return (
+            f"The answer changes from {' to '.join(f'“{one}”' if one else 'none' for one in changed_clauses(answers))}."
+        )
+    others = f", but {counted(changed, 'conclusion')} changed" if changed else ""
+    return f"The answer stays “{answers[0]}”{others}." if any(answers) else ""
+
+
+def changed_clauses(answers: Sequence[str]) -> tuple[str, ...]:
     """Answers without the clauses, such as those of one camera, that are alike in all of them."""
     clauses = [one.split("; ") for one in answers]
     if len({len(one) for one in clauses}) > 1:
@@ -217,18 +229,18 @@ Between = tuple[float, float, tuple[str, ...]]
 """Distances [m] between which no run switches its best camera, and the best cameras there in each run."""
 
 
-def best_is_compared(runs: Sequence[Run]) -> bool:
-    """Whether every run names a best camera, and their distances overlap."""
+def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], str]:
+    """Where the runs name different best cameras; else, in words, that they do not, where any names one.
+
+    Differences that the errors of the switches explain do not count.
+    """
     if not all(has(run.tree, "decision", "best_camera") and has(run.tree, "depth") for run in runs):
-        return False
+        return (), ""
     near, far = common_range(runs)
-    return near < far
-
-
-def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], bool]:
-    """Where the runs name different best cameras, and whether errors of the switches explain further differences."""
+    if near >= far:
+        return (), ""
     winners = [list(reported_winners(run.tree)) for run in runs]
-    ranges = list(_ranges(winners, common_range(runs)))
+    ranges = list(_ranges(winners, (near, far)))
     errors = {at: error for run, found in zip(runs, winners, strict=True) for at, error in _switches(run.tree, found)}
     # An end is that of a usable range where any run has no usable camera beyond it.
     shown = list(shown_ends([(near, far, TIED.join(names) if all(names) else "") for near, far, names in ranges]))
@@ -245,7 +257,8 @@ def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], bool]:
         )
         for k in changed
     )
-    return unexplained, len(changed) < len(differing)
+    close = ", within the error of its switch distances" if differing else ""
+    return unexplained, "" if changed else f"the best camera from {span(near, far)}{close}"
 
 
 def common_range(runs: Sequence[Run], of: str = "decision") -> tuple[float, float]:

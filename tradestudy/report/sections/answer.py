@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
@@ -15,13 +16,12 @@ from tradestudy.report.document import (
     Callout,
     Heading,
     Paragraph,
-    Span,
     Spans,
     say,
     with_subscripts,
 )
 from tradestudy.report.words import length, part_words, share
-from tradestudy.results.views.conclusion_list import conclusions
+from tradestudy.results.views.conclusion_list import Conclusion, conclusions
 from tradestudy.results.views.conclusions import (
     other_words,
     question_words,
@@ -38,7 +38,6 @@ from tradestudy.results.views.depth import (
     is_swept,
     least_broken,
 )
-from tradestudy.results.views.designs import design_details
 from tradestudy.results.views.groups import (
     has,
     titles_in,
@@ -49,14 +48,13 @@ from tradestudy.results.views.requirement_conclusions import (
     requirement_conclusions,
     requirement_details,
 )
-from tradestudy.wording import DECLARED_VALUE, counted, distance, few, limit_words, listed, span
+from tradestudy.wording import distance, few, limit_words, listed, span
 
 _MOST_REASONS = 3
 _MOST_REQUIREMENTS: Final = 4
 _ROOM: Final = 250  # characters of a sentence, so that the page has room for its figure
 _ELSEWHERE: Final = ("headline", "designs", "requirement", "question", "answer", "claims", "origin", "best")
 """Kinds of conclusions that the first page has in another place, or the report in a section."""
-_MOST_OTHERS: Final = 5  # cameras that are nowhere best, or usable nowhere
 _CLOSE = 0.1  # relative difference of two distances, across which the causes of errors hardly change
 _MOST_STRETCHES: Final = 6
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
@@ -65,28 +63,23 @@ _DECLARED: Final = " (study as declared)"
 
 def describe_answer(tree: xr.DataTree) -> Iterator[Block]:
     """Say which requirements and designs are met, on what the answers rest, and what reverses them."""
-    if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
-        yield from _requirements(requirement_conclusions(tree))  # of cameras that measure no depth
-        if solved := tuple(_solved(tree)):
-            yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
-        return
-    yield Heading(text="The answer", anchor="answer")
-    designs, solved = design_details(tree), tuple(_solved(tree))
-    if designs:
-        yield Callout(title="Which design", blocks=(Paragraph(f"{designs}."),), tone="answer")
-    yield from _requirements(requirement_conclusions(tree), _DECLARED if is_swept(tree) else "")
-    if solved:
-        yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
+    if has(tree, "decision", "best_camera") and has(tree, "depth"):
+        yield Heading(text="The answer", anchor="answer")
     found = conclusions(tree)
-    if others := tuple(f"{one}." for one in found if one.kind == "answer"):
-        yield Callout(title="Other answers", blocks=(Bullets(others),), tone="answer")
-    sentences = [
-        say("**{head}**: {rest}.", head=one.head, rest=one.rest(_ROOM)) if one.head else say("{one}.", one=str(one))
+    for one in (one for one in found if one.kind == "designs"):
+        yield Callout(title="Which design", blocks=(Paragraph(f"{one}."),), tone="answer")
+    yield from _requirements(requirement_conclusions(tree), _DECLARED if is_swept(tree) else "")
+    others = tuple(f"{one}." for one in found if one.kind == "answer")
+    for title, sentences in (("Inverse questions", tuple(_solved(tree))), ("Other answers", others)):
+        if sentences:
+            yield Callout(title=title, blocks=(Bullets(sentences),), tone="answer")
+    qualified = [
+        say("**{head}**: {rest}. ", head=one.head, rest=one.rest(_ROOM)) if one.head else say("{one}. ", one=str(one))
         for one in found
         if one.kind not in _ELSEWHERE
     ]
-    if sentences:  # in one paragraph, so that the page has room for its figure
-        yield Paragraph(tuple(span for text in sentences for span in (*text, Span(" "))))
+    if qualified:  # in one paragraph, so that the page has room for its figure
+        yield Paragraph(tuple(itertools.chain(*qualified)))
 
 
 def describe_stretches(tree: xr.DataTree) -> Iterator[Block]:
@@ -94,9 +87,10 @@ def describe_stretches(tree: xr.DataTree) -> Iterator[Block]:
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return
     yield Heading(text="Camera by distance", anchor="stretches")
+    others = [f"{one}." for one in [Conclusion(kind="best", head="Others", says=tuple(other_words(tree)))] if one.says]
     yield Callout(
         title=_which(titles_in(tree, "depth")) + (_DECLARED if is_swept(tree) else ""),
-        blocks=(Bullets((*_stretches(best_cameras(tree)), *_never_best(tree))),),
+        blocks=(Bullets((*_stretches(best_cameras(tree)), *others)),),
         tone="answer",
         name="answer-cameras",
     )
@@ -150,28 +144,11 @@ def _counted(others: Sequence[RequirementConclusion]) -> Iterator[Spans]:
 
 
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
-    """The inverse questions with their answers, and then once what is true of all of them."""
-    each = [(says, *answer.partition(DECLARED_VALUE)) for says, answer in solved_questions(tree)]
-    clauses = [declared.split("; ")[1:] for _, _, _, declared in each]
-    shared = [one for one in clauses[0] if all(one in other for other in clauses)] if clauses[1:] else []
-    for says, value, also, declared in each:
-        yield say(
-            "{question} **{value}**{beside}.",
-            question=with_subscripts(question_words(says)),
-            value=value,
-            beside=also + "; ".join(one for one in declared.split("; ") if one not in shared),
-        )
-    if shared:
-        yield say("All answers: {shared}.", shared="; ".join(shared))
-
-
-def _never_best(tree: xr.DataTree) -> Iterator[Spans]:
-    """Candidates that are best nowhere, or usable nowhere, and why."""
-    words = list(other_words(tree))
-    yield from (say("{words}.", words=one) for one in words[:_MOST_OTHERS])
-    if len(words) > _MOST_OTHERS:
-        left = counted(len(words) - _MOST_OTHERS, "other camera is", "other cameras are")
-        yield say("{left} best nowhere, or usable nowhere ([](#usable-range-table)).", left=left)
+    """The inverse questions with their answers, the value of each in bold."""
+    for says, answer in solved_questions(tree):
+        value, mark, beside = answer.partition("; ")
+        question = with_subscripts(question_words(says))
+        yield say("{question} **{value}**{beside}.", question=question, value=value, beside=mark + beside)
 
 
 def _stretches(best: BestCameras) -> Iterator[Spans]:

@@ -85,6 +85,7 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
     requirements, perfect, failed = requirement_conclusions(tree), perfectly_calibrated(tree), unconverged(tree)
     judged = [("requirement", one.verdict.capitalize(), [requirement_details(one)]) for one in requirements]
     together = rests and first == f"Measure first: {rests[0]}"
+    once = first.partition(", assumed ")[0] if first.removeprefix("Measure first: ") in rests else first
     met = {one.camera for one in requirements if one.at_lower_bound and one.met}  # whose verdicts say it
     found: list[tuple[str, str, Sequence[str]]] = [
         ("headline", "", said[:1]),
@@ -97,7 +98,7 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
         ("claims", "Claims", list(_claim_words(tree))),
         ("unconverged", "Not converged", [f"the calibration of {few(failed)}, {_WRONG}"] if failed else []),
         ("rests on", _rest_words(tree) + " (measure first)" * bool(together), rests),
-        ("measure first", "", [] if together else [first]),
+        ("measure first", "", [] if together else [once]),
         ("off axis", "On the optical axis, unless a place is named; off it", off_axis_words(tree)),
         ("lower bound", *lower_bound_words([one for one in lower_bounds(tree) if one not in met])),
         ("biased", "Biased", offset_words(tree)),

@@ -15,7 +15,7 @@ import xarray as xr
 from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.depth import by_design, largest_parts, nominal, nominal_is_declared, swept
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, ranges_of, records, titles_in
-from tradestudy.wording import distance, listed, within
+from tradestudy.wording import DECLARED_VALUE, distance, listed, within
 
 TIED = ", "
 """Separates the names of tied cameras, whose difference is below its stated error."""
@@ -195,10 +195,14 @@ def readings_in_words(data: xr.Dataset) -> dict[str, str]:
 
 
 def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
-    """The inverse questions of a study with their answers, in words."""
+    """The inverse questions of a study with their answers, in words, and then once what is true of all of them."""
     if not has(tree, "decision", "solved_says", "solved_answer"):
         return ()
-    return tuple((str(row["solved_says"]), str(row["solved_answer"])) for row in records(tree, "decision", "question"))
+    each = [(str(row["solved_says"]), str(row["solved_answer"])) for row in records(tree, "decision", "question")]
+    clauses = [answer.partition(DECLARED_VALUE)[2].split("; ")[1:] for _, answer in each]
+    shared = [one for one in clauses[0] if all(one in other for other in clauses)] if clauses[1:] else []
+    own = [(says, "; ".join(one for one in answer.split("; ") if one not in shared)) for says, answer in each]
+    return (*own, ("All answers", "; ".join(shared))) if shared else tuple(own)
 
 
 Ranges = tuple[tuple[float, float, str], ...]

@@ -71,21 +71,6 @@ def answers(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({
     return [f"{words[0].upper()}{words[1:]}." for words in plain]
 
 
-def compared_headline(trees: Sequence[xr.DataTree], changed: int) -> str:
-    """How the answer differs between runs of which so many conclusions differ; empty where no run has an answer."""
-    answers = [headline(tree).removesuffix(".") for tree in trees]
-    if not any(answers):
-        return ""
-    if len(set(answers)) > 1 and changed:
-        clauses = [one.split("; ") for one in answers]
-        if len(set(map(len, clauses))) == 1:  # those that the answers share are left out
-            differ = [k for k, each in enumerate(zip(*clauses, strict=True)) if len(set(each)) > 1]
-            answers = ["; ".join(one[k] for k in differ) for one in clauses]
-        return f"The answer changes from {' to '.join(f'“{one}”' if one else 'none' for one in answers)}."
-    others = f", but {counted(changed, 'conclusion')} changed" if changed else ""
-    return f"The answer stays “{answers[0]}”{others}."
-
-
 def _of_sweep(tree: xr.DataTree) -> str:
     """Which designs meet the requirements, and which swept number decides."""
     words = feasible_words(tree)
