@@ -19,7 +19,6 @@ from tradestudy.optics.arrays import FloatArray
 CONFIDENCE: Final = 0.95
 MEAN_OF_NORMAL: Final = math.sqrt(2.0 / math.pi)
 """Mean absolute value of a normal error without bias, relative to its standard deviation: 0.798."""
-FEWEST: Final = 3  # points of a fit of two values, one of which is left to show the scatter
 SAMPLES: Final = 2.0  # per period of sub-pixel locking, below which it cannot be seen
 _FEWEST_OF_RIPPLE, _FEWEST_PERIODS = 8, 2.0
 _SCALES: Final = (0.75, 4.0 / 3.0)  # of the declared disparity, among which the period is sought

@@ -266,11 +266,6 @@ def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-def _is_real(there: xr.Dataset) -> bool:
-    """Whether the study declares a matcher for the camera."""
-    return "matcher" in there and bool(str(there["matcher"].item()))
-
-
 def _changed(there: xr.Dataset) -> dict[str, float]:
     """The disparity error without each cause that can be removed."""
     changed = {name: float(there["disparity_error_px_changed"].sel(change=name)) for name in _CAUSES}
