@@ -152,14 +152,14 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
         (compare_requirements(runs), "requirement", "requirements"),
         *((compare_answers([of(run.tree) for run in runs]), word, words) for of, word, words in KINDS),
     )
-    changed = [difference for answers, _, _ in found for difference in answers.changed]
-    unchanged = [counted(one.unchanged, word, words) for one, word, words in found if one.unchanged]
+    changed = [one for answers, _, _ in found for one in answers if one is not None]
+    unchanged = [counted(count, word, words) for answers, word, words in found if (count := answers.count(None))]
     differing, same = compare_best(runs)
     changed += differing
     unchanged += [same] if same else []
     for ranges, word in ((compare_usable(runs), "usable"), (compare_sharp(runs), "sharp")):
-        changed += ranges.changed
-        unchanged += [f"the {word} range of {counted(ranges.unchanged, 'camera')}"] if ranges.unchanged else []
+        changed += filter(None, ranges)
+        unchanged += [f"the {word} range of {counted(count, 'camera')}"] if (count := ranges.count(None)) else []
     return tuple(changed), tuple(unchanged)
 
 

@@ -42,18 +42,8 @@ _NOWHERE = "at no value that was tried"
 _WORST = "worst "
 
 
-@dataclass(frozen=True, kw_only=True)
-class Answers:
-    """The answers of one kind that changed, and the number of those that did not."""
-
-    changed: tuple[Difference, ...]
-    unchanged: int
-
-    @classmethod
-    def of(cls, found: Sequence[Difference | None]) -> Answers:
-        """The differences, one for each answer; None where it did not change."""
-        changed = tuple(one for one in found if one is not None)
-        return cls(changed=changed, unchanged=len(found) - len(changed))
+Changes = list[Difference | None]
+"""The differences of the answers of one kind; None for each that did not change."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,17 +113,15 @@ KINDS: Final = (
 """Kinds of answers: how a run gives them, and the words for one and for several."""
 
 
-def compare_answers(found: Sequence[Mapping[str, Answer]]) -> Answers:
+def compare_answers(found: Sequence[Mapping[str, Answer]]) -> Changes:
     """Compare the answers of one kind that every run gives, by their names."""
     shared = [[one[name] for one in found] for name in found[0] if all(name in one for one in found)]
-    return Answers.of(
-        [
-            None
-            if all(first.is_same(one) for one in others)
-            else Difference(what=first.what, values=changed_clauses([first.says, *(one.says for one in others)]))
-            for first, *others in shared
-        ]
-    )
+    return [
+        None
+        if all(first.is_same(one) for one in others)
+        else Difference(what=first.what, values=changed_clauses([first.says, *(one.says for one in others)]))
+        for first, *others in shared
+    ]
 
 
 def compared_headline(trees: Sequence[xr.DataTree], changed: int) -> str:
@@ -156,17 +144,12 @@ def changed_clauses(answers: Sequence[str]) -> tuple[str, ...]:
     return tuple("; ".join(one[k] for k in changed) or "; ".join(one) for one in clauses)
 
 
-def compare_requirements(runs: Sequence[Run]) -> Answers:
+def compare_requirements(runs: Sequence[Run]) -> Changes:
     """Compare verdicts on requirements, the cameras that decide them, and, in sweeps, the designs that meet them."""
     found = [{one.name: one for one in requirement_conclusions(run.tree)} for run in runs]
-    changed: list[Difference] = []
-    names = list(dict.fromkeys(name for one in found for name in one))
-    unchanged = 0
-    for name in names:
-        differences = list(_of_requirement([one.get(name) for one in found]))
-        changed += differences
-        unchanged += not differences
-    return Answers(changed=tuple(changed), unchanged=unchanged)
+    names = dict.fromkeys(name for one in found for name in one)
+    each: list[Changes] = [list(_of_requirement([one.get(name) for one in found])) for name in names]
+    return [one for some in each for one in some or [None]]
 
 
 def _of_requirement(ones: Sequence[RequirementConclusion | None]) -> Iterator[Difference]:
@@ -337,29 +320,25 @@ class Stretch:
     camera: str = ""
 
 
-def compare_usable(runs: Sequence[Run]) -> Answers:
+def compare_usable(runs: Sequence[Run]) -> Changes:
     """Compare usable ranges in the declared design."""
     keys, titles = common_cameras(runs, "depth"), titles_of(runs)
     if not keys or not all(nominal_is_declared(run.tree) for run in runs):
-        return Answers.of([])
+        return []
     ends = common_range(runs, "depth")
-    return Answers.of(
-        [
-            _compared(
-                f"Usable range of {titles[key]}",
-                [_usable(nominal(run.tree), key, left_out_share(run.tree, key, "usable_range"), ends) for run in runs],
-            )
-            for key in keys
-        ]
-    )
+    return [
+        _compared(
+            f"Usable range of {titles[key]}",
+            [_usable(nominal(run.tree), key, left_out_share(run.tree, key, "usable_range"), ends) for run in runs],
+        )
+        for key in keys
+    ]
 
 
-def compare_sharp(runs: Sequence[Run]) -> Answers:
+def compare_sharp(runs: Sequence[Run]) -> Changes:
     """Compare the ranges where cameras are sharp by the first blur criterion."""
     keys, titles = common_cameras(runs, "depth_of_field"), titles_of(runs)
-    return Answers.of(
-        [_compared(f"Sharp range of {titles[key]}", [_sharp(run.tree, key) for run in runs]) for key in keys]
-    )
+    return [_compared(f"Sharp range of {titles[key]}", [_sharp(run.tree, key) for run in runs]) for key in keys]
 
 
 def _sharp(tree: xr.DataTree, key: str) -> list[Stretch]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -65,9 +65,12 @@ def _standard_errors(tree: xr.DataTree, data: xr.Dataset, error_variable: str) -
     says = str(data[error_variable].attrs.get("comment", ""))
     if error_variable != _DRAWN_OR_LINEAR and _DRAWN_OR_LINEAR not in says:
         return SURE if _FROM_DRAWS in says else 1.0
+    return _by_camera(data, lambda key: standard_errors(tree, key))
+
+
+def _by_camera(data: xr.Dataset, factor: Callable[[str], float]) -> xr.DataArray:
     keys = data["camera"].values
-    counts = [standard_errors(tree, str(key)) for key in keys]
-    return xr.DataArray(counts, coords={"camera": keys}, dims="camera")
+    return xr.DataArray([factor(str(key)) for key in keys], coords={"camera": keys}, dims="camera")
 
 
 def standard_errors(tree: xr.DataTree, camera: str) -> float:
@@ -82,9 +85,7 @@ def standard_errors(tree: xr.DataTree, camera: str) -> float:
 def _left_out(tree: xr.DataTree, data: xr.Dataset, variable: str) -> xr.DataArray | float:
     if "camera" not in data[variable].dims:
         return 0.0
-    keys = data["camera"].values
-    shares = [left_out_share(tree, str(key), variable) for key in keys]
-    return xr.DataArray(shares, coords={"camera": keys}, dims="camera")
+    return _by_camera(data, lambda key: left_out_share(tree, key, variable))
 
 
 def left_out_share(tree: xr.DataTree, camera: str, quantity: str) -> float:
