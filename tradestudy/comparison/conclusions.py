@@ -69,7 +69,7 @@ def _measurements(tree: xr.DataTree) -> dict[str, Answer]:
     return {name: Answer(what=f"Measurements {name}", says=says, decides=says) for name, says in found.items()}
 
 
-def _ranks(tree: xr.DataTree) -> dict[str, Answer]:
+def ranks(tree: xr.DataTree) -> dict[str, Answer]:
     """The candidate that ranks first for most of the possible weights."""
     return {
         what: Answer(
@@ -106,7 +106,7 @@ def _questions(tree: xr.DataTree) -> dict[str, Answer]:
 
 KINDS: Final = (
     (_measurements, "measured table", "measured tables"),
-    (_ranks, "ranking by criteria", "rankings by criteria"),
+    (ranks, "ranking by criteria", "rankings by criteria"),
     (_claims, "claim", "claims"),
     (_questions, "answer to a question", "answers to questions"),
 )
