@@ -140,7 +140,7 @@ another resolution by 0.125 (4/3 times the right one) and 0.25 (twice).
 _ORDER, _UPPER = "order of cameras", "is upper"
 _QUARTER: Final = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _PLACES: Final = 65  # points along each side of a picture at which directions are computed
-_LEAST_FOCAL_PX, _MOST_PX = 0.1, 1e9  # beyond which no picture has a field of view
+_LEAST_FOCAL_PX, _MOST_PX = 1e-12, 1e9  # between which directions do not overflow
 _LARGEST_TANGENTIAL: Final = 0.05
 """p1 and p2 of real lenses are below 0.01; 0.05 would shift a slope of 1 by a tenth."""
 
