@@ -301,6 +301,6 @@ def test_the_conclusion_is_where_the_worst_wavelength_meets_the_limit(result: Re
         assert np.all(worst.values[above] < one["limit"])
         assert np.all(worst.values[~above] >= one["limit"])
     for one in limits:  # the first line says the limit of each element, rounded up
-        element = f"behind the {one['element'].lower()}"
-        told = f"from f/{np.ceil(10.0 * one['f_number']) / 10.0:g} on {element}"
-        assert (told if one["lens_phase"] == "parabolic" else element) in result.lines()[0]
+        told = f"from f/{np.ceil(10.0 * one['f_number']) / 10.0:g} on ({one['element'].lower()})"
+        every = "at every f-number tried with a perfect phase"
+        assert (told if one["lens_phase"] == "parabolic" else every) in result.lines()[0]
