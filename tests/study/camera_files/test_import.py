@@ -83,11 +83,14 @@ def test_opencv_ros_and_kalibr_give_the_same_depth_uncertainty(tmp_path: Path) -
         ros=f"from: [left.yaml, right.yaml], {ERRORS}",
         kalibr=f"from: chain.yaml, {ERRORS}",
     )
-    depth = tradestudy.load(path).run().data["depth"]["depth_uncertainty"]
-    reference = depth.sel(camera="opencv").values
-    assert np.all(reference > 0.0)
-    for name in ("ros", "kalibr"):
-        np.testing.assert_allclose(depth.sel(camera=name).values, reference, rtol=1e-9)
+    loaded = tradestudy.load(path)
+    opencv, *others = (
+        loaded.cameras[name].depth_uncertainty(loaded.definition.case.distance).values
+        for name in ("opencv", "ros", "kalibr")
+    )
+    assert np.all(opencv > 0.0)
+    for other in others:
+        np.testing.assert_allclose(other, opencv, rtol=1e-9)
 
 
 def test_two_camera_files_and_their_extrinsics_make_a_pair(tmp_path: Path) -> None:

@@ -59,9 +59,9 @@ def test_every_lens_becomes_a_camera_and_is_exported_again(
 
 
 def spreads(folder: Path, **cameras: str) -> dict[str, np.ndarray]:
-    path = study(folder, **{name: f"{said}, {ERRORS}" for name, said in cameras.items()})
-    depth = tradestudy.load(path).run().data["depth"]["depth_uncertainty"]
-    return {name: depth.sel(camera=name).values for name in cameras}
+    loaded = tradestudy.load(study(folder, **{name: f"{said}, {ERRORS}" for name, said in cameras.items()}))
+    distances = loaded.definition.case.distance
+    return {name: loaded.cameras[name].depth_uncertainty(distances).values for name in cameras}
 
 
 def rows(lenses: tuple[np.ndarray, ...]) -> dict[str, np.ndarray]:
