@@ -128,9 +128,9 @@ def test_fresnel_limits_are_grouped_by_lens_and_phase(monkeypatch: pytest.Monkey
     monkeypatch.setattr(views_headline, "fresnel_numbers", lambda _tree: limits)
     tree = xr.DataTree(xr.Dataset(attrs={"question": ""}))
     assert headline(tree) == (
-        "Fresnel suffices to 10 % on the axis from f/5.9 on (main lens) and at no f-number tried (microlens and other) "
-        "with a parabolic phase; at every f-number tried (main lens and microlens) and from f/2 on (other) with a "
-        "perfect phase."
+        "On the axis, Fresnel suffices to 10 % from f/5.9 on (main lens) and at no f-number tried (microlens and "
+        "other) with a parabolic phase; at every f-number tried (main lens and microlens) and from f/2 on (other) with "
+        "a perfect phase."
     )
 
 
@@ -149,7 +149,7 @@ def test_a_trade_off_that_ranks_another_camera_first_replaces_the_requirement() 
     said = headline(load(STUDIES / "robot.yaml", ["scene.distances.points=20"]).run().data)
     assert re.fullmatch(
         r"For depth alone, take the 75 mm stereo head; every other camera is at least 1\.4 times as uncertain; if all "
-        r"criteria count, the 50 mm stereo head ranks first\.",
+        r"criteria count, the 50 mm stereo head ranks first for 6\d % of the possible weights\.",
         said,
     )
 

@@ -146,7 +146,7 @@ def _of_fresnel(tree: xr.DataTree) -> str:
         each_place = [where + f" ({listed(elements)})" * (len(places) > 1) for where, elements in places.items()]
         phases.setdefault(listed(each_place), []).append(phase)
     each = "; ".join(f"{where} with a {listed(names, 'or')} phase" for where, names in phases.items())
-    return f"Fresnel suffices to {pretty(limits[0]['limit'], FRACTION)} on the axis {each}"
+    return f"on the axis, Fresnel suffices to {pretty(limits[0]['limit'], FRACTION)} {each}"
 
 
 def _of_scene(tree: xr.DataTree) -> str:
@@ -282,7 +282,9 @@ def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
     ranked = candidates_by_rank(tree)
     if not ranked or not taken or ranked[0].title == taken:
         return ""
-    return f"; if all criteria count, {with_article(ranked[0].title)} ranks first"
+    most = ranked[0].ranks[0]
+    weights = f" for {pretty(most, FRACTION, 2)} of the possible weights" if most < 1.0 else ""
+    return f"; if all criteria count, {with_article(ranked[0].title)} ranks first{weights}"
 
 
 def says_stretches(tree: xr.DataTree, said: str) -> bool:
