@@ -30,12 +30,13 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.figures.value_tables import Tables, depth_map_tables, picture_tables, uncertainty_map_tables
-from tradestudy.results.views.finding import MOST_CURVES, ratio_to_middle
+from tradestudy.results.views.finding import ratio_to_middle
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
 
 _MOST = 6  # cameras
+_ROWS = 4  # of pictures, which leave room for the answer on the first page
 _LONGEST = 30
 _BRIGHT = 99.5  # the percentile of brightness that is drawn white
 
@@ -154,7 +155,7 @@ def measured_scene_drawing(tree: xr.DataTree) -> Drawing | None:
     return Drawing(
         name="measured_scene",
         caption="From left to right: the picture, the depth measured in it, and its error on one scale for all "
-        "(red: too far; larger errors have the colour of the end). Each block shows the median of its points; grey "
+        "(red: too far; larger errors have the colour of the end). Each block shows the median of its points; hatched "
         "blocks have no depth."
         + (f" {counted(others, 'other camera')}: section “Depth measured in the pictures”." if others > 0 else ""),
         alt="Pictures, measured depths and their errors. Median error and half the central 68.27 % interval: "
@@ -164,11 +165,11 @@ def measured_scene_drawing(tree: xr.DataTree) -> Drawing | None:
 
 
 def best_of_scene(tree: xr.DataTree) -> list[str]:
-    """The cameras that measure a rendered scene best, at most three, by the root mean square of bias and spread."""
+    """The cameras that measure a rendered scene best, at most four, by the root mean square of bias and spread."""
     data = group(tree, "pictures")
     errors = np.hypot(data["depth_bias"].values, data["depth_spread"].values)
     order = [k for k in np.argsort(errors, kind="stable") if np.isfinite(errors[k])]
-    return [str(data["mapped_camera"].values[k]) for k in order[:MOST_CURVES]]
+    return [str(data["mapped_camera"].values[k]) for k in order[:_ROWS]]
 
 
 def _error_words(tree: xr.DataTree) -> str:
@@ -233,7 +234,7 @@ def draw_measured_scene(tree: xr.DataTree) -> StudyFigure:
     near, far = ends_of_depth(data["true_depth"].values)
     rows = data.set_index(mapped_camera="mapped_camera").sel(mapped_camera=keys)
     limit = float(np.max(np.abs(rows["depth_bias"]) + _ERROR_SPREADS * rows["depth_spread"])) * 1e3
-    figure = new_figure(0.8 + 1.55 * len(keys))
+    figure = new_figure(0.8 + 1.4 * len(keys))
     panels = figure.subplots(len(keys), 3, squeeze=False)
     for (picture, deep, wrong), key in zip(panels, keys, strict=True):
         one = rows.sel(mapped_camera=key)
