@@ -29,16 +29,20 @@ def cameras_by_weight(tree: xr.DataTree, name: str = "depth") -> list[str]:
     """
     every = titles_in(tree, name)
     keys = {title: key for key, title in every.items()}
-    must = [one for one in requirement_conclusions(tree) if one.priority == "must"]
-    taken = [one.camera for one in must] if all(one.met for one in must) else []
     best = sorted(best_ranges(tree), key=lambda one: one.near / one.far)
     close = sorted(never_best(tree), key=lambda one: one[1])
-    titles = [*taken, *(title for one in best for title in one.cameras)]
+    titles = [*_meeting(tree), *(title for one in best for title in one.cameras)]
     attrs = group(tree, "decision").attrs if has(tree, "decision") else {}
     compared = [key for which in ("first", "second", "candidates") for key in tied(attrs.get(which, ""))]
     named = [keys[title] for title in titles if title in keys]
     near = [keys[title] for title, _ in close if title in keys]
     return list(dict.fromkeys([*named, *(key for key in compared if key in every), *near, *every]))
+
+
+def _meeting(tree: xr.DataTree) -> list[str]:
+    """The cameras that meet the requirements that must hold; none if one of these is not met."""
+    must = [one for one in requirement_conclusions(tree) if one.priority == "must"]
+    return [one.camera for one in must] if all(one.met for one in must) else []
 
 
 MOST_DETAILED: Final = 8
@@ -75,8 +79,7 @@ def camera_finding(tree: xr.DataTree) -> str:
     every = f"Most certain: {'; '.join(one.words for one in taken)}."
     if len(every.split()) <= MOST_WORDS:
         return every
-    must = [one for one in requirement_conclusions(tree) if one.priority == "must"]
-    if must and all(one.met for one in must):  # the headline says which camera meets them, not which is best where
+    if _meeting(tree):  # the headline says which camera meets the requirements, not which is best where
         return headline_finding(tree)
     longest = max(taken, key=lambda one: one.far / one.near)
     return f"Over the longest stretch, {longest.where}, {with_article(longest.cameras[0])} is the most certain."
