@@ -1,6 +1,7 @@
 """Conventional cameras: published depths of field, rays traced to the sensor, and stacks held to covering by search."""
 
 import math
+from dataclasses import replace
 
 import mpmath
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from tradestudy.cameras.calibrated_pair import CalibratedCamera
 from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStackPlan
 from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.lens_model import IDEAL
 
 MAHLI_LENS = Lens(focal_length=18.3e-3, f_number=9.8)
 MAHLI_SENSOR = Sensor(columns=1600, rows=1200, pixel_pitch=7.4e-6)
@@ -240,3 +243,18 @@ def test_lenses_that_refocus_are_sharp_up_to_where_their_diffraction_spot_fills_
 def test_impossible_cameras_are_refused_with_a_message(make, what):
     with pytest.raises(OutOfRangeError, match=what):
         make()
+
+
+def test_a_picture_beside_the_axis_is_seen_under_the_difference_of_its_angles():
+    """A principal point left of the picture: the edges lie 0.5 px and 1600.5 px to its right."""
+    camera = mahli(math.inf)
+    shifted = CalibratedCamera(focal_lengths=(2000.0, 2000.0), principal_point=(-1.0, 599.5), lens=IDEAL)
+    across, diagonal = replace(camera, calibrated=shifted).fields_of_view
+    assert across == pytest.approx(math.atan(1600.5 / 2000) - math.atan(0.5 / 2000), rel=1e-12)
+    assert diagonal > across
+
+
+def test_a_focus_at_which_one_lens_magnifies_over_a_thousand_times_is_refused():
+    mahli(18.3e-3 * 1.00101)
+    with pytest.raises(OutOfRangeError, match=r"1.01e\+03 times, with the sensor 18.5 m behind"):
+        mahli(18.3e-3 * 1.00099)

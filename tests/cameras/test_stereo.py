@@ -108,7 +108,10 @@ def test_discrimination_grows_with_the_square_of_distance() -> None:
 def test_a_focus_next_to_the_focal_length_is_refused_by_its_magnification() -> None:
     """Exactly a thousand times is 30.5 mm · 1.001; the image then lies 1001 focal lengths behind the lens."""
     assert stereo(focus_distance=30.5e-3 * 1.0011).sensor_distance(30.5e-3 * 1.0011) < 30.5
-    with pytest.raises(OutOfRangeError, match=r"magnify: 1.11e\+03 times.*33.9 m behind.*at most 1000 times.*increase"):
+    refusal = (
+        r"magnification of the lenses at 30.52745 mm.*: 1.11e\+03 times.*33.9 m behind.*at most 1000 times.*increase"
+    )
+    with pytest.raises(OutOfRangeError, match=refusal):
         stereo(focus_distance=30.5e-3 * 1.0009)
 
 

@@ -32,6 +32,9 @@ from tradestudy.optics.lateral_resolution import (
 )
 from tradestudy.optics.thin_lens import image_distance
 
+# Ten times the magnification of the strongest microscope objectives: no sensor lies so far behind its lens.
+_LARGEST_MAGNIFICATION = 1000.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class BlurCriterion:
@@ -140,7 +143,10 @@ class Focus(Protocol):
 
 
 def require_focus(focus_distance: float, lens: Lens, what: str = "lens") -> None:
-    """Refuse a focus [m] from the entrance pupil that is not in front of the lens and beyond its front focal point."""
+    """Refuse a focus [m] from the entrance pupil that is not in front of the lens, or at which it magnifies too much.
+
+    The focus must lie beyond the front focal point F; the magnification is ``f/(Z₀ − F)`` at the focus distance Z₀.
+    """
     nearest = max(lens.front_focus, 0.0)
     if not focus_distance > nearest:
         limit = "beyond the front focal point" if lens.entrance_pupil else "beyond the focal length"
@@ -148,6 +154,15 @@ def require_focus(focus_distance: float, lens: Lens, what: str = "lens") -> None
             f"the {what} cannot focus that close",
             value=f"{focus_distance * 1e3:g} mm",
             limit=f"{limit}, {nearest * 1e3:g} mm",
+            remedy="increase the focus distance",
+        )
+    magnification = lens.focal_length / (focus_distance - lens.front_focus)
+    if magnification > _LARGEST_MAGNIFICATION:
+        behind = lens.focal_length * (1.0 + magnification)
+        raise OutOfRangeError(
+            f"magnification of the {what} at {focus_distance * 1e3:.9g} mm, just beyond the front focal point",
+            value=f"{magnification:.3g} times, with the sensor {behind:.3g} m behind",
+            limit=f"at most {_LARGEST_MAGNIFICATION:g} times",
             remedy="increase the focus distance",
         )
 

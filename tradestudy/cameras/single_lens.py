@@ -24,6 +24,60 @@ def edge_angle(lens: LensModel, across: float, down: float) -> float:
     return float(lens.valid_field) if math.isnan(x) else math.atan2(math.hypot(x, y), z)
 
 
+@dataclass(frozen=True)
+class PictureEdges:
+    """The edges of a picture, and the lens through which they are seen.
+
+    Parameters
+    ----------
+    lens
+        Its model.
+    across, down
+        Left and right, upper and lower edge, in normalised image coordinates.
+    """
+
+    lens: LensModel
+    across: tuple[float, float]
+    down: tuple[float, float]
+
+    @classmethod
+    def of(
+        cls,
+        lens: LensModel,
+        sensor: Sensor,
+        principal_distances: tuple[float, float],
+        principal_point: tuple[float, float] = (0.0, 0.0),
+    ) -> PictureEdges:
+        """The edges of a sensor, with both principal distances and the principal point from its middle [m]."""
+        (left, right), (top, bottom) = (
+            ((-extent / 2.0 - middle) / c, (extent / 2.0 - middle) / c)
+            for extent, c, middle in zip(
+                (sensor.width, sensor.height), principal_distances, principal_point, strict=True
+            )
+        )
+        return cls(lens, (left, right), (top, bottom))
+
+    @property
+    def angles(self) -> tuple[float, float, float, float]:
+        """Angles [rad] from the axis to the left, right, upper and lower edge, never beyond the lens's valid field.
+
+        An edge on the other side of the axis has a negative angle.
+        """
+        (left, right), (top, bottom) = self.across, self.down
+        return (
+            -math.copysign(edge_angle(self.lens, left, 0.0), left),
+            math.copysign(edge_angle(self.lens, right, 0.0), right),
+            -math.copysign(edge_angle(self.lens, 0.0, top), top),
+            math.copysign(edge_angle(self.lens, 0.0, bottom), bottom),
+        )
+
+    @property
+    def fields_of_view(self) -> tuple[float, float]:
+        """Angles [rad] between the left and right edge, and the upper left and lower right corner."""
+        (left, right), (top, bottom) = self.across, self.down
+        return sum(self.angles[:2]), edge_angle(self.lens, left, top) + edge_angle(self.lens, right, bottom)
+
+
 def properties_of_lens(lens: LensModel, what: str) -> Properties:
     """Name, nonzero coefficients and valid field of a lens model; nothing for a pinhole."""
     if lens == IDEAL:

@@ -24,7 +24,7 @@ from tradestudy.cameras.focus import (
     sharp_range,
 )
 from tradestudy.cameras.parts import Lens, require_positive
-from tradestudy.cameras.single_lens import SingleLensExposure, edge_angle, properties_of_lens
+from tradestudy.cameras.single_lens import PictureEdges, SingleLensExposure, properties_of_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure, diffraction_diameter, images_needed, plan_focus_stack
@@ -336,9 +336,7 @@ class ConventionalCamera(Camera):
         sensor = self.sensor
         if self.calibrated is None:
             return self.lens.field_of_view(sensor.width), self.lens.field_of_view(sensor.diagonal)
-        ((cx, cy), (x, y)), lens = self.calibrated.on_sensor(sensor), self.calibrated.lens
-        ends = [((side * sensor.width / 2.0 - x) / cx, (side * sensor.height / 2.0 - y) / cy) for side in (-1.0, 1.0)]
-        return sum(edge_angle(lens, one, 0.0) for one, _ in ends), sum(edge_angle(lens, *one) for one in ends)
+        return PictureEdges.of(self.calibrated.lens, sensor, *self.calibrated.on_sensor(sensor)).fields_of_view
 
     def properties(self) -> Properties:
         """Lens, focus and field of view."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.calibrated_pair import CalibratedPair
-from tradestudy.cameras.camera import Contradiction, DerivedValue, Properties, lens_contradictions, show
+from tradestudy.cameras.camera import Contradiction, DerivedValue, Properties, lens_contradictions
 from tradestudy.cameras.depth_camera import DepthCamera, Formula, Limit, Method, UsableCriteria
 from tradestudy.cameras.depth_measurement import (
     PIXEL_NOISE,
@@ -32,6 +32,7 @@ from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.parts import Lens, Sensor, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.single_lens import (
+    PictureEdges,
     SingleLensExposure,
     edge_angle,
     picture_through_lens,
@@ -39,6 +40,7 @@ from tradestudy.cameras.single_lens import (
     properties_of_lens,
     scale_across,
 )
+from tradestudy.cameras.stereo.contradictions import focus_contradictions, nearest_contradictions
 from tradestudy.cameras.stereo.pair import (
     SIDES,
     STEREO_ERRORS,
@@ -58,7 +60,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_model import IDEAL, LensModel, slopes
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse, stereo_depth, stereo_disparity
-from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty, significant
+from tradestudy.units import ANGLE, LENGTH, significant
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
@@ -93,9 +95,6 @@ METHOD: Final = Method(
 )
 
 
-# Ten times the magnification of the strongest microscope objectives: no sensor lies so far behind its lens.
-_LARGEST_MAGNIFICATION = 1000.0
-_NEAREST_TOLERANCE = 0.05  # data sheets give two digits, for focal lengths that vary from camera to camera
 _STEP_PX = 1e-3  # of a numerical derivative by disparity, which is nearly constant over some pixels
 PrincipalDistanceRule = Literal["focal_length", "focused"]
 
@@ -176,14 +175,6 @@ class StereoRig(DepthCamera):
             require_refocusing(self.lens)
         else:
             require_focus(self.focus_distance, self.lens, "lenses")
-        if self.focus_distance is not None and self._magnification > _LARGEST_MAGNIFICATION:
-            raise OutOfRangeError(
-                f"focused at {self.focus_distance * 1e3:.9g} mm, just beyond the focal length, the lenses magnify",
-                value=f"{self._magnification:.3g} times, with the sensors "
-                f"{self.sensor_distance(self.focus_distance):.3g} m behind them",
-                limit=f"at most {_LARGEST_MAGNIFICATION:g} times",
-                remedy="increase the focus distance",
-            )
         if self.principal_distance_rule == "focused" and self.focus_distance is None:
             raise OutOfRangeError(
                 "the principal distance of lenses that refocus on every object",
@@ -191,12 +182,6 @@ class StereoRig(DepthCamera):
                 limit="focal_length, because every focus setting needs its own calibration",
                 remedy="give a focus distance, or use the focal length as the principal distance",
             )
-
-    @property
-    def _magnification(self) -> float:
-        """Magnification ``f/(Z₀ − F)`` at the focus distance Z₀, with F the distance of the front focal point."""
-        assert self.focus_distance is not None
-        return self.lens.focal_length / (self.focus_distance - self.lens.front_focus)
 
     @property
     def principal_distance(self) -> float:
@@ -268,47 +253,20 @@ class StereoRig(DepthCamera):
     @property
     def field_of_view(self) -> float:
         """Horizontal field of view of one camera as focused [rad]."""
-        left, right, _, _ = self.edge_angles(np.inf)
-        return left + right
+        return self._edges.fields_of_view[0]
 
     def edge_angles(self, nearest: float) -> tuple[float, float, float, float]:  # noqa: ARG002 - c stays the same
-        """By the lens model, with the principal distance or the own intrinsics of a calibrated pair's left camera.
-
-        ``atan(extent/2c)`` without distortion; never beyond the valid field of the lens.
-        """
-        lens, (left, right), (top, bottom) = self._picture
-        found = [
-            signed * edge_angle(lens, x, y)
-            for signed, x, y in (
-                (-math.copysign(1.0, left), left, 0.0),
-                (math.copysign(1.0, right), right, 0.0),
-                (-math.copysign(1.0, top), 0.0, top),
-                (math.copysign(1.0, bottom), 0.0, bottom),
-            )
-        ]
-        return found[0], found[1], found[2], found[3]
+        """By the lens model, with the principal distance or the own intrinsics of a calibrated pair's left camera."""
+        return self._edges.angles
 
     @property
-    def _picture(self) -> tuple[LensModel, tuple[float, float], tuple[float, float]]:
-        """Lens model and edges of the left camera's picture, across and down, in normalised image coordinates."""
-        measurement, sensor = self.calibration.measurement, self.sensor
-        known = self.calibrated_pair if measurement is None else measurement.pair
+    def _edges(self) -> PictureEdges:
+        """The edges of the left camera's picture."""
+        known, sensor = self.measured_pair, self.sensor
         if known is None:
-            across, down = (extent / 2.0 / self.principal_distance for extent in (sensor.width, sensor.height))
-            return self.distortion, (-across, across), (-down, down)
-        edges = [
-            ((-0.5 - centre) / focal, (count - 0.5 - centre) / focal)
-            for focal, centre, count in zip(
-                known.parameters[:2], known.parameters[2:4], (sensor.columns, sensor.rows), strict=True
-            )
-        ]
-        return known.lenses[0], edges[0], edges[1]
-
-    @property
-    def _diagonal_view(self) -> float:
-        """Angle [rad] between the upper left and the lower right corner of the picture."""
-        lens, (left, right), (top, bottom) = self._picture
-        return edge_angle(lens, left, top) + edge_angle(lens, right, bottom)
+            return PictureEdges.of(self.distortion, sensor, (self.principal_distance,) * 2)
+        left = known.cameras[0]
+        return PictureEdges.of(left.lens, sensor, *left.on_sensor(sensor))
 
     @property
     def mapped(self) -> bool:
@@ -589,7 +547,7 @@ class StereoRig(DepthCamera):
             ("horizontal field of view, from the principal distance", DerivedValue(self.field_of_view, ANGLE)),
             (
                 "diagonal field of view, from the principal distance",
-                DerivedValue(self._diagonal_view, ANGLE),
+                DerivedValue(self._edges.fields_of_view[1], ANGLE),
             ),
             ("baseline", DerivedValue(self.baseline, LENGTH)),
             *self._rows_of_unequal(),
@@ -609,31 +567,16 @@ class StereoRig(DepthCamera):
 
         The two differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its noise.
         """
-        views = (self.field_of_view, self._diagonal_view)
-        found = lens_contradictions(self.lens, self.sensor, stated, views, "lenses")
-        found += self._nearest_contradictions(None if stated is None else stated.nearest_distance)
+        found = lens_contradictions(self.lens, self.sensor, stated, self._edges.fields_of_view, "lenses")
+        if stated is not None and stated.nearest_distance is not None and self.disparity_range_px is not None:
+            found += nearest_contradictions(stated.nearest_distance, self.nearest_distance, self.disparity_range_px)
         focus = self.focus_distance
         if self.principal_distance_rule != "focal_length" or focus is None or math.isinf(focus):
             return found
         if self.calibrated_pair is not None:
             return found  # the calibration gives the principal distance itself
-        f, focused = self.lens.focal_length, self.lens.principal_distance(self.sensor_distance(focus))
-        magnification = focused / focus
-        if magnification <= tolerance:
-            return found
-        return [
-            *found,
-            Contradiction(
-                what="principal distance against focus distance",
-                stated=f"{show(f, LENGTH)}, the focal length",
-                implied=f"{show(focused, LENGTH)} when focused at {show(focus, LENGTH)}: longer by "
-                f"{pretty(magnification, FRACTION)}, more than the {pretty(tolerance, FRACTION)} tolerance on depth",
-                used=f"{show(f, LENGTH)} for depth, {show(focused, LENGTH)} for blur. If the focal length does not "
-                "come from a camera calibration that gives it in pixels, set principal_distance: focused to use "
-                f"{show(focused, LENGTH)} for both",
-                path=("principal_distance",),
-            ),
-        ]
+        focused = self.lens.principal_distance(self.sensor_distance(focus))
+        return found + focus_contradictions(self.lens.focal_length, focused, focus, tolerance)
 
     @property
     def one_pixel_distance(self) -> float:
@@ -647,21 +590,6 @@ class StereoRig(DepthCamera):
         It is NaN for other axes, or if no limit of the search is declared.
         """
         return self.one_pixel_distance / (self.disparity_range_px or math.nan)
-
-    def _nearest_contradictions(self, stated: float | None) -> list[Contradiction]:
-        """A stated nearest distance against that which follows from the search range, baseline and focal length."""
-        implied = self.nearest_distance
-        if stated is None or math.isnan(implied) or math.isclose(stated, implied, rel_tol=_NEAREST_TOLERANCE):
-            return []
-        return [
-            Contradiction(
-                what="nearest distance against search range, baseline and focal length",
-                stated=show(stated, LENGTH),
-                implied=f"{show(implied, LENGTH)} for disparities up to {self.disparity_range_px:g} px",
-                used=f"{show(implied, LENGTH)}, from the search range",
-                path=("stated", "nearest_distance"),
-            )
-        ]
 
 
 @lru_cache(maxsize=8)
