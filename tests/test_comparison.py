@@ -574,8 +574,8 @@ def test_the_page_contacts_no_host_and_its_file_is_replaced_atomically(
     assert lines[0].startswith("The answer changes from “")
     assert lines[1] == " → ".join(runs)
     assert lines[2:4] == [
-        'Requirement "20 mm or better from 0.4 to 1 m": met on the lower bound of matching, by 75 mm stereo head → met '
-        "on the lower bound of matching, by 50 mm stereo head.",
+        'Requirement "20 mm or better from 0.4 to 1 m": met if matching is as exact as the pictures allow, by 75 mm '
+        "stereo head → met if matching is as exact as the pictures allow, by 50 mm stereo head.",
         "Best camera: 75 mm stereo head → 50 mm stereo head from 0.3 to 4 m.",
     ]
     assert "  baseline of the 75 mm stereo head: 75 mm → 40 mm" in lines

@@ -292,7 +292,7 @@ def test_one_reading_that_reverses_the_verdict_is_named(tree: xr.DataTree) -> No
     assert len(turning) == 1
     texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if isinstance(b, Paragraph)]
     says = str(data["reading_says"].sel(reading=turning[0]).item())
-    (told,) = (text for text in texts if f"The reading “{says}” reverses the choice between " in text)
+    (told,) = (text for text in texts if f"The alternative “{says}” reverses the choice between " in text)
     assert re.search(r"65\.24° across at [\d.]+\sm\.", told)
 
 

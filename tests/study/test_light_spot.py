@@ -188,7 +188,7 @@ def test_the_answer_describes_the_picture_of_the_study(result: Result) -> None:
     data = result.data["images"].to_dataset()
     assert re.search(r"computed in [0-9.]+ s\.$", answer_of(result, data)[0])
     for method, said in (
-        ("kirchhoff", "the reference itself."),
+        ("kirchhoff", "Its method is the reference of the table."),
         ("geometric", "the same picture as in the table."),
     ):
         found, _ = answer_of(result, data.assign(chosen_image=data["image"].sel(propagator=method, drop=True)))

@@ -208,7 +208,8 @@ def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
     noise = question.model_copy(update={"errors": "noise"})
     width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
     both = f"the matching noise of one measurement, {pretty(width, LENGTH)}, exceeds the goal"
-    return f"; {both} of {pretty(question.goal, LENGTH)}" if width > question.goal else ""
+    enough = f"of {pretty(question.goal, LENGTH)}, so average at least {math.ceil((width / question.goal) ** 2)}"
+    return f"; {both} {enough}" if width > question.goal else ""
 
 
 _NOISE_STEP: Final = 1.01  # factor of the corner noise on both sides of the declared one

@@ -293,7 +293,7 @@ def draw_worths(tree: xr.DataTree) -> StudyFigure:
 
 _FEW = 2
 _LETTERS_UP = 30  # in a line of the label of the vertical axis
-_LEVELS = (-50.0, -20.0, -10.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # contours of margin [%], besides 0
+_LEVELS = (-50.0, -20.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # contours of margin [%], besides 0
 _LINEAR_WITHIN = 10.0  # per cent: margins beyond are on a logarithmic scale
 
 
@@ -323,8 +323,8 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     return Drawing(
         name="requirement_margins",
         caption=f"{shown}, against the {names}. {marks} "
-        "Dashed: the study as declared. If no camera is usable over 30 % of the range, on a logarithmic scale, the "
-        f"margin is −30 % or less.{more}",
+        "Dashed: the study as declared. A margin of −30 %: not usable over 30 % of the required distances, on a "
+        f"logarithmic scale.{more}",
         alt=f"Margins over the {names}. {conclusions}.",
         draw=lambda: draw_requirement_margins(tree),
         values=lambda: _tables(tree, data, dims) if len(dims) == 2 else (),

@@ -166,7 +166,9 @@ def draw_curve(
     wider = _WIDER * under
     axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH + 0.7 * wider, alpha=0.6, **line, **camera.shows(variable))
     bold = np.where(view["usable"].sel(camera=camera.key).values.astype(bool), y, np.nan)
-    axes.plot(distance, bold, linewidth=_USABLE_WIDTH + wider, **line, **camera.shows(variable, "usable"))
+    axes.plot(
+        distance, bold, linewidth=_USABLE_WIDTH + wider, gapcolor="white", **line, **camera.shows(variable, "usable")
+    )
 
 
 def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:

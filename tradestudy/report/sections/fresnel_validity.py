@@ -24,7 +24,7 @@ from tradestudy.report.document import (
 )
 from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import FloatArray, group, has
-from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
+from tradestudy.results.views.wave_optics import element_title, middle_window, published_place, where_fresnel
 from tradestudy.units import significant
 
 _METRICS = {"peak": "Peak", "l1": "L1", "largest": "Largest"}
@@ -41,7 +41,8 @@ def describe_fresnel_answer(tree: xr.DataTree) -> Iterator[Block]:
         blocks=(
             Paragraph(
                 f"The error of Fresnel's point-spread function is its absolute difference from Kirchhoff's, integrated "
-                f"within {significant(middle_window(data))} Airy radii and divided by the integral of Kirchhoff's."
+                f"within {significant(middle_window(data))} Airy radii and divided by the integral of Kirchhoff's. "
+                "Parabolic lenses have spherical aberration, stigmatic ones none on the axis, perfect ones none at all."
             ),
             Bullets(tuple(_findings(data))),
         ),
@@ -79,41 +80,50 @@ def _range(values: FloatArray) -> str:
 
 
 def _findings(data: xr.Dataset) -> Iterator[Spans]:
-    window = middle_window(data)
+    used = data.sel(metric="l1", window=middle_window(data))
     yield say(
-        "At the f-numbers of the camera and wavelengths from {start} to {end}, the error is: {each}.",
+        "**On the axis**, at the f-numbers of the camera and wavelengths from {start} to {end}, take (with Fresnel's "
+        "error): {each}.",
         start=length(float(data["wavelength"].values[0])),
         end=length(float(data["wavelength"].values[-1])),
-        each=_as_used(data, window),
+        each=_advice(used, "camera_point_error"),
     )
-    yield from _off_axis(data, window)
+    if "off_axis_error" in data:
+        yield say(
+            "**{angle}° off the axis**, at the same f-numbers and {wavelength}, take: {each}. There, a parabolic or "
+            "stigmatic lens has coma and distortion, which Fresnel's approximation ignores.",
+            angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
+            wavelength=length(float(data.attrs["field_wavelength"])),
+            each=_advice(used, "off_axis_camera_error", "off_axis_error"),
+        )
 
 
-def _as_used(data: xr.Dataset, window: float) -> str:
+def _advice(used: xr.Dataset, errors: str, curves: str = "") -> str:
+    """Which method to take behind each lens, by its phase; with `curves`, also from which f-number Fresnel suffices."""
     sentences = []
-    for element in data["element"].values:
-        at = data["camera_point_error"].sel(element=element, metric="l1", window=window)
-        parts = [f"{_range(np.asarray(at.sel(lens_phase=p).values))} ({p})" for p in data["lens_phase"].values]
-        f_number = significant(float(data["camera_f_number"].sel(element=element)))
-        sentences.append(f"{element_title(data, str(element)).lower()}, f/{f_number}: {', '.join(parts)}")
+    for element in used["element"].values:
+        parts, one = [], used.sel(element=element)
+        for phase in map(str, used["lens_phase"].values):
+            found = np.asarray(one[errors].sel(lens_phase=phase).values)
+            limit = float(used.attrs["error_limit"])
+            method = "Fresnel" if np.all(found <= limit) else "Kirchhoff"
+            more = (
+                "; Fresnel " + where_fresnel(_from_f_number(one[curves].sel(lens_phase=phase), limit)) if curves else ""
+            )
+            parts.append(f"{method} if {phase} ({_range(found)}{more})")
+        f_number = significant(float(one["camera_f_number"]))
+        sentences.append(f"{element_title(used, str(element)).lower()}, f/{f_number}: {', '.join(parts)}")
     return "; ".join(sentences)
 
 
-def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
-    if "off_axis_camera_error" not in data:
-        return
-    parts = []
-    for element in data["element"].values:
-        at = data["off_axis_camera_error"].sel(element=element, metric="l1", window=window)
-        each = [f"{share(float(at.sel(lens_phase=phase)))} ({phase})" for phase in data["lens_phase"].values]
-        parts.append(f"{element_title(data, str(element)).lower()}: {', '.join(each)}")
-    yield say(
-        "**{angle}° off the axis**, at the same f-numbers and {wavelength}, the error is: {parts}. There, a parabolic "
-        "or stigmatic lens has coma and distortion, which Fresnel's approximation ignores.",
-        angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
-        wavelength=length(float(data.attrs["field_wavelength"])),
-        parts="; ".join(parts),
-    )
+def _from_f_number(errors: xr.DataArray, limit: float) -> float:
+    """The f-number from which errors stay within a limit, between those tried as for a power law; or 0, or infinity."""
+    tried, above = errors["f_number"].values, np.flatnonzero(errors.values > limit)
+    if not above.size:
+        return 0.0
+    ends = slice(above[-1] + 1, above[-1] - 1 if above[-1] else None, -1)
+    logs = np.log(errors.values[ends]), np.log(tried[ends])
+    return float(np.exp(np.interp(np.log(limit), *logs))) if above[-1] + 1 < tried.size else np.inf
 
 
 def _measures(data: xr.Dataset) -> Iterator[Block]:

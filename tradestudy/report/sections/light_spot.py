@@ -28,6 +28,7 @@ from tradestudy.report.words import length, share, with_error
 from tradestudy.results.views.groups import group, has
 from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import significant
+from tradestudy.wording import listed
 
 _NOT_STATED = "The discretisation and the machine behind the published times are unknown."
 _SOURCES = {
@@ -64,7 +65,7 @@ def describe_light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any]) -> Ite
     data = group(tree, "images")
     yield Heading(text="The answer", anchor="light-spot-answer")
     yield Callout(
-        title="The study's own picture",
+        title="Which method",
         blocks=(Paragraph(_chosen(data, run, reference_method(data))),),
         tone="answer",
     )
@@ -97,11 +98,11 @@ def _duration(seconds: float) -> str:
 
 
 def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
-    """Describe the picture of the study, its difference from the reference, and its computing time."""
+    """Say which methods suffice, and describe the picture of the study: its difference from the reference, its time."""
     picture, compared = data["chosen_image"], data["image"].sel(propagator=reference)
     same = [str(name) for name in data["propagator"].values if (data["image"].sel(propagator=name) == picture).all()]
     if reference in same:
-        found = "It is the reference itself"
+        found = "Its method is the reference of the table"
     elif same:
         found = "It is the same picture as in the table"
     else:
@@ -109,9 +110,15 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
         took = f"computed in {_duration(_seconds(run, 'image: chosen'))}"
         found = f"Its difference from the reference, summed over all pixels, is {difference}; {took}"
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
+    suffice = [
+        title_within_a_sentence(name)
+        for name in map(str, data["propagator"].values)
+        if name == reference or float(data["difference"].sel(propagator=name, against=reference)) <= asked
+    ]
     return say(
-        "It is computed by {method}; its stated error of {error} is {side} the {tolerance} to "
-        "which it is sampled. {found}.",
+        "**For pictures to {tolerance}, take {suffice}.** The picture of the study is computed by {method}; its stated "
+        "error of {error} is {side} the {tolerance} to which it is sampled. {found}.",
+        suffice=listed(suffice, "or"),
         method=title_within_a_sentence(str(data.attrs["chosen_method"])),
         error=share(error),
         side="above" if error > asked else "within",
@@ -149,7 +156,7 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
             Column(title="Time", align="right"),
             Column(title="Published", align="right", weight=1),
             Column(title="Error", align="right"),
-            Column(title="Sum", align="right"),
+            Column(title="Difference", align="right"),
             Column(title="RMS", align="right"),
             Column(title="Lit", unit="px", align="right"),
             Column(title="Beyond rays", align="right"),
@@ -159,8 +166,8 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
         notes=(
             "Time: on this machine. Published: the time that the paper states. Error: the stated numerical error, as a "
             "root mean square over pixels, relative to the root mean square of the image; marked if above the "
-            "tolerance. Sum: the absolute differences from the reference, summed over pixels, relative to the sum of "
-            "the reference. RMS: the root mean square of these differences, relative to the root mean square of the "
+            "tolerance. Difference: the absolute differences from the reference (marked —), summed "
+            "over pixels, relative to its sum. RMS: the root mean square of these differences, relative to that of the "
             "reference. Lit: number of pixels with more than 1 % of the light of the brightest. Beyond rays: fraction "
             "of the light that falls on pixels that paraxial rays leave dark. Power: fraction of the pupil's light "
             "that reaches the detector.",

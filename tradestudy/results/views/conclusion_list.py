@@ -85,7 +85,6 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
     requirements, perfect, failed = requirement_conclusions(tree), perfectly_calibrated(tree), unconverged(tree)
     judged = [("requirement", one.verdict.capitalize(), [requirement_details(one)]) for one in requirements]
     together = rests and first == f"Measure first: {rests[0]}"
-    once = first.partition(", assumed ")[0] if first.removeprefix("Measure first: ") in rests else first
     met = {one.camera for one in requirements if one.at_lower_bound and one.met}  # whose verdicts say it
     found: list[tuple[str, str, Sequence[str]]] = [
         ("headline", "", said[:1]),
@@ -96,9 +95,10 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
         ("weights", "Weighing all criteria", [trade_off_conclusion(tree)]),
         *(("answer", "", [one.removesuffix(".")]) for one in said[1:]),
         ("claims", "Claims", list(_claim_words(tree))),
+        ("readings", "", list(_reading_words(tree))),
         ("unconverged", "Not converged", [f"the calibration of {few(failed)}, {_WRONG}"] if failed else []),
         ("rests on", _rest_words(tree) + " (measure first)" * bool(together), rests),
-        ("measure first", "", [] if together else [once]),
+        ("measure first", "", [] if together else [first]),
         ("off axis", "On the optical axis, unless a place is named; off it", off_axis_words(tree)),
         ("lower bound", *lower_bound_words([one for one in lower_bounds(tree) if one not in met])),
         ("biased", "Biased", offset_words(tree)),
@@ -107,7 +107,6 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
         ("perfect", "Assumed perfect", [f"the calibration of {few(perfect)}"] if perfect else []),
         *(("origin", "", [one]) for one in origin_words(tree)),
         *(("contradictory", f"Contradictory inputs of {title}", [why]) for title, why in consequences(tree)),
-        ("readings", "", list(_reading_words(tree))),
         ("best", *_best_words(tree, "".join(said[:1]))),
     ]
     return tuple(Conclusion(kind=kind, head=head, says=tuple(says)) for kind, head, says in found if any(says))
@@ -166,7 +165,7 @@ def _doubted_words(tree: xr.DataTree) -> Iterator[str]:
 
 
 def _reading_words(tree: xr.DataTree) -> Iterator[str]:
-    """The readings under which the other camera of the pair wins, by distance."""
+    """The readings, which sentences call alternatives, under which the other camera of the pair wins."""
     found = [one for one in flips(tree) if one.alternatives]
     if not found:
         return
@@ -176,9 +175,10 @@ def _reading_words(tree: xr.DataTree) -> Iterator[str]:
         one.place: [name for name, winner in one.flipped if len(tied(winner)) == len(tied(one.winner)) == 1]
         for one in found
     }
-    names = list(dict.fromkeys(name for some in turning.values() for name in some))
+    says, names = readings_in_words(decision), dict.fromkeys(name for some in turning.values() for name in some)
     places = [distance(place) for place, some in turning.items() if some]
-    several = f"{len(names) or 'No'} other readings reverse"
-    who = f"The reading “{readings_in_words(decision)[names[0]]}” reverses" if len(names) == 1 else several
     pair = " and ".join(with_article(titles[decision.attrs[which]]) for which in ("first", "second"))
+    each = few([f"“{says[name]}”" for name in names], 2)
+    several = f"The alternatives {each} each reverse"
+    who = {0: "No alternative assumption reverses", 1: f"The alternative {each} reverses"}.get(len(names), several)
     yield f"{who} the choice between {pair} at {listed(places) or 'any declared distance'}"

@@ -99,7 +99,7 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
         ]
     if not found and (ranked := ranked_by_bias(tree)) is not None:
         biased, instead = ranked
-        drawn = f"bias of {with_article(biased)}, drawn from its calibration errors"
+        drawn = f"bias of {with_article(biased)}, one random draw of its calibration errors"
         return (f"{drawn} (without it, it would measure {instead})",)
     if not found and has(tree, "decision", "cause"):
         titles = camera_titles(tree)
@@ -115,7 +115,7 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
         shares[words] = max((share, where), shares.get(words, (0.0, "")))
     return tuple(
         words + (f" ({_share_of_variance(share)}{where})" if math.isfinite(share) else "")
-        for words, (share, where) in shares.items()
+        for words, (share, where) in sorted(shares.items(), key=lambda one: _ASSUMED not in one[0])
     )
 
 

@@ -202,7 +202,7 @@ def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
     clauses = [answer.partition(DECLARED_VALUE)[2].split("; ")[1:] for _, answer in each]
     shared = [one for one in clauses[0] if all(one in other for other in clauses)] if clauses[1:] else []
     own = [(says, "; ".join(one for one in answer.split("; ") if one not in shared)) for says, answer in each]
-    return (*own, ("All answers", "; ".join(shared))) if shared else tuple(own)
+    return (*own, ("All answers", "; ".join(reversed(shared)))) if shared else tuple(own)
 
 
 Ranges = tuple[tuple[float, float, str], ...]

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.light_methods import title_within_a_sentence
-from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.conclusions import (
     BestRange,
     at_least,
@@ -23,26 +22,24 @@ from tradestudy.results.views.conclusions import (
 from tradestudy.results.views.decision import candidates, solved_questions
 from tradestudy.results.views.depth import (
     SharpCamera,
-    declared_place,
     measured_numbers,
     off_axis,
     scene_by_error,
     sharp_cameras,
     spreads_over_predicted,
-    swept,
 )
-from tradestudy.results.views.designs import all_requirements, feasible_words, path_words, value_words
-from tradestudy.results.views.groups import camera_titles, dotted_path, group, has, titles_in
+from tradestudy.results.views.designs import all_requirements, feasible_words
+from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.results.views.measured import measured_tables
 from tradestudy.results.views.refocusing import refocusing_words
 from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
-from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers
+from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers, where_fresnel
 from tradestudy.units import DURATION, FRACTION, LENGTH, pretty, significant
-from tradestudy.wording import DECLARED_VALUE, counted, distance, few, listed, plain_span, with_article
+from tradestudy.wording import DECLARED_VALUE, counted, few, listed, plain_span, with_article
 
 _MOST_STRETCHES, _CHANGES = 5, "the best camera changes"
-_HARDLY, _CLEARLY = 1.1, 1.5  # factors of the depth uncertainty over the values of a swept number
+_HARDLY: Final = 1.1  # times the depth uncertainty on the axis
 _MEASURED: Final = 3  # cameras beside the best that a sentence on pictures names
 _NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it gives the number
 
@@ -58,7 +55,7 @@ def headline(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType(
 def answers(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({})) -> list[str]:
     """The headline, and a sentence on everything else that a study of several subjects answers, with full stops."""
     requirements = requirement_conclusions(tree)
-    found = [_of_sharpness(tree), _of_sweep(tree), _of_light(tree, seconds)]
+    found = [_of_sharpness(tree), feasible_words(tree), _of_light(tree, seconds)]
     found += [way(tree) for way in (_of_fresnel, hard_case_words, _of_scene, _of_planes)]
     measured, asked = [one.finding() for one in measured_tables(tree)[:_NAMED]], bool(requirements)
     found += [] if asked else measured
@@ -69,43 +66,6 @@ def answers(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({
     found += list(refocusing_words(tree))[:_NAMED]
     plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in found if words)
     return [f"{words[0].upper()}{words[1:]}." for words in plain]
-
-
-def _of_sweep(tree: xr.DataTree) -> str:
-    """Which designs meet the requirements, and which swept number decides."""
-    words = feasible_words(tree)
-    return words and words + _deciding(tree)
-
-
-def _deciding(tree: xr.DataTree) -> str:
-    """Which swept number decides a camera's depth uncertainty and which hardly matters, if one of several does."""
-    if not has(tree, "decision", "design_best_camera"):
-        return ""
-    depth = group(tree, "depth")
-    axes = [axis for axis in swept(depth) if depth[axis].dtype.kind in "fiu" and depth[axis].size > 1]
-    if len(axes) < _NAMED:
-        return ""
-    places = group(tree, "decision")["design_place"].values
-    owner = dotted_path(tree, axes[0]).removeprefix("cameras.").partition(".")[0]
-    if owner not in depth["camera"].values:
-        return ""
-    at = depth.sel(camera=owner).sel(distance=places[-1], method="nearest")
-    uncertainty = judged_uncertainty(at).transpose(*axes, ...)
-    factor = {axis: float((uncertainty.max(axis) / uncertainty.min(axis)).median()) for axis in axes}
-    idle = [axis for axis in axes if factor[axis] < _HARDLY]
-    busy = [axis for axis in axes if factor[axis] > _CLEARLY]
-    if not idle or len(idle) + len(busy) < len(axes):
-        return ""
-    declared = {axis: declared_place(depth[axis]) for axis in busy}
-    held_at = {axis: depth[axis].size // 2 if k is None else k for axis, k in declared.items()}
-    along = uncertainty.isel(held_at).values
-    low, high = (pretty(float(end), LENGTH, digits=2) for end in (np.nanmin(along), np.nanmax(along)))
-    held = listed([value_words(depth[axis], depth[axis].values[k]) for axis, k in held_at.items()])
-    names = [listed([path_words(tree, axis).partition(" of ")[0] for axis in some]) for some in (busy, idle)]
-    spread = low if low == high else f"{low} to {high}"
-    verbs = ["decides" if len(busy) == 1 else "decide", "hardly matters" if len(idle) == 1 else "hardly matter"]
-    where = distance(float(places[-1]))
-    return f"; for depth at {where}, {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: ±{spread} with {held}"
 
 
 def _of_light(tree: xr.DataTree, seconds: Mapping[str, float]) -> str:
@@ -133,14 +93,8 @@ def _of_fresnel(tree: xr.DataTree) -> str:
         return ""
     by_phase: dict[str, dict[str, list[str]]] = {}
     for one in limits:
-        if one["f_number"] == 0.0:
-            where = "at every f-number tried"
-        elif math.isfinite(one["f_number"]):
-            where = f"from f/{significant(math.ceil(one['f_number'] * 10.0) / 10.0)} on"
-        else:
-            where = "at no f-number tried"
         of_phase = by_phase.setdefault(one["lens_phase"], {})
-        of_phase.setdefault(where, []).append(one["element"].lower())
+        of_phase.setdefault(where_fresnel(one["f_number"]), []).append(one["element"].lower())
     phases: dict[str, list[str]] = {}
     for phase, places in by_phase.items():
         each_place = [where + f" ({listed(elements)})" * (len(places) > 1) for where, elements in places.items()]
@@ -194,10 +148,11 @@ def _of_sharpness(tree: xr.DataTree) -> str:
         share = pretty(math.floor(cameras[0].share * 100.0) / 100.0, FRACTION, digits=2)
         return f"no camera keeps {scene} sharp; {with_article(cameras[0].title)} keeps {share} of it"
     finest, simplest = keep[0], min(keep, key=lambda one: (one.images, one.moving_parts, one.resolution))
-    which = [with_article(simplest.title) + f" ({_expense(simplest)})"]
+    alike = [with_article(one.title) for one in keep if _expense(one) == _expense(simplest)]
+    which = [f"{listed(alike, 'or')} ({_expense(simplest)})"]
     if finest.title != simplest.title:
-        which.append(f"finer, {with_article(finest.title)} ({_expense(finest)})")
-    return f"to keep {scene} sharp, take {' or, '.join(which)}"
+        which.append(f"or, finer, {with_article(finest.title)} ({_expense(finest)})")
+    return f"to keep {scene} sharp, take {'; '.join(which)}"
 
 
 def _expense(camera: SharpCamera) -> str:
@@ -319,7 +274,7 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
     if len(shown) < len(taken):
         return f"{words}; {_CHANGES} {len(taken) - 1} times"
     nowhere = any(not one.cameras for one in ranges)
-    return f"{words}; elsewhere no camera is usable" if nowhere else words + _lead_words(tree) * (len(taken) == 1)
+    return f"{words}; elsewhere none meets the limits" if nowhere else words + _lead_words(tree) * (len(taken) == 1)
 
 
 def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
@@ -330,7 +285,9 @@ def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     ratio = off_axis(tree, name).ratio
     is_worse = _HARDLY < ratio < math.inf
     off = f" on the axis, and up to {significant(ratio, 2)} times as much off it" if is_worse else ""
-    return f"depth by {title} is usable {where}, with ±{' to ±'.join(uncertainty_at_ends(tree, taken))}{off}"
+    known = has(tree, "decision", "cause") and str(group(tree, "decision")["cause"].values[0])
+    cause = f"; the largest part comes from {known.replace(f' of {title}', '')}" if known else ""
+    return f"depth by {title} is usable {where}, with ±{' to ±'.join(uncertainty_at_ends(tree, taken))}{off}{cause}"
 
 
 def uncertainty_at_ends(tree: xr.DataTree, taken: Sequence[BestRange]) -> list[str]:

@@ -26,7 +26,7 @@ _NO_MARGIN: Final = 1e-6  # rounding
 _NAMED: Final = 2  # other cameras that a sentence names; of more, it gives the number
 ANY, ALL = "any", "all"
 """What `RequirementConclusion.of` is if one camera suffices, and if every camera must meet it."""
-_ON_LOWER_BOUND: Final = " on the lower bound of matching"
+_ON_LOWER_BOUND: Final = " if matching is as exact as the pictures allow"
 _BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # quantities that depend on the matcher
 VERDICTS: Final[Mapping[bool | None, str]] = {True: "met", False: "not met", None: "cannot be decided"}
 """Verdicts in words."""
@@ -292,11 +292,11 @@ def _reading_words(one: RequirementConclusion) -> str:
     for met in (True, False, None):
         same = [other for other in one.other_verdicts if other.met is met]
         if len(same) == one.readings > 1:
-            parts.append(f"{VERDICTS[met]} under every other reading")
+            parts.append(f"{VERDICTS[met]} under every alternative assumption")
         elif len(same) == 1:
-            parts.append(f"{VERDICTS[met]} under the reading “{same[0].says}”")
+            parts.append(f"{VERDICTS[met]} if instead “{same[0].says}”")
         elif same:
-            parts.append(f"{VERDICTS[met]} under {len(same)} of the {one.readings} other readings")
+            parts.append(f"{VERDICTS[met]} under {len(same)} of the {one.readings} alternative assumptions")
     return " and ".join(parts)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import xarray as xr
 
 from tradestudy.light_methods import most_complete
 from tradestudy.results.views.groups import group, has
+from tradestudy.units import significant
 
 
 def middle_window(fresnel_validity: xr.Dataset) -> float:
@@ -74,6 +76,15 @@ def fresnel_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
         for element in data["element"].values
         for phase in data["lens_phase"].values
     ]
+
+
+def where_fresnel(f_number: float) -> str:
+    """From which f-number on Fresnel's law suffices, in words; as in `fresnel_numbers`, which may be 0 or infinite."""
+    if f_number == 0.0:
+        return "at every f-number tried"
+    if math.isinf(f_number):
+        return "at no f-number tried"
+    return f"from f/{significant(math.ceil(f_number * 10.0) / 10.0)} on"
 
 
 def hard_case_numbers(tree: xr.DataTree) -> dict[str, int]:
