@@ -115,7 +115,7 @@ def test_the_matcher_is_written_as_a_study_takes_it(ran: tuple[api.Result, Path]
     written = YAML(typ="safe").load((folder / "out" / "matchers.yaml").read_text(encoding="utf-8"))
     says = written["cameras"]["pair"]["depth"]["matcher"]
     values: dict[str, Value] = {f"pair.depth.matcher.{name}": value for name, value in says.items()}
-    law = study(folder).with_values(values).definition.case.cameras["pair"].disparity_error_px
+    law = study(folder).with_values(values).prepared.case.cameras["pair"].disparity_error_px
     assert isinstance(law, PictureDisparityError)
     for name in ("factor", "floor", "false_matches"):
         assert getattr(law.matcher, name) == pytest.approx(float(measured[f"matcher_{name}"]), rel=0.05, abs=1e-9)
@@ -135,7 +135,7 @@ def test_noise_is_predicted_where_wide_lenses_dim_the_overlap_and_enough_picture
     }
     loaded = study(tmp_path).with_values(wide)
     assert loaded.file.depth_loop is not None
-    point = depth_loop.loop_points(loaded.definition, loaded.file.depth_loop)["pair", 0.15, 0.15, 8000.0]
+    point = depth_loop.loop_points(loaded.prepared, loaded.file.depth_loop)["pair", 0.15, 0.15, 8000.0]
     told: list[float] = []
     with heard_by(told.append):
         found = depth_loop.measure_on_plane(point)

@@ -212,7 +212,7 @@ def test_a_stack_measures_nothing_in_noise_that_differs_over_the_picture(
     """Noise of four times the standard deviation has sixteen times the energy, and no more texture."""
     path = tmp_path / "maps.yaml"
     path.write_text(study_text("stack", PLANE.format(150)), encoding="utf-8")
-    definition = api.load(path).definition
+    definition = api.load(path).prepared
     camera, reader = definition.case.all_cameras["stack"], definition.file.cameras["stack"].reader
     assert reader is not None
     sensor = camera.sensor
@@ -369,7 +369,7 @@ def test_a_plane_is_sharpest_refocused_where_it_is_and_views_shift_by_parallax(t
     assert left.shape == right.shape == sharp.shape == (200, 200)
     # On the object: u a part of the pupil; a/(…) by similar triangles through the array, half a pixel of which is one
     # sample. The plane of zero parallax is where the main lens images on the array.
-    camera = api.load(path).definition.case.all_cameras["plenoptic"]
+    camera = api.load(path).prepared.case.all_cameras["plenoptic"]
     z, f, aside = camera.mla_distance, 12.5e-3, 0.25 * 12.5e-3 / 3.8
     image = 1.0 / (1.0 / f - 1.0 / 0.15)
     expected = 2.0 * aside * (z - image) / image / 11e-6  # lines from ±u through the image point, on to the array

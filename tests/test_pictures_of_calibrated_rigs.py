@@ -79,7 +79,7 @@ def taken(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 def test_opencv_measures_a_plane_with_the_imported_calibration(taken: tuple[str, Path]) -> None:
     """234 mm short when both pictures were those of two equal parallel cameras (``raw``)."""
     case, folder = taken
-    camera = api.load(CASES / f"{case}.yaml").definition.case.cameras["rig"]
+    camera = api.load(CASES / f"{case}.yaml").prepared.case.cameras["rig"]
     predicted = float(depth_uncertainty(camera, np.array([DISTANCE]), "noise")[0])
     errors, offsets = errors_of_depth(folder, calibration(CASES / f"{case}.yml"))
     assert errors.size > 400
@@ -131,7 +131,7 @@ def test_a_depth_loop_uses_the_imported_calibration(tmp_path: Path) -> None:
     loop = "depth_loop: {distances: [0.8 m, 1.2 m], fitted_at: [1.2 m], windows: 200}\n"
     (tmp_path / "loop.yaml").write_text(text[: text.index("  image:")] + loop, encoding="utf-8")
     (tmp_path / "raw.yml").write_bytes((CASES / "raw.yml").read_bytes())
-    definition = api.load(tmp_path / "loop.yaml").definition
+    definition = api.load(tmp_path / "loop.yaml").prepared
     assert definition.file.depth_loop is not None
     first = next(iter(loop_points(definition, definition.file.depth_loop).values()))
     found = measure_on_plane(first)

@@ -185,7 +185,7 @@ def test_an_interrupted_rendering_is_resumed(tmp_path: Path, monkeypatch: pytest
 
         steps = Steps(checkpoints=checkpoints, progress=progress)
         try:
-            pictures.render_scene(loaded.definition, steps)
+            pictures.render_scene(loaded.prepared, steps)
         except KeyboardInterrupt:
             assert stop
         checkpoints.close()
@@ -230,7 +230,7 @@ def test_a_drawn_rig_has_correlated_errors_once_and_scatter_for_every_microlens(
             "plenoptic.calibration.correlations.mla_distance.focal_length": "0.9",
         }
     )
-    camera: Any = loaded.definition.case.cameras["plenoptic"]
+    camera: Any = loaded.prepared.case.cameras["plenoptic"]
     drawn = [drawn_errors(camera, "plenoptic", seed) for seed in range(400)]
     z, f = (np.array([float(one[name]) for one in drawn]) for name in ("mla_distance", "focal_length"))
     assert np.corrcoef(z, f)[0, 1] == pytest.approx(0.9, abs=0.04)
@@ -286,7 +286,7 @@ def test_a_missing_map_is_reported_at_its_place(tmp_path: Path) -> None:
 
 def test_more_samples_lower_the_error(tmp_path: Path) -> None:
     loaded = study(tmp_path, PLANE, "cameras: [plenoptic]")
-    definition = loaded.definition
+    definition = loaded.prepared
     image, picture = pictures.declared_image(definition)
     scene, (camera,) = pictures.set_up(definition)
     tile = tiles.Tile(

@@ -81,13 +81,13 @@ def run(
     if study.file.scene is not None and study.file.scene.image is not None:
         from tradestudy.answers.scene import files_of_pictures
 
-        storage.refuse_foreign(directory / storage.PICTURES, files_of_pictures(study.definition))
+        storage.refuse_foreign(directory / storage.PICTURES, files_of_pictures(study.prepared))
     result = None if fresh else _finished(study, directory)
     measuring = with_cost and (result is None or "cost" not in result.data.children)
     if measuring:
         from tradestudy.answers.cost import require_prices
 
-        require_prices(study.definition)  # before anything is computed
+        require_prices(study.prepared)  # before anything is computed
 
     def reported(share: float) -> None:
         progress("report", share)
@@ -189,13 +189,13 @@ def render(
     from tradestudy.models.rendered_scene import declared_image
     from tradestudy.results.storage import refuse_foreign
 
-    declared_image(study.definition)  # before calibrations are inferred
+    declared_image(study.prepared)  # before calibrations are inferred
     folder = Path(directory) / "pictures"
-    refuse_foreign(folder, files_of_pictures(study.definition))
+    refuse_foreign(folder, files_of_pictures(study.prepared))
     with closing(Checkpoints(folder, fresh=fresh)) as checkpoints:
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
-        definition, *_ = infer_calibrations(study.definition, steps)
-        taken = take_scene(definition, folder, steps, depth=depth)
+        prepared, *_ = infer_calibrations(study.prepared, steps)
+        taken = take_scene(prepared, folder, steps, depth=depth)
         checkpoints.remove()
     scores = {one.camera: one.score for one in taken.depths}
     return RenderedScene(arrays=taken.arrays, pictures=taken.written, depths=scores)
@@ -232,7 +232,7 @@ def usable_span(study: Study) -> tuple[float, float] | None:
 
     from tradestudy.answers.depth import DepthPoint, depth_table
 
-    ((camera,), criteria) = study.definition.case.cameras.values(), study.definition.case.criteria
+    ((camera,), criteria) = study.prepared.case.cameras.values(), study.prepared.case.criteria
     table = depth_table(DepthPoint(camera=camera, criteria=criteria, distance=np.geomspace(0.02, 1e3, 121)))
     longest = max(table.intervals, key=lambda one: one.far / one.near, default=None)
     if longest is None:
@@ -273,7 +273,7 @@ def export(
     from tradestudy.results.storage import refuse_foreign
 
     refuse_foreign(directory, [f"{escape(camera)}-{one}" for one in SUFFIXES])
-    found = export(study.definition, camera, formats, lossy=lossy)
+    found = export(study.prepared, camera, formats, lossy=lossy)
     return write_export(found, directory, camera), found.left_out
 
 

@@ -21,10 +21,9 @@ from tradestudy.effects import Models
 from tradestudy.errors import OutOfRangeError, TradestudyError, UnknownNameError, nearest
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.results import DISTANCE, GROUPS, coordinate_names, dataset
-from tradestudy.study.building import apply_models
-from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Scalar, ScalarEntry, Value, plain, scalar_text
 from tradestudy.study.plausibility import unusual, warn
+from tradestudy.study.prepared import Choices, PreparedStudy, apply_models
 from tradestudy.study.python_values import in_metres, new_value, plain_value
 from tradestudy.study.varying import SweepAxis, sweep_axes, sweep_points
 from tradestudy.units import parse
@@ -44,7 +43,7 @@ _UNITS: dict[tuple[type[CameraDeclaration], str], str] = {}
 class _Origin:
     """The study of a camera and its copies, which share its models, inferred calibrations and warned paths."""
 
-    definition: StudyDefinition
+    study: PreparedStudy
     name: str
     posteriors: dict[str, Calibration] = field(default_factory=dict)
     warned: set[str] = field(default_factory=set)
@@ -54,7 +53,7 @@ class _Origin:
         """The models that a run of the study would choose for the camera."""
         from tradestudy.models.choice import choose_depth_models
 
-        return choose_depth_models(self.definition, [self.name])[self.name]
+        return choose_depth_models(self.study, [self.name])[self.name]
 
 
 class Camera:
@@ -67,10 +66,10 @@ class Camera:
     calibration board, infers it, which can take seconds.
     """
 
-    def __init__(self, origin: _Origin, definition: StudyDefinition) -> None:
-        self._origin, self._definition, self.name = origin, definition, origin.name
-        self._part = definition.file.cameras[self.name]
-        self._tree: dict[str, Any] = plain(definition.document.entry(("cameras", self.name)))  # type: ignore[arg-type]
+    def __init__(self, origin: _Origin, study: PreparedStudy) -> None:
+        self._origin, self._study, self.name = origin, study, origin.name
+        self._part = study.file.cameras[self.name]
+        self._tree: dict[str, Any] = plain(study.document.entry(("cameras", self.name)))  # type: ignore[arg-type]
         self._quick: dict[str, str | float] = {}
 
     def __reduce__(self) -> tuple[type[Camera], tuple[object, ...]]:
@@ -176,7 +175,7 @@ class Camera:
 
     def _replaced_quickly(self, given: Mapping[str, Value]) -> Camera | None:
         """The changed camera without a new study; None if this cannot tell whether the values are right."""
-        if self.name in self._definition.posterior_keys or not isinstance(self._part, DepthCameraDeclaration):
+        if self.name in self._study.definition.posterior_keys or not isinstance(self._part, DepthCameraDeclaration):
             return None
         tree, quick = self._tree, dict(self._quick)
         for path, value in given.items():
@@ -195,7 +194,7 @@ class Camera:
             tree = changed
         try:
             part = type(self._part).model_validate({"title": self.title, **tree})
-            built = self._definition.with_declaration(self.name, part)
+            built = self._study.with_declaration(self.name, part)
         except (TradestudyError, ValueError):
             return None  # reported with its path by the study
         copy = object.__new__(Camera)
@@ -203,31 +202,31 @@ class Camera:
         copy.__dict__.pop("_depth", None)
         return copy
 
-    def _changed(self, given: Mapping[str, Value]) -> StudyDefinition:
+    def _changed(self, given: Mapping[str, Value]) -> PreparedStudy:
         """The study of the camera with all its changes."""
-        definition = self._definition
+        study = self._study
         for values in (self._quick, given):
             if values:
                 paths = {f"cameras.{self.name}.{path}": value for path, value in values.items()}
-                definition = definition.with_values(paths, numbers_in_si=True)
+                study = study.with_values(paths, numbers_in_si=True)
         for path, value in given.items():
-            entry = definition.document.entry(f"cameras.{self.name}.{path}")
+            entry = study.document.entry(f"cameras.{self.name}.{path}")
             if type(value) in (int, float) and isinstance(entry, ScalarEntry):
-                _UNITS[type(definition.file.cameras[self.name]), path] = entry.text.partition(" ")[2]
-        return definition
+                _UNITS[type(study.file.cameras[self.name]), path] = entry.text.partition(" ")[2]
+        return study
 
     @cached_property
     def _calibrated(self) -> in_si.Camera:
         """The camera in SI, with its calibration."""
-        definition, known = self._definition, self._origin.posteriors
-        key = definition.posterior_keys.get(self.name)
+        study, known = self._study, self._origin.posteriors
+        key = study.definition.posterior_keys.get(self.name)
         if key is None:
-            return definition.case.all_cameras[self.name]
+            return study.case.all_cameras[self.name]
         if key not in known:
             from tradestudy.calibration.posteriors import infer
 
-            known[key] = infer(definition.calibrations_to_infer()[key]).calibration
-        return definition.with_posteriors({key: known[key]}).case.all_cameras[self.name]
+            known[key] = infer(study.definition.calibrations_to_infer()[key]).calibration
+        return replace(study, choices=Choices(posteriors={key: known[key]})).case.all_cameras[self.name]
 
     @cached_property
     def _depth(self) -> DepthCamera:
@@ -359,7 +358,7 @@ class Camera:
         """
         import xarray as xr
 
-        case = self._origin.definition.case
+        case = self._origin.study.case
         found = usable_intervals(self._depth, case.criteria, case.distance)
         columns: dict[str, list[Any]] = {
             "usable_near": [one.near for one in found],
@@ -445,12 +444,12 @@ def _with_leaf(tree: Mapping[str, Any], steps: list[str], value: str | float) ->
 class Cameras(Mapping[str, Camera]):
     """The cameras of a study by name, in its order."""
 
-    def __init__(self, definition: StudyDefinition) -> None:
-        self._definition = definition
+    def __init__(self, study: PreparedStudy) -> None:
+        self._study = study
         self._known: dict[str, Camera] = {}
 
     def __getitem__(self, name: str) -> Camera:
-        names = list(self._definition.file.cameras)
+        names = list(self._study.file.cameras)
         if name not in names:
             close = nearest(str(name), names)
             raise UnknownNameError(
@@ -460,20 +459,20 @@ class Cameras(Mapping[str, Camera]):
                 remedy="" if close is None else f"nearest: {close!r}",
             )
         if name not in self._known:
-            self._known[name] = Camera(_Origin(self._definition, name), self._definition)
+            self._known[name] = Camera(_Origin(self._study, name), self._study)
         return self._known[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._definition.file.cameras)
+        return iter(self._study.file.cameras)
 
     def __len__(self) -> int:
-        return len(self._definition.file.cameras)
+        return len(self._study.file.cameras)
 
     def __repr__(self) -> str:
         return f"<Cameras {', '.join(self)}>"
 
 
-def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Sequence[str]) -> xr.Dataset:
+def sweep(study: PreparedStudy, values: Mapping[str, Any], what: str | Sequence[str]) -> xr.Dataset:
     """Compute some variables of ``/depth`` for every combination of values; see `Study.sweep`."""
     import xarray as xr
 
@@ -483,15 +482,15 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
     from tradestudy.models.choice import choose_depth_models
 
     names = _variables(what)
-    if not definition.case.cameras:
+    if not study.case.cameras:
         raise OutOfRangeError("a sweep of depth", value="no camera", limit="studies with cameras that measure depth")
-    others = [key for key in _OTHER_QUESTIONS if definition.document.entry((key,)) is not None]
-    given = {path: _several(definition, path, plain_value(several)) for path, several in values.items()}
-    asked = definition.with_values(dict.fromkeys(others)).with_values({"sweep": given}, numbers_in_si=True)
+    others = [key for key in _OTHER_QUESTIONS if study.document.entry((key,)) is not None]
+    given = {path: _several(study, path, plain_value(several)) for path, several in values.items()}
+    asked = study.with_values(dict.fromkeys(others)).with_values({"sweep": given}, numbers_in_si=True)
     axes = tuple(_as_asked(axis, asked.document.tree["sweep"][axis.path]) for axis in sweep_axes(asked))
-    chosen = asked.with_models(choose_depth_models(asked, asked.case.cameras))
+    chosen = replace(asked, choices=Choices(models=choose_depth_models(asked, asked.case.cameras)))
     designs = sweep_points(infer_calibrations(chosen, Steps())[0], axes)
-    distance = definition.case.distance
+    distance = study.case.distance
     cameras = [(camera, one.case.criteria) for one in designs for camera in one.case.cameras.values()]
     known = {one: number for number, one in enumerate(dict.fromkeys(cameras))}
     arrays, parts = _swept_arrays(names, list(known), distance)
@@ -505,7 +504,7 @@ def sweep(definition: StudyDefinition, values: Mapping[str, Any], what: str | Se
     swept = xr.Dataset(variables)
     coordinates: dict[str, Any] = {
         name: (name, np.array(own, dtype=object if isinstance(own[0], str) else None))
-        for name, own in depth_coordinates(definition, distance, parts).items()
+        for name, own in depth_coordinates(study, distance, parts).items()
         if name in swept.dims
     }
     for name, axis in labels.items():
@@ -576,14 +575,14 @@ def _variables(what: str | Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _several(definition: StudyDefinition, path: str, given: Value) -> Value:
+def _several(study: PreparedStudy, path: str, given: Value) -> Value:
     """The values of one swept parameter, of which the first is possible."""
     if not isinstance(given, list) or not given:
         raise OutOfRangeError(
             f"{path}: the swept values", value=f"{given!r:.60}", limit="a list or an array with at least one value"
         )
     if given[0] is not None:
-        definition.with_values({path: given[0]}, numbers_in_si=True)
+        study.with_values({path: given[0]}, numbers_in_si=True)
     return given
 
 

@@ -63,7 +63,7 @@ def warned(study: Study, *, quiet: bool = False) -> Study:
         say(f"read: {reading.lines[0]}", *reading.lines[1:], err=True)
     from tradestudy.study.plausibility import implausible
 
-    for warning in implausible(study.definition):  # with the place on the command line
+    for warning in implausible(study.prepared):  # with the place on the command line
         say(f"warning: {warning}", err=True)
     return study
 

@@ -20,6 +20,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import DICTIONARY, OF_PYTHON, Document, Value, plain
 from tradestudy.study.loading import checked, with_questions_checked
 from tradestudy.study.plausibility import implausible, warn
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.python_values import new_value, plain_value
 from tradestudy.study.reader import options, overridden, read, read_text, read_values
 from tradestudy.study.schema.root import FORMAT
@@ -205,6 +206,11 @@ class Study:
         """
         return yaml_of(standalone(self.definition).under_tolerance.root)
 
+    @cached_property
+    def prepared(self) -> PreparedStudy:
+        """The study as its computations take it, before any model is chosen."""
+        return PreparedStudy(self.definition)
+
     @property
     def file(self) -> StudyFile:
         """The checked content of the study, in SI units."""
@@ -220,7 +226,7 @@ class Study:
         """The cameras by name, with their properties and their depth errors at any distance."""
         from tradestudy.camera_object import Cameras  # heavy, and commands do not need it
 
-        return Cameras(self.definition)
+        return Cameras(self.prepared)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -230,12 +236,12 @@ class Study:
         warning. A study from a dictionary also gives them as `ImplausibleValueWarning`, and so does `with_values` with
         new ones.
         """
-        return tuple(one.message for one in implausible(self.definition))
+        return tuple(one.message for one in implausible(self.prepared))
 
     @cached_property
     def _warnings_of_python(self) -> tuple[str, ...]:
         """Those about values that are in no file."""
-        return tuple(one.message for one in implausible(self.definition) if one.file in OF_PYTHON)
+        return tuple(one.message for one in implausible(self.prepared) if one.file in OF_PYTHON)
 
     @property
     def imported(self) -> tuple[str, ...]:
@@ -270,7 +276,7 @@ class Study:
 
     def check_summary(self) -> str:
         """Return what the study will compute, in one line, without checking the tolerances."""
-        file, case = self.file, self.definition.case
+        file, case = self.file, self.prepared.case
         ends = f" from {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
         sizes = [
             (len(file.cameras), "camera"),
@@ -302,12 +308,12 @@ class Study:
             cannot be rendered, or depth cannot be measured in them; or if the study prescribes a model for an effect
             that none of its cameras, lenses or light paths has.
         """
-        forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
+        forced = set(self.file.effects.forced()) - ({"calibration"} if self.prepared.case.cameras else set())
         has_spot = self.file.light_spot is not None  # whose picture depends on the chosen models
         if forced or has_spot or self.definition.under_tolerance.entry("accuracy") is not None:
             from tradestudy.models.choice import choose_models, refuse_chosen_spot
 
-            refuse_chosen_spot(self.definition, choose_models(self.definition))
+            refuse_chosen_spot(self.prepared, choose_models(self.prepared))
         self._refuse_pictures()
         self._refuse_calibrations("few views")
         return self.check_summary()
@@ -383,7 +389,7 @@ class Study:
             form = "a dictionary of paths and their values"
             remedy = "write {'camera.baseline': [0.05, 0.1]}"
             raise OutOfRangeError("the swept values", value=f"{values!r:.60}", limit=form, remedy=remedy)
-        return sweep(self.definition, values, what)
+        return sweep(self.prepared, values, what)
 
     def plan(self) -> Plan:
         """Decide which effects a run simulates and which it leaves out, and name its slow steps.
@@ -408,17 +414,17 @@ class Study:
         from tradestudy.answers.trade_criteria import refuse_words
         from tradestudy.models.plan import plan_of
 
-        refuse_words(self.definition)
+        refuse_words(self.prepared)
         self._refuse_pictures()
         self._refuse_calibrations(corners)
-        return plan_of(self.definition)
+        return plan_of(self.prepared)
 
     def _refuse_calibrations(self, corners: Corners) -> None:
         """Refuse calibrations that a run would refuse; see `refuse_calibrations`."""
         if any(form.posterior_keys for form in (self.definition, *self.definition.readings.values())):
             from tradestudy.answers.calibration import refuse_calibrations  # heavy, and few studies infer calibrations
 
-            refuse_calibrations(self.definition, corners=corners)
+            refuse_calibrations(self.prepared, corners=corners)
 
     def _refuse_pictures(self) -> None:
         """Refuse pictures and point spreads that a run would refuse; see `refuse_pictures` and `refuse_picture`."""
@@ -428,7 +434,7 @@ class Study:
             from tradestudy.models.light_trial import refuse_picture
             from tradestudy.models.spot_images import compared_models
 
-            claimed = compared_spots(self.definition)
+            claimed = compared_spots(self.prepared)
             for asked, method in dict.fromkeys([*((spot, method) for method in spot.methods), *claimed]):
                 refuse_picture(asked, compared_models(asked, method))
         if self.file.point_spread is not None:
@@ -442,7 +448,7 @@ class Study:
         if self.file.depth_loop is not None or (scene is not None and scene.image is not None):
             from tradestudy.answers.scene import refuse_pictures
 
-            refuse_pictures(self.definition)
+            refuse_pictures(self.prepared)
 
     def cost(
         self,
@@ -533,7 +539,7 @@ class Study:
             from tradestudy.answers.scene import files_of_pictures
             from tradestudy.results.storage import refuse_foreign
 
-            refuse_foreign(pictures, files_of_pictures(self.definition))
+            refuse_foreign(pictures, files_of_pictures(self.prepared))
         plan = self._plan("not fitted")
         watched = within_time(progress, plan.accuracy.time_limit, TIME_REMEDY, begun)
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=watched)

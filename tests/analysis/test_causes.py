@@ -17,7 +17,7 @@ STUDY = Path(__file__).parents[2] / "studies" / "calibration_plan.yaml"
 
 def test_the_share_of_noise_is_its_fraction_of_the_total_variance() -> None:
     """Focal length, principal point and pose offset each other: alone, each would seem to outweigh the noise."""
-    camera = planned(tradestudy.load(STUDY).definition).case.cameras["rig"]
+    camera = planned(tradestudy.load(STUDY).prepared).case.cameras["rig"]
     for distance in (0.5, 1.0, 2.0):
         at = np.array([distance])
         noise, whole = (float(depth_uncertainty(camera, at, error_source)[0]) for error_source in ("noise", "both"))

@@ -33,7 +33,7 @@ def distance_at(threshold: str) -> float:
         "tolerance_reason": "a bound",
     }
     study = tradestudy.load(STUDIES / "robot.yaml").with_values({**RIG, "claims": {"far": claim}})
-    return claim_value(study.definition.file.claims["far"], study.definition.case)
+    return claim_value(study.prepared.file.claims["far"], study.prepared.case)
 
 
 @pytest.mark.parametrize("threshold", [0.0001, 0.005, 0.1])

@@ -19,8 +19,8 @@ from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.depth_measurement import Environment
 from tradestudy.depth.usable import usable_intervals
-from tradestudy.study.definition import Case
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
+from tradestudy.study.prepared import Case, Choices
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.sources import ErrorClass, Source
 
@@ -131,8 +131,8 @@ def test_an_inverse_question_gives_the_closed_form_of_the_baseline(tmp_path: Pat
     )
     text = STUDY.replace("ERRORS", "baseline: {standard_deviation: 1 mm}").replace("0.001 px", "1 px")
     file.write_text(text + asked, encoding="utf-8")
-    definition = load_definition(file)
-    definition = definition.with_models({"rig": {"calibration": model}})
+    definition = load_prepared(file)
+    definition = replace(definition, choices=Choices(models={"rig": {"calibration": model}}))
     found = solve(definition, definition.file.solve["stretch"])
     truth = brentq(lambda s: half_width(2.0, noise=PIXEL, baseline=s) - 0.1, 1e-4, 2e-2)
     if model == "exact":
@@ -155,8 +155,10 @@ def test_two_cameras_are_equally_certain_at_the_solution(tmp_path: Path) -> None
         "equal: [rig, other], at: 2 m, low: 0.5 mm, high: 20 mm}\n"
     )
     file.write_text(text + asked, encoding="utf-8")
-    definition = load_definition(file)
-    definition = definition.with_models({"rig": {"calibration": "exact"}, "other": {"calibration": "exact"}})
+    definition = load_prepared(file)
+    definition = replace(
+        definition, choices=Choices(models={"rig": {"calibration": "exact"}, "other": {"calibration": "exact"}})
+    )
     found = solve(definition, definition.file.solve["stretch"])
     target = half_width(2.0, noise=2.0 * PIXEL, baseline=0.0)
     truth = brentq(lambda s: half_width(2.0, noise=PIXEL, baseline=s) - target, 1e-4, 2e-2)

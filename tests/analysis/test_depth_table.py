@@ -15,7 +15,7 @@ from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.depth import table
 from tradestudy.depth.evaluation import ERROR_SOURCES, distribution, imaged
 from tradestudy.depth.table import distribution_between, judged_uncertainty
-from tradestudy.study.definition import Case
+from tradestudy.study.prepared import Case
 from tradestudy.uncertainty.distributions import Normal, Uniform
 
 GRID = np.geomspace(0.05, 10.0, 401)

@@ -24,8 +24,8 @@ from tradestudy.execution import Steps
 from tradestudy.imaging.optical_transfer import kirchhoff_correction
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.models.plan import plan_of
-from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
+from tradestudy.study.prepared import Choices, PreparedStudy
 from tradestudy.uncertainty.distributions import Normal, Uniform
 
 NOISE, BOTH = ERROR_SOURCES.index("noise"), ERROR_SOURCES.index("both")
@@ -37,15 +37,15 @@ PICTURE = (
 
 
 @pytest.fixture(scope="module")
-def study() -> StudyDefinition:
-    return load_definition(STUDIES / "close_range.yaml", ("scene.distances.points=39",))
+def study() -> PreparedStudy:
+    return load_prepared(STUDIES / "close_range.yaml", ("scene.distances.points=39",))
 
 
-def uncertainty(definition: StudyDefinition, camera: str, distance: np.ndarray) -> np.ndarray:
+def uncertainty(definition: PreparedStudy, camera: str, distance: np.ndarray) -> np.ndarray:
     return evaluate_depth(definition.case.cameras[camera], distance).uncertainty
 
 
-def test_stopping_down_at_fixed_light_raises_depth_uncertainty_in_focus(study: StudyDefinition) -> None:
+def test_stopping_down_at_fixed_light_raises_depth_uncertainty_in_focus(study: PreparedStudy) -> None:
     f96, f22 = (uncertainty(study, name, FOCUS)[:, 0] for name in ("pair-f9.8", "pair-f22"))
     assert f22[NOISE] > 3 * f96[NOISE]
     assert f22[BOTH] > 1.4 * f96[BOTH]  # calibration is the larger part of the wider one
@@ -60,7 +60,7 @@ def test_stopping_down_at_fixed_light_raises_depth_uncertainty_in_focus(study: S
     assert f22[NOISE] / f96[NOISE] > 1.4 * lossless[1] / lossless[0]
 
 
-def test_a_smaller_aperture_buys_range_with_uncertainty(study: StudyDefinition) -> None:
+def test_a_smaller_aperture_buys_range_with_uncertainty(study: PreparedStudy) -> None:
     depth = {}
     for name in ("pair-f5.6", "pair-f9.8", "pair-f22"):
         (interval,) = usable_intervals(study.case.cameras[name], study.case.criteria, study.case.distance)
@@ -71,7 +71,7 @@ def test_a_smaller_aperture_buys_range_with_uncertainty(study: StudyDefinition) 
     assert depth["pair-f5.6"] < depth["pair-f9.8"] < depth["pair-f22"]
 
 
-def test_the_range_ends_where_the_matcher_leaves_the_bound(study: StudyDefinition) -> None:
+def test_the_range_ends_where_the_matcher_leaves_the_bound(study: PreparedStudy) -> None:
     camera = study.case.cameras["pair-f9.8"]
     (interval,) = usable_intervals(camera, study.case.criteria, study.case.distance)
     law = camera.disparity_error_px
@@ -114,7 +114,7 @@ def test_exact_calibrations_with_a_derived_error_agree_with_random_draws(field: 
     np.testing.assert_allclose(by_line.uncertainty[NOISE], found.uncertainty[NOISE], rtol=1e-12)
 
 
-def test_a_declared_error_is_untouched_by_the_picture(study: StudyDefinition) -> None:
+def test_a_declared_error_is_untouched_by_the_picture(study: PreparedStudy) -> None:
     other = study.with_values({"scene.picture.texture.contrast": "1 %", "scene.picture.matching_window": "30 px"})
     a = study.case.distance
     np.testing.assert_array_equal(uncertainty(study, "pair-declared", a), uncertainty(other, "pair-declared", a))
@@ -124,8 +124,8 @@ def test_a_declared_error_is_untouched_by_the_picture(study: StudyDefinition) ->
 
 def test_a_declared_error_at_five_metres_ignores_the_picture() -> None:
     path, five = STUDIES / "plenoptic_vs_stereo.yaml", np.array([5.0])
-    plain = load_definition(path)
-    pictured = load_definition(
+    plain = load_prepared(path)
+    pictured = load_prepared(
         path,
         (PICTURE,),
     )
@@ -137,7 +137,7 @@ def test_a_declared_error_at_five_metres_ignores_the_picture() -> None:
 
 def test_two_distances_do_not_hide_two_crossings_between_them() -> None:
     """The wider of two lenses is more certain in focus, and less certain where it is blurred on both sides of it."""
-    few, many = (load_definition(STUDIES / "close_range.yaml", (f"scene.distances.points={n}",)) for n in (2, 153))
+    few, many = (load_prepared(STUDIES / "close_range.yaml", (f"scene.distances.points={n}",)) for n in (2, 153))
     pair, nowhere = ("pair-f9.8", "pair-f5.6"), np.array([])
     found, dense = (decide_pair(one.case, pair, nowhere).crossings["both"] for one in (few, many))
     assert [one.nearer for one in found] == ["pair-f9.8", "pair-f5.6"]
@@ -147,7 +147,7 @@ def test_two_distances_do_not_hide_two_crossings_between_them() -> None:
     assert first == pytest.approx(second, rel=1e-4)
 
 
-def test_results_contain_the_error_and_its_own_error(study: StudyDefinition) -> None:
+def test_results_contain_the_error_and_its_own_error(study: PreparedStudy) -> None:
     depth = depth_at_places_group(study, tuple(study.case.distance.tolist()))
     names = list(study.case.cameras)
     error = depth["disparity_error_px"].to_numpy()
@@ -159,7 +159,7 @@ def test_results_contain_the_error_and_its_own_error(study: StudyDefinition) -> 
     assert np.all((own[names.index("pair-f9.8")] > 0.0) & (own[names.index("pair-f9.8")] < 0.1 * derived))
 
 
-def test_other_lens_values_change_the_derived_error(study: StudyDefinition) -> None:
+def test_other_lens_values_change_the_derived_error(study: PreparedStudy) -> None:
     changed = study.with_values({"pair-f9.8.lenses.f_number": "22"})
     assert changed.case.cameras["pair-f9.8"] == study.case.cameras["pair-f22"]
 
@@ -179,15 +179,15 @@ def test_other_lens_values_change_the_derived_error(study: StudyDefinition) -> N
 )
 def test_mistakes_are_reported_at_their_place(change: str, place: str, words: str) -> None:
     with pytest.raises(StudyError) as caught:
-        load_definition(Path(STUDIES / "close_range.yaml"), (change,))
+        load_prepared(Path(STUDIES / "close_range.yaml"), (change,))
     assert any(problem.path == place and words in problem.what for problem in caught.value.problems), caught.value
 
 
-def test_kirchhoff_s_correction_is_computed_beforehand_with_progress(study: StudyDefinition) -> None:
+def test_kirchhoff_s_correction_is_computed_beforehand_with_progress(study: PreparedStudy) -> None:
     """Then no distance of the study waits for it."""
     few = {"from": "54 mm", "to": "57 mm", "points": 5, "spacing": "log"}
     slow = study.with_values({"scene.distances": few, "decision.at": ["54 mm", "57 mm"]})
-    with_kirchhoff = slow.with_models({"pair-f22": {"main_lens_diffraction": "kirchhoff"}})
+    with_kirchhoff = replace(slow, choices=Choices(models={"pair-f22": {"main_lens_diffraction": "kirchhoff"}}))
     reported: list[tuple[str, float]] = []
     compute_kirchhoff_pictures(with_kirchhoff, lambda step, share: reported.append((step, share)))
     shares = [share for _, share in reported]
@@ -204,7 +204,7 @@ def test_kirchhoff_s_correction_is_computed_beforehand_with_progress(study: Stud
     assert not reported
 
 
-def test_a_run_computes_it_before_depth(study: StudyDefinition, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_computes_it_before_depth(study: PreparedStudy, monkeypatch: pytest.MonkeyPatch) -> None:
     class ReachedError(Exception):
         pass
 

@@ -153,7 +153,7 @@ def midpoint_depths(truth: float, yaw: np.ndarray, pitch: np.ndarray, noise: np.
 
 
 def test_midpoint_of_skew_rays_agrees_with_a_million_plain_draws() -> None:
-    camera = tradestudy.load(CASE).definition.case.cameras["m"]
+    camera = tradestudy.load(CASE).prepared.case.cameras["m"]
     places = np.array([2.0, 6.0])
     found = evaluate_depth(replace(camera, propagation=replace(EXACT, judged=(2.0, 6.0))), places)
     rng, count = np.random.default_rng(5), 10**6

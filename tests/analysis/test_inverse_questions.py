@@ -22,12 +22,12 @@ STUDIES = Path(__file__).parents[2] / "studies"
 def asked(**question: Any) -> tuple[tradestudy.Study, Solved]:
     values = {"says": "which value?", "at": "3 m", **question}
     study = tradestudy.load(STUDIES / "robot.yaml").with_values({"solve": {"own": values}})
-    definition = study.plan().definition.under("own")
+    definition = study.plan().study.under("own")
     return study, solve(definition, definition.file.solve["own"])
 
 
 def uncertainty(study: tradestudy.Study, values: dict[str, str], camera: str, at: float) -> float:
-    case = study.plan().definition.with_values(values).case
+    case = study.plan().study.with_values(values).case
     return float(depth_uncertainty(case.cameras[camera], np.array([at]))[0])
 
 
@@ -65,7 +65,7 @@ def test_noise_that_exceeds_the_calibration_asked_for_is_reported(goal: str, *, 
     yaw = {"vary": "stereo-75mm.calibration.errors.yaw.standard_deviation", "low": "0.0001 deg", "high": "1 deg"}
     study = tradestudy.load(STUDIES / "robot.yaml").with_values({"stereo-75mm.depth.disparity_error": "0.1 px"})
     question = {"says": "how well?", "at": "3 m", "uncertainty": goal, "errors": "calibration"}
-    definition = study.with_values({"solve": {"own": {**yaw, **question, "camera": "stereo-75mm"}}}).plan().definition
+    definition = study.with_values({"solve": {"own": {**yaw, **question, "camera": "stereo-75mm"}}}).plan().study
     found = solve(definition, definition.file.solve["own"])
     assert found.solutions
     rig = definition.case.cameras["stereo-75mm"]
@@ -73,7 +73,7 @@ def test_noise_that_exceeds_the_calibration_asked_for_is_reported(goal: str, *, 
     assert noise == pytest.approx(0.015, rel=0.5)
     assert (f"{1e3 * noise:.3g} mm" in found.answer) is says
     of_all = question | {"errors": "both"}
-    whole = study.with_values({"solve": {"own": {**yaw, **of_all, "camera": "stereo-75mm"}}}).plan().definition
+    whole = study.with_values({"solve": {"own": {**yaw, **of_all, "camera": "stereo-75mm"}}}).plan().study
     answer = solve(whole, whole.file.solve["own"]).answer
     assert (
         answer.startswith("no value")
@@ -92,7 +92,7 @@ def test_both_of_two_solutions_are_reported() -> None:
     study = base.with_values(
         {**wide, "solve": {"own": {"says": "?", "at": "0.6 m", "uncertainty": f"{goal * least} m", **question}}}
     )
-    definition = study.plan().definition.under("own")
+    definition = study.plan().study.under("own")
     found = solve(definition, definition.file.solve["own"])
     assert len(found.solutions) == 2
     for one in found.solutions:

@@ -16,7 +16,7 @@ from tradestudy.cameras.depth_measurement import PIXEL_NOISE
 from tradestudy.depth.evaluation import model_error
 from tradestudy.depth.linear import linear_distribution, linearised_depth
 from tradestudy.models.plan import plan_of
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
 from tradestudy.uncertainty.distributions import Normal
 
 YAW = math.radians(0.2)
@@ -119,5 +119,5 @@ def test_the_measured_error_of_the_linear_model_is_its_true_error(spread: float)
 def test_a_plan_chooses_the_linear_model_where_it_keeps_the_tolerance(tmp_path: Path, errors: str, model: str) -> None:
     file = tmp_path / "rig.yaml"
     file.write_text(STUDY.replace("ERRORS", errors), encoding="utf-8")
-    plan = plan_of(load_definition(file))
+    plan = plan_of(load_prepared(file))
     assert plan.models("rig")["calibration"] == model

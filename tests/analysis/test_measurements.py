@@ -101,7 +101,7 @@ def test_a_camera_from_the_fitted_file_measures_with_the_measured_bias(tmp_path:
     (tmp_path / "again.yaml").write_text(
         f"{head}  rig:\n    from: fitted.yaml\nscene:{scene.partition('scene:')[2]}", encoding="utf-8"
     )
-    again = tradestudy.load(tmp_path / "again.yaml").definition.case.cameras["rig"]
+    again = tradestudy.load(tmp_path / "again.yaml").prepared.case.cameras["rig"]
     assert again.disparity_error_px == pytest.approx(0.4, rel=1e-3)
     read = again.measured_depth(
         DISTANCES, 0.0, {name: np.full((1, 1), mean) for name, mean in again.calibration.means.items()}
@@ -171,7 +171,7 @@ def test_new_starts_a_study_from_a_table(tmp_path: Path, monkeypatch: pytest.Mon
     Path("wall 1's.csv").write_text(_table(distance=DISTANCES, sigma=sigma), encoding="utf-8")
     made = CliRunner().invoke(cli.app, ["new", "mine", "--from-measurements", "wall 1's.csv"])
     assert made.exit_code == 0, made.output
-    study = tradestudy.load("mine.yaml").definition
+    study = tradestudy.load("mine.yaml").prepared
     assert study.file.measurements["wall"].file == "wall 1's.csv"
     assert study.case.distance[[0, -1]] == pytest.approx([0.54, 6.6])
     refused = CliRunner().invoke(cli.app, ["new", "two", "--stereo", "--from-measurements", "wall 1's.csv"])

@@ -119,7 +119,7 @@ def test_a_requirement_is_judged_at_the_worst_place_of_its_part_of_the_picture(
     field: str | None, across: float, where: str
 ) -> None:
     study = tradestudy.load(BIN).with_values({} if field is None else {"requirements.near.field": field})
-    near, case = study.file.requirements["near"], study.definition.case
+    near, case = study.file.requirements["near"], study.prepared.case
     found = check_requirement(near, case, "d455")
     assert found.value == pytest.approx(half_width_by_rays(across, abs(across), 0.6), rel=5e-3)
     assert found.reason.endswith(where)
@@ -128,7 +128,7 @@ def test_a_requirement_is_judged_at_the_worst_place_of_its_part_of_the_picture(
 def test_a_place_that_misses_the_bound_decides_though_the_axis_meets_it() -> None:
     """1.2 mm lies between 0.869 mm on the axis and 1.337 mm on the left, at 0.6 m."""
     study = tradestudy.load(BIN).with_values({"requirements.near.depth_uncertainty.below": "1.2 mm"})
-    near, case = study.file.requirements["near"], study.definition.case
+    near, case = study.file.requirements["near"], study.prepared.case
     assert check_requirement(near, case, "d455").met is False
     assert not is_kept(near.model_copy(update={"camera": "d455"}), case)
     assert check_requirement(near.model_copy(update={"field": 0.0}), case, "d455").met is True

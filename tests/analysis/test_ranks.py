@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from tradestudy.answers.questions import solve
 from tradestudy.answers.ranks import rank
 from tradestudy.answers.solutions import Solved
 from tradestudy.cameras.calibration import Calibration
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
+from tradestudy.study.prepared import Choices
 from tradestudy.uncertainty.distributions import Normal
 
 R5 = """  r5:
@@ -53,8 +55,8 @@ def answer(folder: Path, errors: str, model: str) -> Solved:
         "scene:", R5.replace("INCLUDED", errors)
     )
     file.write_text(text, encoding="utf-8")
-    definition = load_definition(file)
-    definition = definition.with_models({"r5": {"calibration": model}})
+    definition = load_prepared(file)
+    definition = replace(definition, choices=Choices(models={"r5": {"calibration": model}}))
     return solve(definition, definition.file.solve["array"])
 
 

@@ -61,7 +61,7 @@ def test_conformity_is_the_probability_that_the_true_value_meets_the_bound() -> 
 
 def test_the_worst_value_must_stay_a_guard_band_away_from_the_bound() -> None:
     study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT})
-    case, required = study.definition.case, part(study, "near")
+    case, required = study.prepared.case, part(study, "near")
     plain = check_requirement(required, case, "stereo-75mm")
     assert plain.met
     assert plain.error > 0.0
@@ -73,7 +73,7 @@ def test_the_worst_value_must_stay_a_guard_band_away_from_the_bound() -> None:
 
 def test_the_worst_value_is_that_of_a_fine_grid() -> None:
     study = robot(near={"camera": "raytrix-r5", "depth_uncertainty": {"below": "5 mm", "over": ["0.4 m", "0.9 m"]}})
-    case = study.definition.case
+    case = study.prepared.case
     found = check_requirement(part(study, "near"), case, "raytrix-r5")
     fine = np.geomspace(0.4, 0.9, 4001)
     values = judged_uncertainty(case.cameras["raytrix-r5"], fine)
@@ -84,7 +84,7 @@ def test_the_worst_value_is_that_of_a_fine_grid() -> None:
 
 
 def test_errors_of_single_values_equal_those_of_the_table() -> None:
-    case, places = tradestudy.load(ROBOT).definition.case, np.array([0.5, 1.0, 3.0])
+    case, places = tradestudy.load(ROBOT).prepared.case, np.array([0.5, 1.0, 3.0])
     for camera in case.cameras.values():
         table = evaluate_depth(camera, places).judged_error[-1]
         np.testing.assert_allclose(judged_uncertainty_error(camera, places), table, rtol=1e-7)  # interpolated widths
@@ -92,7 +92,7 @@ def test_errors_of_single_values_equal_those_of_the_table() -> None:
 
 def test_any_takes_the_best_camera_and_all_the_worst() -> None:
     study = robot(any={"camera": "any", **ONE_PER_CENT}, all={"camera": "all", **ONE_PER_CENT})
-    judge, case = Judge(), study.definition.case
+    judge, case = Judge(), study.prepared.case
     margins = {name: check_requirement(part(study, "any"), case, name).margin for name in case.cameras}
     nearest, every = judge.answer(part(study, "any"), case)
     farthest, _ = judge.answer(part(study, "all"), case)
@@ -104,7 +104,7 @@ def test_any_takes_the_best_camera_and_all_the_worst() -> None:
 
 def test_an_unusable_camera_misses_by_at_least_its_unusable_share() -> None:
     study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "1 km", "over": ["0.4 m", "3 m"]}})
-    found = check_requirement(part(study, "far"), study.definition.case, "raytrix-r5")
+    found = check_requirement(part(study, "far"), study.prepared.case, "raytrix-r5")
     assert not found.met
     # The R5 is usable up to 1.832 m of these.
     assert found.unusable == pytest.approx(np.log(3.0 / 1.832) / np.log(3.0 / 0.4), abs=0.003)
@@ -122,7 +122,7 @@ def test_an_unusable_camera_misses_by_at_least_its_unusable_share() -> None:
 )
 def test_a_range_wholly_outside_the_usable_one_names_the_limit_broken_there(over: list[str], limit: str) -> None:
     study = robot(own={"camera": "raytrix-r5", "usable": {"over": over}})
-    case = study.definition.case
+    case = study.prepared.case
     found = check_requirement(part(study, "own"), case, "raytrix-r5")
     assert (found.met, found.unusable) == (False, 1.0)
     assert found.limit == limit
@@ -186,7 +186,7 @@ def test_a_second_camera_can_keep_an_answer_that_the_first_would_lose(camera: st
 
 def test_a_camera_that_is_nowhere_usable_names_the_first_limit_broken() -> None:
     study = robot(own={"camera": "raytrix-r5", "usable": {"over": ["2 m", "3 m"]}})
-    found = check_requirement(part(study, "own"), study.definition.case, "raytrix-r5", known=())
+    found = check_requirement(part(study, "own"), study.prepared.case, "raytrix-r5", known=())
     assert found.limit == "relative_uncertainty"
     assert found.reason == "not usable from 2 to 3 m: too uncertain"
 
@@ -204,7 +204,7 @@ def test_a_camera_that_is_nowhere_usable_names_the_first_limit_broken() -> None:
 )
 def test_other_quantities_are_bounded_too(quantity: dict[str, Any], met: bool) -> None:
     study = robot(own={"camera": "stereo-75mm", **quantity})
-    case, required = study.definition.case, part(study, "own")
+    case, required = study.prepared.case, part(study, "own")
     found = check_requirement(required, case, "stereo-75mm")
     assert found.met is met
     assert is_kept(required, case) is met
@@ -219,7 +219,7 @@ def test_other_quantities_are_bounded_too(quantity: dict[str, Any], met: bool) -
 
 def test_a_camera_without_overlap_decides_nothing() -> None:
     study = robot(own={"camera": "any", "overlap": {"above": "60 %", "over": ["0.4 m", "3 m"]}})
-    one, every = Judge().answer(part(study, "own"), study.definition.case)
+    one, every = Judge().answer(part(study, "own"), study.prepared.case)
     assert every["raytrix-r5"].met is None
     assert one.met
     assert one.camera.startswith("stereo")
@@ -230,7 +230,7 @@ def test_a_camera_that_is_usable_nowhere_in_the_required_range_is_never_the_clos
     out_of_focus = {"focus_distance": "30 mm", "depth.disparity_error": "0.1 px"}
     heads = {f"stereo-{base}mm.{name}": value for base in (50, 75) for name, value in out_of_focus.items()}
     study = study.with_values({**heads, "usable_range.blur": "2 px"})
-    one, every = Judge().answer(part(study, "own"), study.definition.case)
+    one, every = Judge().answer(part(study, "own"), study.prepared.case)
     assert [every[f"stereo-{base}mm"].unusable for base in (50, 75)] == [1.0, 1.0]
     array, head = every["raytrix-r5"], every["stereo-75mm"]
     assert array.value_margin is not None
@@ -246,10 +246,10 @@ def test_one_camera_without_overlap_leaves_all_undecided_and_an_empty_bound_is_m
         every={"camera": "all", "overlap": {"above": "60 %", **over}},
         nothing={"camera": "stereo-75mm", "overlap": {"above": "0 %", **over}},
     )
-    one, _ = Judge().answer(part(study, "every"), study.definition.case)
+    one, _ = Judge().answer(part(study, "every"), study.prepared.case)
     assert (one.met, one.camera) == (None, "raytrix-r5")
-    assert not is_kept(part(study, "every"), study.definition.case)
-    free = check_requirement(part(study, "nothing"), study.definition.case, "stereo-75mm")
+    assert not is_kept(part(study, "every"), study.prepared.case)
+    free = check_requirement(part(study, "nothing"), study.prepared.case, "stereo-75mm")
     assert free.met
     assert free.margin == math.inf
     with pytest.raises(StudyError, match="failed_fraction"):
@@ -258,7 +258,7 @@ def test_one_camera_without_overlap_leaves_all_undecided_and_an_empty_bound_is_m
 
 def test_a_usable_range_that_ends_inside_the_required_one_misses_it() -> None:
     study = robot(own={"camera": "raytrix-r5", "usable": {"over": ["0.4 m", "3 m"]}})
-    found = check_requirement(part(study, "own"), study.definition.case, "raytrix-r5")
+    found = check_requirement(part(study, "own"), study.prepared.case, "raytrix-r5")
     assert not found.met
     assert found.margin == pytest.approx(-found.unusable)
 
@@ -287,7 +287,7 @@ def test_the_end_of_an_interval_is_a_root_and_not_a_design() -> None:
     study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT}).with_values(
         {"sweep": {"stereo-75mm.baseline": ["30 mm", "60 mm", "90 mm"]}}
     )
-    definition = study.plan().definition
+    definition = study.plan().study
     found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), Steps())
     low, high = 0.03, 0.09
     while high - low > 1e-6:
@@ -306,7 +306,7 @@ def test_where_any_camera_may_meet_it_each_has_its_own_range() -> None:
     """The 50 mm head meets 2 % everywhere, which says nothing about the 75 mm head, whose baseline is swept."""
     two = {"depth_uncertainty": {"below_relative": "2 %", "over": ["0.4 m", "3 m"]}}
     study = robot(any={"camera": "any", **two}, named={"camera": "stereo-75mm", **two})
-    definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["20 mm", "60 mm", "90 mm"]}}).plan().definition
+    definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["20 mm", "60 mm", "90 mm"]}}).plan().study
     found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), Steps())
     columns = [found[name].values for name in ("met_camera", "met_from", "met_to")]
     of_any, of_named = (
@@ -325,7 +325,7 @@ def test_processes_give_the_same_bits_and_evaluate_each_camera_once() -> None:
         any={"camera": "any", **ONE_PER_CENT},
         overlap={"camera": "stereo-75mm", "overlap": {"above": "50 %", "over": ["1 m", "3 m"]}},
     )
-    definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["30 mm", "75 mm", "90 mm"]}}).definition
+    definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["30 mm", "75 mm", "90 mm"]}}).prepared
     designs = sweep_points(definition, sweep_axes(definition))
     with closing(Processes(2)) as processes:
         steps = Steps(executor=processes)
@@ -370,9 +370,9 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     definition = SimpleNamespace(
         file=file,
         with_values=lambda values: SimpleNamespace(
-            case=float(values["x"].value), calibrations_to_infer=dict, file=file
+            case=float(values["x"].value), definition=SimpleNamespace(calibrations_to_infer=dict), file=file
         ),
-        calibrations_to_infer=dict,
+        definition=SimpleNamespace(calibrations_to_infer=dict),
     )
     judge = _TwoStretches()
     column = [judge.answer(None, one) for one in labels]
@@ -404,7 +404,8 @@ def test_nothing_lies_between_two_neighbouring_whole_numbers() -> None:
     definition = SimpleNamespace(file=SimpleNamespace(accuracy=tolerances), with_values=refuse)
     assert _root(definition, "r", axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.0)  # type: ignore[arg-type]  # stand-ins
     no_plan = SimpleNamespace(
-        file=definition.file, with_values=lambda _: SimpleNamespace(calibrations_to_infer=unplanned)
+        file=definition.file,
+        with_values=lambda _: SimpleNamespace(definition=SimpleNamespace(calibrations_to_infer=unplanned)),
     )
     assert _root(no_plan, "r", axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.5)  # type: ignore[arg-type]  # stand-ins
 
@@ -433,7 +434,7 @@ def test_an_undecided_camera_matters_only_where_the_others_do_not_decide(
     camera: str, answers: tuple[bool | None, ...], expected: bool | None
 ) -> None:
     study = robot(own={"camera": camera, **ONE_PER_CENT})
-    required, case = part(study, "own"), study.definition.case
+    required, case = part(study, "own"), study.prepared.case
     unknown = RequirementAnswer.unknown("", 0.01, "nothing is known")
     known = {
         name: answer(met=bool(met)) if met is not None else unknown for name, met in zip("ab", answers, strict=True)
@@ -450,7 +451,7 @@ def test_the_bound_itself_does_not_meet_a_strict_bound() -> None:
 
 def test_of_cameras_that_miss_the_whole_range_the_better_one_is_nearest() -> None:
     study = robot(own={"camera": "any", **ONE_PER_CENT})
-    case = study.definition.case
+    case = study.prepared.case
     worse = replace(answer(met=False), margin=-1.0, unusable=1.0, value=0.5)
     case = replace(case, cameras={"a": case.cameras["stereo-50mm"], "b": case.cameras["stereo-75mm"]})
     nearest, _ = _Fixed(a=worse, b=replace(worse, value=0.2)).answer(part(study, "own"), case)
@@ -459,7 +460,7 @@ def test_of_cameras_that_miss_the_whole_range_the_better_one_is_nearest() -> Non
 
 def test_a_camera_that_misses_the_value_alone_is_nearer_than_one_that_also_has_a_gap() -> None:
     study = robot(own={"camera": "any", **ONE_PER_CENT})
-    case = study.definition.case
+    case = study.prepared.case
     case = replace(case, cameras={"a": case.cameras["stereo-50mm"], "b": case.cameras["stereo-75mm"]})
     gap = replace(answer(met=False), margin=-0.71, value_margin=-0.71, unusable=0.05)
     everywhere = replace(answer(met=False), margin=-0.72, value_margin=-0.72)
@@ -471,7 +472,7 @@ def test_a_camera_that_misses_the_value_alone_is_nearer_than_one_that_also_has_a
 
 def test_where_the_value_falls_shorter_than_the_usable_range_no_limit_decides() -> None:
     study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "0.1 mm", "over": ["0.4 m", "1.84 m"]}})
-    found = check_requirement(part(study, "far"), study.definition.case, "raytrix-r5")
+    found = check_requirement(part(study, "far"), study.prepared.case, "raytrix-r5")
     assert 0.0 < found.unusable < -found.margin
     assert found.limit == ""
     assert "1.82 to 1.84 m: " in found.reason
@@ -489,7 +490,7 @@ def test_whole_numbers_are_searched_in_whole_numbers() -> None:
         value = values["x"].value
         if not isinstance(value, int):
             raise StudyError([])
-        return SimpleNamespace(case=value, calibrations_to_infer=dict, file=file)
+        return SimpleNamespace(case=value, definition=SimpleNamespace(calibrations_to_infer=dict), file=file)
 
     class Six:
         def answer(self, _requirement: object, case: int) -> tuple[RequirementAnswer, dict[str, RequirementAnswer]]:
@@ -499,7 +500,7 @@ def test_whole_numbers_are_searched_in_whole_numbers() -> None:
     axis = SweepAxis(path="x", values=(entry,), labels=(2.0,), units="1", declared=2.0, dimension=NUMBER)
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
     file = SimpleNamespace(requirements={"r": SimpleNamespace(camera="any")}, accuracy=tolerances)
-    definition = SimpleNamespace(file=file, with_values=images, calibrations_to_infer=dict)
+    definition = SimpleNamespace(file=file, with_values=images, definition=SimpleNamespace(calibrations_to_infer=dict))
     assert _root(definition, "r", axis, (11.0, 2.0), "near", Six()) == (6.0, 0.0)  # type: ignore[arg-type]  # stand-ins
 
 
@@ -518,7 +519,7 @@ def test_every_gap_of_the_usable_range_is_named_with_its_limit() -> None:
         f"from 2 to 3 m: {limit_words('relative_uncertainty')}"
     )
     used, measured = (
-        check_requirement(part(study, name), study.definition.case, "stereo-75mm", known) for name in ("use", "depth")
+        check_requirement(part(study, name), study.prepared.case, "stereo-75mm", known) for name in ("use", "depth")
     )
     assert used.reason == gaps
     assert measured.reason.startswith(f"{gaps}; worst ")

@@ -29,23 +29,23 @@ def robot(**values: Any) -> tradestudy.Study:
 
 
 def judged(study: tradestudy.Study) -> RequirementAnswer:
-    found, _ = Judge().answer(study.file.requirements["own"], study.definition.case)
+    found, _ = Judge().answer(study.file.requirements["own"], study.prepared.case)
     return found
 
 
 def test_the_value_is_that_at_the_distance_and_is_not_called_the_worst() -> None:
     study = robot(depth_uncertainty={"below": "20 mm", "at": "0.6 m"})
     found = judged(study)
-    value = judged_uncertainty(study.definition.case.cameras["stereo-75mm"], np.array([0.6]))[0]
+    value = judged_uncertainty(study.prepared.case.cameras["stereo-75mm"], np.array([0.6]))[0]
     assert (found.value, found.place) == (pytest.approx(value, rel=1e-12), 0.6)
     assert found.met
-    assert is_kept(study.file.requirements["own"], study.definition.case)
+    assert is_kept(study.file.requirements["own"], study.prepared.case)
     assert found.margin == pytest.approx(20e-3 / value - 1.0)
     assert found.reason.endswith(" at 0.6 m")
     assert "worst" not in found.reason
     missed = robot(depth_uncertainty={"below": f"{0.99 * value} m", "at": "0.6 m"})
     assert judged(missed).met is False
-    assert not is_kept(missed.file.requirements["own"], missed.definition.case)
+    assert not is_kept(missed.file.requirements["own"], missed.prepared.case)
 
 
 def test_the_worst_place_of_a_picture_is_still_called_so() -> None:
@@ -114,10 +114,10 @@ def test_a_distance_is_sharp_by_the_closed_form_of_a_single_lens(at: str, met: b
 
 def test_a_distance_beyond_the_study_is_judged_and_warned_about() -> None:
     study = robot(depth_uncertainty={"below": "1 km", "at": "5 m"})
-    value = judged_uncertainty(study.definition.case.cameras["stereo-75mm"], np.array([5.0]))[0]
-    found = check_requirement(study.file.requirements["own"], study.definition.case, "stereo-75mm")
+    value = judged_uncertainty(study.prepared.case.cameras["stereo-75mm"], np.array([5.0]))[0]
+    found = check_requirement(study.file.requirements["own"], study.prepared.case, "stereo-75mm")
     assert found.value == pytest.approx(value, rel=1e-12)
-    reported = {one.path: one.what for one in implausible(study.definition)}
+    reported = {one.path: one.what for one in implausible(study.prepared)}
     assert reported["requirements.own.depth_uncertainty.at"].startswith("lies beyond the distances of the scene")
 
 

@@ -32,7 +32,7 @@ def hand_lens(requirement: dict[str, Any], **values: Any) -> tradestudy.Study:
 
 
 def answer(study: tradestudy.Study) -> tuple[Any, dict[str, Any]]:
-    judged, every = Judge().answer(study.file.requirements["own"], study.definition.case)
+    judged, every = Judge().answer(study.file.requirements["own"], study.prepared.case)
     return judged, dict(every)
 
 
@@ -52,7 +52,7 @@ def test_a_declared_mass_is_compared_with_its_bound(
     judged, _ = answer(study)
     assert (judged.met, judged.camera) == (met, deciding)
     assert judged.margin == pytest.approx(margin, abs=1e-12, nan_ok=True)
-    assert is_kept(study.file.requirements["own"], study.definition.case) is (met is True)
+    assert is_kept(study.file.requirements["own"], study.prepared.case) is (met is True)
 
 
 def test_all_is_undecided_if_one_camera_has_no_numerical_mass() -> None:
@@ -145,7 +145,7 @@ def test_missing_things_are_refused_at_their_place(requirement: dict[str, Any], 
 
 def test_a_range_beyond_the_scene_is_warned_about_as_for_other_quantities() -> None:
     study = hand_lens({"camera": "any", "depth_of_field": {"over": ["140 mm", "300 mm"]}})
-    reported = {one.path: one.what for one in implausible(study.definition)}
+    reported = {one.path: one.what for one in implausible(study.prepared)}
     assert reported["requirements.own.depth_of_field.over"].startswith("reaches beyond the distances of the scene")
 
 
@@ -158,7 +158,7 @@ def test_a_sweep_finds_the_f_number_from_which_a_range_is_sharp() -> None:
     )
     f, a, c = 12.5e-3, 0.15, 5.5e-6
     expected = f**2 * (1 - a / 0.152) / (c * (a - f))
-    definition = study.definition
+    definition = study.prepared
     found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), Steps())
     own = found.sel(requirement="own")
     assert own["met_from"].values[0] == pytest.approx(expected, rel=2e-3)

@@ -19,7 +19,7 @@ ANY_CAMERA = DATA / "any-camera" / "two.yaml"
 
 
 def answers(study: tradestudy.Study) -> tuple[RequirementAnswer, dict[str, RequirementAnswer]]:
-    one, every = Judge().answer(study.file.requirements["fine"], study.definition.case)
+    one, every = Judge().answer(study.file.requirements["fine"], study.prepared.case)
     return one, dict(every)
 
 
@@ -51,7 +51,7 @@ def test_a_focus_stack_counts_for_any_camera() -> None:
     assert set(every) == {"conv", "s"}
     assert every["s"].met is False
     assert every["s"].value == pytest.approx(20e-6 * (100 - 12) / 12, rel=1e-9)
-    assert is_kept(study.file.requirements["fine"], study.definition.case)
+    assert is_kept(study.file.requirements["fine"], study.prepared.case)
     named, every = answers(study.with_values({"requirements.fine.camera": "conv"}))
     assert named.met
     assert list(every) == ["conv"]
@@ -78,7 +78,7 @@ def test_a_sweep_of_the_wavelength_moves_the_limit_of_diffraction() -> None:
     values = []
     for wavelength in ("400 nm", "800 nm"):
         changed = study.with_values({"scene.wavelength": wavelength})
-        values.append(judge.answer(changed.file.requirements["fine"], changed.definition.case)[0].value)
+        values.append(judge.answer(changed.file.requirements["fine"], changed.prepared.case)[0].value)
     assert values[1] / values[0] == pytest.approx(2.0, rel=1e-12)
 
 

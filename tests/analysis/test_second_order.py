@@ -13,7 +13,7 @@ from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.depth.draws import exact_distribution
 from tradestudy.depth.evaluation import distribution, model_error
 from tradestudy.depth.linear import second_order
-from tradestudy.study.building import apply_models
+from tradestudy.study.prepared import apply_models
 
 
 @pytest.mark.parametrize("kind", KINDS)

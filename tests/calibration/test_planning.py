@@ -138,7 +138,7 @@ def loaded(folder: Path, views: str = SPREAD, more: Mapping[str, Any] | None = N
 def test_the_number_of_views_for_a_certainty_is_that_of_an_inferred_calibration(tmp_path: Path) -> None:
     """The number is planned; posteriors of one board shown to three rigs are sampled, and vary by 9 % between rigs."""
     study = loaded(tmp_path, more={"solve": {"views": {**VIEWS, "camera": "rig", "uncertainty": "0.6 mm"}}})
-    definition = study.plan().definition
+    definition = study.plan().study
     solved = solve(definition, definition.file.solve["views"])
     (one,) = solved.solutions
     assert one.value == round(one.value)
@@ -164,7 +164,7 @@ def test_an_answer_rests_on_corner_noise_by_its_share_of_the_planned_variance(
 ) -> None:
     """A covariance C of priors P and views contains C P⁻¹ C from the priors; the rest is from the corner noise."""
     asked = {"solve": {"views": {**VIEWS, "camera": "rig", "uncertainty": goal}}}
-    definition = loaded(tmp_path, more=asked).plan().definition
+    definition = loaded(tmp_path, more=asked).plan().study
     data = questions_group(definition, lambda _step, _share: None)
     views = int(data["solved_value"].item())
     rig = planned(definition.with_values({"rig.calibration.target.views": views})).case.cameras["rig"]
@@ -187,7 +187,7 @@ def test_views_for_a_requirement_are_planned(tmp_path: Path) -> None:
     needed = {"says": "n", "camera": "rig", "depth_uncertainty": {"below": "1.5 mm", "over": ["0.5 m", "1 m"]}}
     question = {key: VIEWS[key] for key in ("says", "vary", "low", "high")} | {"requirement": "needed"}
     asked = {"requirements": {"needed": needed}, "solve": {"views": question}}
-    definition = loaded(tmp_path, more=asked).plan().definition
+    definition = loaded(tmp_path, more=asked).plan().study
     (one,) = solve_requirement(definition, definition.file.solve["views"]).solutions
     assert one.value == round(one.value)
     assert 3 < one.value < 200
@@ -200,7 +200,7 @@ def test_views_for_a_requirement_are_planned(tmp_path: Path) -> None:
 def test_tilt_and_distance_for_a_certainty(tmp_path: Path, vary: str, low: str, high: str, goal: str) -> None:
     path = f"rig.calibration.target.{vary}"
     question = {**VIEWS, "vary": path, "low": low, "high": high, "camera": "rig", "uncertainty": goal}
-    definition = loaded(tmp_path, more={"solve": {"one": question}}).plan().definition
+    definition = loaded(tmp_path, more={"solve": {"one": question}}).plan().study
     (one,) = solve(definition, definition.file.solve["one"]).solutions
     assert 0.0 < one.error < 0.15 * one.value
 
@@ -234,7 +234,7 @@ def pair_pictures(parameters: FloatArray, rotations: FloatArray, places: FloatAr
 
 def test_given_poses_are_used_for_the_plan(tmp_path: Path) -> None:
     """Against the inverse of the whole information of errors and poses, by plain differences."""
-    (asked,) = loaded(tmp_path, TILTED).plan().definition.calibrations_to_infer().values()
+    (asked,) = loaded(tmp_path, TILTED).plan().study.definition.calibrations_to_infer().values()
     assert isinstance(asked, TargetToInfer)
     (group,) = planned_calibration(asked, 0).groups
     assert isinstance(group, JointNormal)

@@ -37,7 +37,7 @@ def fewest_lenses(camera: Any, distance: float) -> int:
 
 @pytest.mark.parametrize("name", ["mini40.0", "mini40.2"])
 def test_the_microlenses_focal_length_does_not_decide_what_they_see(name: str) -> None:
-    camera = load(CASES / f"{name}.yaml").definition.case.cameras["c"]
+    camera = load(CASES / f"{name}.yaml").prepared.case.cameras["c"]
     assert isinstance(camera, FocusedPlenoptic)
     rows = dict(camera.properties())
     (covered,) = (value for key, value in rows.items() if "see every point" in key)

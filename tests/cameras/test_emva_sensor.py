@@ -16,7 +16,7 @@ from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import TradestudyError
 from tradestudy.imaging.models import Light, SensorNoise, noise_variance
 from tradestudy.imaging.render.tiles import Recording
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 
 STUDIES = Path(__file__).parents[2] / "studies"
 GAIN, DARK, WELL, BITS = 0.31, 7.0, 9000.0, 12
@@ -61,8 +61,8 @@ def test_pixels_saturate_at_the_full_well_or_the_last_number(gain: float | None,
     assert above < 0.25 * below  # no shot noise is left
 
 
-def robot(values: dict[str, Any]) -> StudyDefinition:
-    return tradestudy.load(STUDIES / "robot.yaml").with_values(values).plan().definition
+def robot(values: dict[str, Any]) -> PreparedStudy:
+    return tradestudy.load(STUDIES / "robot.yaml").with_values(values).plan().study
 
 
 def uncertainty(values: dict[str, Any]) -> float:

@@ -115,7 +115,7 @@ def test_errors_of_radial_distortion_add_to_that_of_the_lens() -> None:
 def declared(*changes: str) -> StereoRig:
     cameras = load(
         STUDIES / "robot.yaml", [f"cameras.stereo-75mm.{change}" for change in changes]
-    ).definition.case.cameras
+    ).prepared.case.cameras
     rig = cameras["stereo-75mm"]
     assert isinstance(rig, StereoRig)
     return rig

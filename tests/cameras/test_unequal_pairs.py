@@ -175,7 +175,7 @@ def test_a_chain_of_two_sizes_is_read_and_written(tmp_path: Path) -> None:
     path = study(tmp_path, rig="from: chain.yaml")
     loaded = tradestudy.load(path)
     assert "; 480 × 270 px; right pictures 160 × 100 px; " in loaded.imported[0]
-    found = export(loaded.definition, "rig", ["kalibr", "mrcal"], lossy=False).texts
+    found = export(loaded.prepared, "rig", ["kalibr", "mrcal"], lossy=False).texts
     for name, text in found.items():
         (tmp_path / name).write_text(text)
     files = [name for name in found if name.endswith("cameramodel")]
@@ -185,7 +185,7 @@ def test_a_chain_of_two_sizes_is_read_and_written(tmp_path: Path) -> None:
         assert "right pictures 160 × 100 px" in tradestudy.load(other).imported[0]
     for word in ("opencv", "ros"):
         with pytest.raises(ExportError, match=r"pictures of two sizes(.|\n)*choose --format"):
-            export(loaded.definition, "rig", [word], lossy=False)
+            export(loaded.prepared, "rig", [word], lossy=False)
     wrong = study(tmp_path, rig="from: chain.yaml, right_sensor: {pixels: [320, 200]}")
     assert "is not the size of the calibrated right pictures, 160 × 100 px" in refusal(wrong)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
+from tradestudy.study.prepared import PreparedStudy
 
 STUDIES = Path(__file__).parents[2] / "studies"
 KINDS = ("stereo", "focused", "unfocused")
@@ -45,17 +45,17 @@ scene:
 """
 
 
-def base_study(kind: str, folder: Path) -> StudyDefinition:
+def base_study(kind: str, folder: Path) -> PreparedStudy:
     """The study whose values are replaced; read once for each kind."""
     more = "    stated: null" if kind == "stereo" else ""
     array = "" if kind == "stereo" else "        array_expansion: 7 ppm/K"
     file = folder / f"{kind}.yaml"
     text = _BASE.format(kind=kind, studies=STUDIES.as_posix(), file=_FILES[kind], more=more, array=array)
     file.write_text(text, encoding="utf-8")
-    return load_definition(file, ())
+    return load_prepared(file, ())
 
 
-def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> StudyDefinition:
+def random_study(base: PreparedStudy, kind: str, rng: np.random.Generator) -> PreparedStudy:
     """A camera and a scene that could be: where it is focused, what it looks at, in which light."""
 
     def log(low: float, high: float) -> float:

@@ -29,7 +29,7 @@ from tradestudy.depth.usable import all_met, evaluate_limits, usable_intervals
 from tradestudy.effects import Models, SlotName, models_of
 from tradestudy.errors import TradestudyError
 from tradestudy.models.choice import choose_models
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import Choices, PreparedStudy
 
 REPEATS = 3
 OVERHEAD = 0.1  # seconds that count for nothing
@@ -92,7 +92,7 @@ def run(cases: range, seed: int) -> Iterator[Case]:
             yield found
 
 
-def judge(name: str, definition: StudyDefinition, tolerance: float) -> Case | None:
+def judge(name: str, definition: PreparedStudy, tolerance: float) -> Case | None:
     """Choose, hold the choice against the most expensive set, and look for the cheapest that suffices."""
     case = definition.case
     truth = _Answer.of(definition, tolerance)
@@ -177,7 +177,7 @@ class _Answer:
     draws: int
 
     @classmethod
-    def of(cls, definition: StudyDefinition, tolerance: float, draws: int = _MOST_DRAWS) -> _Answer | None:
+    def of(cls, definition: PreparedStudy, tolerance: float, draws: int = _MOST_DRAWS) -> _Answer | None:
         case = definition.case
         camera = _camera(definition, complete(case.cameras["one"]), tolerance, draws)
         criteria, distance = case.criteria, case.distance
@@ -190,7 +190,7 @@ class _Answer:
         uncertainty = depth_uncertainty(camera, places)
         return cls(places=places, uncertainty=uncertainty, ends=_ends(camera, definition), draws=draws)
 
-    def change(self, definition: StudyDefinition, models: Models, tolerance: float) -> float:
+    def change(self, definition: PreparedStudy, models: Models, tolerance: float) -> float:
         """The largest relative change by other models: of the uncertainty, or the shift of an end of a usable range."""
         camera = _camera(definition, models, tolerance, self.draws)
         found = depth_uncertainty(camera, self.places)
@@ -213,7 +213,7 @@ def _in_focus(camera: DepthCamera, distance: np.ndarray) -> np.ndarray:
     return fine[1:-1][(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
 
 
-def _ends(camera: DepthCamera, definition: StudyDefinition) -> np.ndarray:
+def _ends(camera: DepthCamera, definition: PreparedStudy) -> np.ndarray:
     found = usable_intervals(camera, definition.case.criteria, definition.case.distance)
     return np.array([(one.near, one.far) for one in found]).ravel()
 
@@ -245,19 +245,19 @@ def _meeting(near: float, far: float, study: tuple[float, float]) -> float:
     return width / (far + near)
 
 
-def _camera(definition: StudyDefinition, models: Models, tolerance: float, draws: int) -> DepthCamera:
+def _camera(definition: PreparedStudy, models: Models, tolerance: float, draws: int) -> DepthCamera:
     """The camera, whose draws are known to a share of the tolerance, or as well as so many of them allow."""
-    camera = definition.with_models({"one": models}).case.cameras["one"]
+    camera = replace(definition, choices=Choices(models={"one": models})).case.cameras["one"]
     known_to = max(_FINEST, _TRUTH_SHARE * tolerance)
     return replace(camera, propagation=replace(camera.propagation, tolerance=known_to, max_draws=draws))
 
 
-def _choose_and_compute(definition: StudyDefinition) -> None:
+def _choose_and_compute(definition: PreparedStudy) -> None:
     _compute(definition, choose_models(definition)[0].models)
 
 
-def _compute(definition: StudyDefinition, models: Models) -> None:
-    case = definition.with_models({"one": models}).case
+def _compute(definition: PreparedStudy, models: Models) -> None:
+    case = replace(definition, choices=Choices(models={"one": models})).case
     depth_table(DepthPoint(camera=case.cameras["one"], criteria=case.criteria, distance=case.distance))
 
 

@@ -89,7 +89,7 @@ def rig(focal_px: float, baseline: float, noise_px: float = 0.1) -> DepthCamera:
             "scene": {"distances": ["1 m", "2 m"], "wavelength": "550 nm"},
         }
     )
-    return made.definition.case.cameras["rig"]
+    return made.prepared.case.cameras["rig"]
 
 
 def sigma(focal_px: float, baseline: float, noise_px: float, distance: float) -> float:
@@ -289,7 +289,7 @@ def raytrix() -> Iterator[Row]:
             quantity=f"spread of corners at {1e3 * z[0]:g} mm",
             free="0.68 px in each coordinate of a micro-image, from the same pictures",
             fixed="f, array, gap, pitch (calibrated by others)",
-            predicted=1e3 * float(predict(made.definition.case.cameras["r12"], z).sigma[0]),
+            predicted=1e3 * float(predict(made.prepared.case.cameras["r12"], z).sigma[0]),
             measured=float(frame.sigma_after_plane_mm),  # type: ignore[arg-type]
             limit=0.25,
             unit="mm",

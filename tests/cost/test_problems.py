@@ -134,7 +134,7 @@ def test_diffraction_models_are_measured_where_the_disparity_error_is_derived(pa
     found = rows(study.cost(budget=8.0))
     assert set(found) == {f"{law}, noise alone" for law in (*LAWS[:-1], "every effect")}
     assert sum(row["chosen"] for row in found.values()) == 1
-    camera = study.definition.case.cameras["pair"]
+    camera = study.prepared.case.cameras["pair"]
     law = camera.disparity_error_px
     assert isinstance(law, PictureDisparityError)
     distance = np.geomspace(0.5, 2.0, 5)

@@ -318,7 +318,7 @@ class TestFingerprint:
     def test_is_of_content_in_every_process(self, study_file: Path) -> None:
         script = (
             "import sys, tradestudy; from tradestudy.execution.steps import fingerprint\n"
-            "definition = tradestudy.load(sys.argv[1]).definition\n"
+            "definition = tradestudy.load(sys.argv[1]).prepared\n"
             "print(fingerprint(dict(definition.case.cameras), definition.file.cameras['rig']).hex())"
         )
         reported = {

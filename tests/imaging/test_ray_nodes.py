@@ -44,7 +44,7 @@ def test_few_rays_do_not_coincide_at_any_depth(count: int, blend: float) -> None
 def whole() -> dict[str, Tile]:
     """The first picture of every camera, of the whole sensor, by rays."""
     loaded = api.load(STUDY).with_values({"r5-unfocused.sensor.pixels": [2048, 2048]})
-    definition = loaded.definition
+    definition = loaded.prepared
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition, rig="as-designed")
     return {

@@ -72,7 +72,7 @@ def test_scaling_the_law_scales_the_depth_of_a_posterior(scaled: Any) -> None:
 
 def test_inverse_questions_follow_the_scaled_law(scaled: Any) -> None:
     """All depths of the rig shrink, so a yaw larger by as much makes it as uncertain as the other camera."""
-    definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").definition
+    definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").prepared
     question = definition.file.solve["yaw-at-half-metre"]
     before = solve(definition, question).value
     scaled()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,8 @@ from tradestudy.models.depth_problem import depth_problems
 from tradestudy.models.depth_variant import DepthVariant
 from tradestudy.models.problem import Change, Changes, SimulationProblem, Slot, choose
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.building import apply_models
-from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
+from tradestudy.study.prepared import Choices, PreparedStudy, apply_models
 
 STUDIES = Path(__file__).parents[2] / "studies"
 STEREO = """\
@@ -53,7 +53,7 @@ DIFFRACTION = 0.269  # of the noise, that leaving it out would change
 def rig(folder: Path, yaw: float) -> DepthVariant:
     file = folder / "rig.yaml"
     file.write_text(STEREO.format(studies=STUDIES.as_posix(), yaw=yaw), encoding="utf-8")
-    (problem,) = depth_problems(load_definition(file, ()), {})
+    (problem,) = depth_problems(load_prepared(file, ()), {})
     return problem._variants[0]
 
 
@@ -137,8 +137,10 @@ def test_the_robot_needs_no_diffraction_or_airy_for_its_stereo_heads() -> None:
         problem = next(one for one in plan.problems if one.name == name)
         assert problem.models["main_lens_diffraction"] in ("off", "airy")
         distance = np.array([0.3, 0.6, 1.2, 4.0])
-        exact = plan.definition.with_models({name: {**problem.models, "main_lens_diffraction": "kirchhoff"}})
-        own, other = (depth_uncertainty(one.case.cameras[name], distance) for one in (plan.definition, exact))
+        exact = replace(
+            plan.study, choices=Choices(models={name: {**problem.models, "main_lens_diffraction": "kirchhoff"}})
+        )
+        own, other = (depth_uncertainty(one.case.cameras[name], distance) for one in (plan.study, exact))
         change = float(np.max(np.abs(own / other - 1.0)))
         assert change < problem.changes["depth_uncertainty"].relative < 0.02
 
@@ -165,7 +167,7 @@ def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
     plan = tradestudy.load(STUDIES / "robot.yaml", [f"effects.main_lens_diffraction={model}"]).plan()
     for problem in plan.problems:
         assert problem.models["main_lens_diffraction"] == model
-        law = plan.definition.case.cameras[problem.name].disparity_error_px
+        law = plan.study.case.cameras[problem.name].disparity_error_px
         assert law.models.main_lens_diffraction == model
         assert (problem.by_forcing == {}) == (model == "kirchhoff")
         reported = plan.text()
@@ -175,12 +177,15 @@ def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
 def test_without_diffraction_at_microlenses_their_crosstalk_still_counts() -> None:
     """Without crosstalk, the depth uncertainty of the R5 changes by 3.1 %, though no diffraction spreads the light."""
     changes = ("effects.microlens_diffraction=off", "accuracy.tolerance=0.3 %")
-    definition = load_definition(STUDIES / "robot.yaml", changes)
+    definition = load_prepared(STUDIES / "robot.yaml", changes)
     found = next(one for one in choose_models(definition) if one.name == "raytrix-r5")
     distance = definition.case.distance[:60]
 
     def uncertainty(models: Models) -> np.ndarray:
-        return depth_uncertainty(definition.with_models({found.name: models}).case.cameras[found.name], distance)
+        return depth_uncertainty(
+            replace(definition, choices=Choices(models={found.name: models})).case.cameras[found.name],
+            distance,
+        )
 
     complete: Models = {**found.problem.complete, "calibration": "linear"}
     without: Models = {**complete, "crosstalk": "off"}
@@ -205,12 +210,15 @@ def test_exact_paths_are_tried_on_both_sides_of_the_focus() -> None:
         "scene.picture.full_well": "2e5 electrons",
         "accuracy.tolerance": "0.18 %",
     }
-    definition = load_definition(STUDIES / "robot.yaml").with_values(changes)
+    definition = load_prepared(STUDIES / "robot.yaml").with_values(changes)
     found = next(one for one in choose_models(definition) if one.name == head)
 
     def uncertainty(diffraction: str) -> np.ndarray:
         models: Models = {**found.models, "main_lens_diffraction": diffraction}
-        return depth_uncertainty(definition.with_models({head: models}).case.cameras[head], definition.case.distance)
+        return depth_uncertainty(
+            replace(definition, choices=Choices(models={head: models})).case.cameras[head],
+            definition.case.distance,
+        )
 
     change = np.abs(uncertainty("fresnel") / uncertainty("kirchhoff") - 1.0)
     assert change[definition.case.distance < 1.0].max() < 0.0019 < 0.0022 < change.max()
@@ -238,7 +246,7 @@ def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
 
 def test_no_clock_moves_the_choice(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine that is busy, or slow, chooses the same."""
-    definition = load_definition(STUDIES / "robot.yaml", ())
+    definition = load_prepared(STUDIES / "robot.yaml", ())
     before = {one.name: dict(one.models) for one in choose_models(definition)}
     ticks = itertools.accumulate(itertools.count(1))
     monkeypatch.setattr(time, "perf_counter", lambda: float(next(ticks)))
@@ -277,7 +285,9 @@ def test_intervals_far_from_normal_are_computed_anew(tmp_path: Path, end: float,
     }
     pixels = {**points, "pixel_integration": "square"}
     alone, whole = (
-        depth_uncertainty(definition.with_models({"one": models}).case.cameras["one"], variant.places)
+        depth_uncertainty(
+            replace(definition, choices=Choices(models={"one": models})).case.cameras["one"], variant.places
+        )
         for models in (points, pixels)
     )
     moved = variant.moved({"pixel_integration": "off", "calibration": "linear"}).uncertainty
@@ -295,7 +305,7 @@ def test_axes_of_other_cameras_do_not_crowd_out_designs_of_a_camera() -> None:
     }
 
     def f_numbers(sweep: dict[str, Any]) -> set[float]:
-        definition = load_definition(STUDIES / "robot.yaml").with_values({"sweep": sweep})
+        definition = load_prepared(STUDIES / "robot.yaml").with_values({"sweep": sweep})
         problem = depth_problems(definition, {})[0]
         assert problem.name in head
         return {variant.camera.lens.f_number for variant in problem._variants}
@@ -356,7 +366,7 @@ def test_errors_that_a_linear_model_misses_are_not_left_out(
     values = {f"cameras.rig.calibration.errors.{name}": one for name, one in ({"yaw": None} | own).items()}
     if fields:
         values["propagation.field_places"] = fields
-    (problem,) = choose_models(load_definition(file, ()).with_values(values))
+    (problem,) = choose_models(load_prepared(file, ()).with_values(values))
     assert problem.models["calibration"] != "off"
     assert fields or problem.models["calibration"] == "exact"
 
@@ -365,9 +375,9 @@ def test_a_nonlinear_reading_or_question_uses_draws_of_its_own() -> None:
     """The one takes the yaw for a uniform one, the other tries yaws of up to 5°."""
     plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").plan()
     assert plan.models("stereo-65-across")["calibration"] == "linear"
-    definition = plan.definition
+    definition = plan.study
 
-    def model(one: StudyDefinition) -> str:
+    def model(one: PreparedStudy) -> str:
         return one.case.cameras["stereo-65-across"].propagation.model
 
     drawn = {name for name, one in definition.readings.items() if model(one) == "exact"}
@@ -379,7 +389,7 @@ def test_a_nonlinear_reading_or_question_uses_draws_of_its_own() -> None:
 
 def test_forced_models_apply_under_every_reading() -> None:
     override = ["effects.calibration=linear"]
-    definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", override).plan().definition
+    definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", override).plan().study
     cases = [definition, *definition.readings.values(), definition.under("yaw-at-half-metre")]
     assert {one.case.cameras["stereo-65-across"].propagation.model for one in cases} == {"linear"}
 
@@ -427,7 +437,7 @@ def test_models_are_judged_in_the_light_that_is_left_off_the_axis() -> None:
         "scene.distances.points=9",
         "scene.picture.light.electrons=100 electrons",
     )
-    definition = load_definition(STUDIES / "close_range.yaml", picture)
+    definition = load_prepared(STUDIES / "close_range.yaml", picture)
     problem = next(one for one in depth_problems(definition, {}) if one.name == "pair-f9.8")
     (variant,) = problem._variants
     bare = {"main_lens_diffraction": "off"}
@@ -460,5 +470,5 @@ def test_a_swept_design_that_needs_draws_is_tried_although_the_declared_one_bare
         "sweep: {a.calibration.errors.yaw.half_width: [0.02 deg, 0.1 deg]}\n",
         encoding="utf-8",
     )
-    planned = tradestudy.load(file).plan().definition
-    assert planned.models["a"]["calibration"] == "exact"
+    planned = tradestudy.load(file).plan().study
+    assert planned.choices.models["a"]["calibration"] == "exact"

@@ -16,7 +16,7 @@ from tradestudy.imaging.optical_transfer import kirchhoff_transfers
 from tradestudy.imaging.transfer import airy_transfer
 from tradestudy.models.depth_problem import depth_problems
 from tradestudy.models.depth_variant import DepthVariant
-from tradestudy.study.building import apply_models
+from tradestudy.study.prepared import apply_models
 
 
 @pytest.mark.parametrize("f_number", [2.0, 3.8])

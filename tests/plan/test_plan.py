@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from tradestudy.models.plan import Plan, _space, size_of_depth
 from tradestudy.models.point_spreads import refuse_spreads
 from tradestudy.optics.lens_point_spread import point_spread
 from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.study.prepared import Choices
 
 STUDIES = Path(__file__).parents[2] / "studies"
 UNIFORM_YAW = """
@@ -184,7 +186,8 @@ def test_omissions_change_depth_by_no_more_than_stated(close_range: Study, close
         problem = next(one for one in close_plan.problems if one.name == name)
         whole = problem.models | {"main_lens_diffraction": "kirchhoff", "calibration": "linear"}
         own, complete = (
-            close_range.definition.with_models({name: models}).case.cameras[name] for models in (problem.models, whole)
+            replace(close_range.prepared, choices=Choices(models={name: models})).case.cameras[name]
+            for models in (problem.models, whole)
         )
         for error_source, quantity in (("both", "depth_uncertainty"), ("noise", "depth_noise")):
             moved = np.abs(
@@ -286,12 +289,12 @@ def test_a_plan_names_the_memory_of_a_large_sweep() -> None:
     sweep = "sweep={stereo.baseline: {from: 10 mm, to: 200 mm, points: POINTS, spacing: log}}"
     few = tradestudy.load(STUDIES / "stereo_design.yaml", [sweep.replace("POINTS", "3")])
     depth = few.run().data["depth"].to_dataset()
-    assert size_of_depth(few.definition) / 8.0 == pytest.approx(depth.nbytes, rel=0.25)
+    assert size_of_depth(few.prepared) / 8.0 == pytest.approx(depth.nbytes, rel=0.25)
     assert "memory" not in str(few.plan())
     many = tradestudy.load(
         STUDIES / "stereo_design.yaml", [sweep.replace("POINTS", "999"), "scene.distances.points=1200"]
     )
-    assert size_of_depth(many.definition) == pytest.approx(10.0 * 250.0 * size_of_depth(few.definition), rel=0.01)
-    named = re.search(r"; about (\S+) GB of memory, (\S+) GB on disk", _space(many.definition))
+    assert size_of_depth(many.prepared) == pytest.approx(10.0 * 250.0 * size_of_depth(few.prepared), rel=0.01)
+    named = re.search(r"; about (\S+) GB of memory, (\S+) GB on disk", _space(many.prepared))
     assert named is not None
     assert float(named[1]) > float(named[2]) > 1.0

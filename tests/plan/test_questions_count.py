@@ -75,7 +75,7 @@ def test_the_farthest_of_many_questions_counts(tmp_path: Path) -> None:
         for k in range(31, 36)
     }
     asked = study(tmp_path, FAR, solve={"far": question}, requirements=near)
-    definition = asked.plan().definition.under("far")
+    definition = asked.plan().study.under("far")
     assert definition.case.cameras["pair"].propagation.model == "exact"
 
 
@@ -112,7 +112,7 @@ def test_readings_may_derive_the_disparity_error_or_take_the_spectrum_back(tmp_p
     assert problem.models["defocus_blur"] == "disc"
     grey = {"grey": {"says": "one colour", "set": {"scene.picture.spectrum": None}}}
     found = study(tmp_path, FAR, readings=grey, **{"cameras.pair.depth.disparity_error": "derived"}).plan()
-    assert found.definition.readings["grey"].case.cameras["pair"].disparity_error_px.models.spectrum == "off"
+    assert found.study.readings["grey"].case.cameras["pair"].disparity_error_px.models.spectrum == "off"
 
 
 def test_cameras_without_errors_are_ranked_with_others_when_draws_are_forced(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def test_a_study_keeps_the_spot_and_reports_what_omitting_it_changes() -> None:
     forced = tradestudy.load(STUDIES / "hand_lens.yaml", ["effects.main_lens_diffraction=off"]).plan()
     problem = next(one for one in forced.problems if one.name == PROBLEM)
     assert problem.models == {"main_lens_diffraction": "off"}
-    case, asked = forced.definition.case, forced.definition.file.depth_of_field
+    case, asked = forced.study.case, forced.study.file.depth_of_field
     assert asked is not None
     counts = {
         (camera.focus.sharp_range(criterion).slices.near.size, camera.focus.sharp_range(bare).slices.near.size)

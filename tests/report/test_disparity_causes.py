@@ -18,7 +18,7 @@ from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Table, Text, all_blocks, spans
 from tradestudy.report.sections.results import describe_disparity_causes
 from tradestudy.results import GROUPS
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
 
 STUDY = Path(__file__).parents[2] / "studies" / "close_range.yaml"
 QUICK = ("scene.distances.points=39",)
@@ -26,7 +26,7 @@ NAME = "disparity-causes-table"
 
 
 def causes(*changes: str) -> xr.Dataset:
-    found = disparity_causes_group(plan_of(load_definition(STUDY, (*QUICK, *changes))).definition)
+    found = disparity_causes_group(plan_of(load_prepared(STUDY, (*QUICK, *changes))).study)
     assert found is not None
     return found
 
@@ -37,7 +37,7 @@ def found() -> xr.Dataset:
 
 
 def section(found: xr.Dataset) -> tuple[Block, ...]:
-    cameras = cameras_group(load_definition(STUDY, QUICK))
+    cameras = cameras_group(load_prepared(STUDY, QUICK))
     return section_of(xr.DataTree.from_dict({"/cameras": cameras, "/disparity_causes": found}))
 
 
@@ -68,7 +68,7 @@ def test_the_largest_numerical_error_names_camera_and_place(found: xr.Dataset) -
     }
     camera, place = max(relative, key=lambda key: relative[key])
     assert float(reported[1]) == pytest.approx(100.0 * relative[camera, place], rel=0.05)
-    assert reported[2] == load_definition(STUDY, QUICK).file.cameras[camera].title
+    assert reported[2] == load_prepared(STUDY, QUICK).file.cameras[camera].title
     assert reported[3] == f"{1e3 * place:g} mm"
 
 
@@ -96,7 +96,7 @@ def test_in_the_light_of_the_brightest_cameras_of_one_cone_are_one() -> None:
 
 def test_a_saturated_camera_is_not_the_brightest_and_without_a_decision_four_places_are_shown() -> None:
     changes = (*QUICK, "decision=null", "scene.picture.light.electrons=8000 electrons")
-    found = disparity_causes_group(load_definition(STUDY, changes))  # light does not wait for models to be chosen
+    found = disparity_causes_group(load_prepared(STUDY, changes))  # light does not wait for models to be chosen
     assert found is not None
     assert set(found["brightest_camera"].values) == {"pair-f9.8"}
     assert found["distance"].values == pytest.approx(
@@ -106,9 +106,9 @@ def test_a_saturated_camera_is_not_the_brightest_and_without_a_decision_four_pla
 
 def test_causes_do_not_depend_on_the_models_chosen_for_depth() -> None:
     """A loose tolerance leaves out diffraction at the microlenses; as a cause of the error it stays."""
-    loose = load_definition(STUDY.with_name("robot.yaml"), ("accuracy.tolerance=100 %",))
-    applied = plan_of(loose).definition
-    assert applied.models["raytrix-r5"]["microlens_diffraction"] == "off"
+    loose = load_prepared(STUDY.with_name("robot.yaml"), ("accuracy.tolerance=100 %",))
+    applied = plan_of(loose).study
+    assert applied.choices.models["raytrix-r5"]["microlens_diffraction"] == "off"
     found, expected = disparity_causes_group(applied), disparity_causes_group(loose)
     assert found is not None
     xr.testing.assert_allclose(found, expected)

@@ -67,12 +67,12 @@ def answer(
     text = STUDY.replace("LIMITS", limits).replace("BOUND", bound).replace("DISPARITY_ERROR", error)
     (tmp_path / "close.yaml").write_text(text, encoding="utf-8")
     study = tradestudy.load(tmp_path / "close.yaml")
-    return check_requirement(study.file.requirements[camera], study.definition.case, camera), study
+    return check_requirement(study.file.requirements[camera], study.prepared.case, camera), study
 
 
 def test_only_the_limit_on_blur_rules_out_a_camera_that_is_accurate_throughout(tmp_path: Path) -> None:
     found, study = answer(tmp_path, "r12")
-    camera, places = study.definition.case.cameras["r12"], np.linspace(0.342, 0.358, 161)
+    camera, places = study.prepared.case.cameras["r12"], np.linspace(0.342, 0.358, 161)
     assert judged_uncertainty(camera, places).max() < 0.6e-3  # where the limit excludes it too
     assert camera.estimator_blur_px(places).max() > 2.0
     assert found.met is False
@@ -85,7 +85,7 @@ def test_only_the_limit_on_blur_rules_out_a_camera_that_is_accurate_throughout(t
 def test_it_meets_the_requirement_without_the_limit_or_with_a_wide_one(tmp_path: Path, limits: str) -> None:
     found, study = answer(tmp_path, "r12", limits)
     assert found.met is True
-    assert study.definition.case.criteria == UsableCriteria(blur_px=5.0 if limits else None)  # nothing is assumed
+    assert study.prepared.case.criteria == UsableCriteria(blur_px=5.0 if limits else None)  # nothing is assumed
 
 
 def test_no_limit_is_blamed_alone_where_the_value_misses_or_nothing_can_be_measured(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_no_limit_is_blamed_alone_where_the_value_misses_or_nothing_can_be_measu
 
 def test_every_declared_limit_that_rules_out_a_rig_is_named(tmp_path: Path) -> None:
     one, study = answer(tmp_path, "rig", "blur: 0.5 px")
-    assert study.definition.case.cameras["rig"].estimator_blur_px(np.array([0.342]))[0] > 0.5
+    assert study.prepared.case.cameras["rig"].estimator_blur_px(np.array([0.342]))[0] > 0.5
     assert TWICE in one.reason
     assert one.reason.endswith("; meets 1 mm throughout, and only blur: 0.5 px rules it out")
     two, _ = answer(tmp_path, "rig", "blur: 0.5 px, overlap: 99 %", error="0.1 px")
@@ -119,7 +119,7 @@ def test_terminal_page_and_json_say_which_limit_decides(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["", "plenoptic", "stereo"])
 def test_starters_limit_blur_only_of_declared_errors(tmp_path: Path, kind: str) -> None:
     (tmp_path / "new.yaml").write_text(starter("new", kind), encoding="utf-8")
-    case = tradestudy.load(tmp_path / "new.yaml").definition.case
+    case = tradestudy.load(tmp_path / "new.yaml").prepared.case
     assert case.criteria.blur_px == 2.0
     assert all(isinstance(camera.disparity_error_px, float) for camera in case.cameras.values())
     assert "derived errors contain it" in starter("new", kind)

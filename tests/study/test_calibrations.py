@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,11 @@ from tradestudy.cameras.calibration import ONE_SIGMA, Calibration
 from tradestudy.cameras.stereo.declaration import StereoDeclaration
 from tradestudy.errors import StudyError
 from tradestudy.loaded_study import Study
-from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
+from tradestudy.study.prepared import Choices, PreparedStudy
 from tradestudy.uncertainty.sources import ErrorClass
 
-Written = Callable[[str], StudyDefinition]
+Written = Callable[[str], PreparedStudy]
 BOARD = (
     "{views: 20, columns: 3, rows: 3, spacing: 20 mm, distances: [0.2 m, 1 m], half_field_angle: 45 deg, "
     "tilt: 10 deg, corner_noise: 0.1 px}"
@@ -39,13 +40,13 @@ def written(tmp_path: Path) -> Written:
     for name in ("stereo-100mm", "raytrix-r5"):
         (tmp_path / f"cameras/{name}.yaml").write_text((STUDIES / f"cameras/{name}.yaml").read_text())
 
-    def write(more: str) -> StudyDefinition:
+    def write(more: str) -> PreparedStudy:
         file = tmp_path / "study.yaml"
         file.write_text(
             "format: 2\nstudy: small\ntitle: Small\nquestion: What?\n"
             "scene: {distances: [0.3 m, 1 m], wavelength: 550 nm}\n" + more
         )
-        return load_definition(file)
+        return load_prepared(file)
 
     return write
 
@@ -287,8 +288,8 @@ def test_a_saved_posterior_joins_the_errors_that_it_does_not_determine(
         assert found is not None
         np.testing.assert_allclose(found, covariance, rtol=0.1)
         assert calibration.source == "posterior"
-        assert list(study.data_files.values()) == [tmp_path / file]
-        assert study.posterior_keys == {}
+        assert list(study.definition.data_files.values()) == [tmp_path / file]
+        assert study.definition.posterior_keys == {}
 
 
 def test_files_are_found_relative_to_the_camera_file_that_names_them(written: Written, tmp_path: Path) -> None:
@@ -297,7 +298,7 @@ def test_files_are_found_relative_to_the_camera_file_that_names_them(written: Wr
     own = camera[: camera.index("calibration:")] + "calibration: {posterior: {file: rig.csv}}\n"
     (tmp_path / "cameras/own.yaml").write_text(own)
     study = written("cameras: {rig: {from: cameras/own.yaml}}")
-    assert dict(study.data_files) == {"cameras.rig.calibration.posterior.file": tmp_path / "cameras/rig.csv"}
+    assert dict(study.definition.data_files) == {"cameras.rig.calibration.posterior.file": tmp_path / "cameras/rig.csv"}
     assert study.case.cameras["rig"].calibration.groups[0].parameters == ("yaw",)
 
 
@@ -317,14 +318,14 @@ def test_a_shared_calibration_is_inferred_once(written: Written) -> None:
             "  again: {says: again, set: {propagation.seed: 1}}\n",
         )
     )
-    key = study.posterior_keys["rig"]
-    same = {name: one.posterior_keys["rig"] == key for name, one in study.readings.items()}
+    key = study.definition.posterior_keys["rig"]
+    same = {name: one.definition.posterior_keys["rig"] == key for name, one in study.readings.items()}
     assert same == {"noisier": True, "steadier": True, "wider": False, "rougher": False, "again": False}
     assert not study.case.cameras["rig"].calibration.inferred
 
     draws = np.random.default_rng(0).standard_normal((500, 2))
     found = Calibration(groups=(group_of_draws("calibration", ("yaw", "pitch"), draws),), source="target")
-    known = study.with_posteriors({key: found})
+    known = replace(study, choices=Choices(posteriors={key: found}))
     calibration = known.case.cameras["rig"].calibration
     assert [group.name for group in calibration.groups] == [
         "baseline", "roll", "focal_length", "calibration", "ageing_roll",
@@ -341,7 +342,9 @@ def test_a_camera_that_nothing_changes_is_calibrated_once(written: Written) -> N
     changed = study.with_values({"rig.baseline": "70 mm"})
     assert changed.case.cameras["other"] is study.case.cameras["other"]
     assert changed.case.cameras["rig"] is not study.case.cameras["rig"]
-    known = changed.with_posteriors({changed.posterior_keys["rig"]: Calibration(source="target")})
+    known = replace(
+        changed, choices=Choices(posteriors={changed.definition.posterior_keys["rig"]: Calibration(source="target")})
+    )
     assert known.case.cameras["other"] is study.case.cameras["other"]
     assert known.case.cameras["rig"].calibration.inferred
 
@@ -372,9 +375,9 @@ def test_the_interval_of_one_standard_deviation_is_always_stated_first(
     propagation = study.case.cameras["rig"].propagation
     assert propagation.coverages == stated
     assert (propagation.seed, propagation.tolerance, propagation.model) == (2**64 - 1, 0.02, "linear")
-    exact = study.with_models({"rig": {"calibration": "exact"}}).case.cameras["rig"]
+    exact = replace(study, choices=Choices(models={"rig": {"calibration": "exact"}})).case.cameras["rig"]
     assert exact.propagation.model == "exact"
-    perfect = study.with_models({"rig": {"calibration": "off"}}).case.cameras["rig"]
+    perfect = replace(study, choices=Choices(models={"rig": {"calibration": "off"}})).case.cameras["rig"]
     assert perfect.propagation.model == "off"
 
 
@@ -441,9 +444,9 @@ def test_check_refuses_corners_that_contradict_the_declared_geometry_as_a_run_do
         "sensor: {{pixels: [640, 360], pixel_pitch: 3 um}}, depth: {{disparity_error: 0.1 px}}, "
         "calibration: {{corners: {{file: corners.csv}}}}}}}}"
     )
-    assert "no mistakes" in Study(written(webcams.format(baseline=94.1))).check()
+    assert "no mistakes" in Study(written(webcams.format(baseline=94.1)).definition).check()
     assert fitted == [8]  # of 29: quick if nothing is wrong
-    definition = written(webcams.format(baseline=80))
+    definition = written(webcams.format(baseline=80)).definition
     with pytest.raises(StudyError, match=r"corners: declared baseline 80 mm, corners say 94.1 ± 0.2 mm") as caught:
         Study(definition).check()
     assert fitted == [8, 29]  # all views decide; the same corners are fitted once, whatever is declared
@@ -453,4 +456,4 @@ def test_check_refuses_corners_that_contradict_the_declared_geometry_as_a_run_do
     assert fitted == [8, 29]
     (tmp_path / "corners.csv").write_text(text.replace("left", "l").replace("right", "left").replace("l_", "right_"))
     with pytest.raises(StudyError, match=r"cameras.rig.calibration.corners: the left and right columns are exchanged"):
-        Study(written(webcams.format(baseline=94.1))).check()
+        Study(written(webcams.format(baseline=94.1)).definition).check()

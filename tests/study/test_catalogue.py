@@ -266,7 +266,7 @@ def test_file_with_the_name_of_an_entry_is_not_mistaken_for_it(tmp_path: Path) -
     with pytest.raises(StudyError, match=re.escape("write ./catalogue/oak-d")):
         load(tmp_path)
     study = load(tmp_path, STUDY.replace("catalogue/oak-d", "./catalogue/oak-d"))
-    assert study.definition.file.cameras["b"].read_as == {}
+    assert study.prepared.file.cameras["b"].read_as == {}
 
 
 def test_new_starts_a_study_of_two_cameras_that_answers_for_bin_picking() -> None:
@@ -303,4 +303,4 @@ def test_new_refuses_what_cannot_be_compared(words: tuple[str, ...], says: str) 
 
 def test_new_compares_two_modes_of_a_camera() -> None:
     assert invoke("new", "bins", "--camera", "oak-d:800p", "--camera", "oak-d:400p").exit_code == 0
-    assert [*tradestudy.load("bins.yaml").definition.file.cameras] == ["oak-d-800p", "oak-d-400p"]
+    assert [*tradestudy.load("bins.yaml").prepared.file.cameras] == ["oak-d-800p", "oak-d-400p"]

@@ -12,19 +12,20 @@ from tradestudy.api import Study, load
 from tradestudy.errors import Problem, StudyError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Override
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.reader import validate, with_values
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.varying import sweep_axes, sweep_points
 
 
-def variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:
-    yield from definition.readings.values()
-    yield from sweep_points(definition, sweep_axes(definition))[::20]
+def variants(study: PreparedStudy) -> Iterator[StudyDefinition]:
+    designs = sweep_points(study, sweep_axes(study))[::20]
+    yield from (one.definition for one in (*study.readings.values(), *designs))
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_variant_equals_its_full_validation(path: Any) -> None:
-    for one in variants(load(path).definition):
+    for one in variants(load(path).prepared):
         assert one.declared == validate(one.document, StudyFile)
         whole = StudyDefinition.of(one.document)
         assert one.designs == whole.designs
@@ -94,10 +95,10 @@ def test_no_value_of_a_reading_or_sweep_replaces_another(option: str) -> None:
 
 
 def test_a_camera_that_does_not_change_is_built_once(headline: Study) -> None:
-    changed = headline.with_values({"stereo-short.baseline": "30 mm"}).definition.case.all_cameras
-    before = headline.definition.case.all_cameras
+    changed = headline.with_values({"stereo-short.baseline": "30 mm"}).prepared.case.all_cameras
+    before = headline.prepared.case.all_cameras
     assert [name for name in before if changed[name] is not before[name]] == ["stereo-short"]
-    redder = headline.with_values({"scene.wavelength": "650 nm"}).definition.case.all_cameras
+    redder = headline.with_values({"scene.wavelength": "650 nm"}).prepared.case.all_cameras
     assert [name for name in before if redder[name] is before[name]] == []
 
 

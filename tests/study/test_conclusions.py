@@ -116,7 +116,7 @@ def test_the_terminal_names_the_camera_the_baseline_and_what_the_answer_rests_on
     )
     assert found
     worst, spare, begins = map(float, found.groups())
-    case = tradestudy.load(STUDIES / "robot.yaml").definition.case
+    case = tradestudy.load(STUDIES / "robot.yaml").prepared.case
     truth = depth_uncertainty(case.cameras["stereo-75mm"], np.array([3.0]))[0] / 3.0
     assert worst / 100.0 == pytest.approx(truth, rel=0.02)
     assert spare / 100.0 == pytest.approx(0.01 / truth - 1.0, rel=0.05)
@@ -240,7 +240,7 @@ def test_one_assumption_alone_is_worth_what_nested_quadrature_says() -> None:
     study = tradestudy.load(STUDIES / "robot.yaml").with_values({**ASKED, **only})
     data = study.run().data["value_of_information"].to_dataset()
     places = data["place"].values
-    definition = study.plan().definition
+    definition = study.plan().study
 
     def utilities(angle: float) -> list[float]:
         case = definition.with_values(dict.fromkeys(yaw["vary"], f"{angle} deg")).case
@@ -419,7 +419,7 @@ def test_readings_can_be_unknowns() -> None:
     assert data["between"].values.tolist() == ["as declared; yaw of 0.2°"]
     places, names = data["place"].values, data["candidate"].values
     losses = []
-    for definition in (study.plan().definition, study.plan().definition.readings["careless"]):
+    for definition in (study.plan().study, study.plan().study.readings["careless"]):
         cameras = definition.case.cameras
         relative = [depth_uncertainty(cameras[name], places) / places for name in names]
         losses.append([float(np.mean(np.where(one <= 0.1, one, 1.0))) for one in relative])

@@ -24,7 +24,7 @@ def test_a_sheet_has_three_to_five_distances_and_the_parts_of_the_uncertainty(fo
     study, result = found
     data = result.data["datasheet"].to_dataset()
     assert data["sheet_distance"].values.tolist() == [0.5, 1.0, 2.0]
-    definition = study.plan().definition
+    definition = study.plan().study
     for name, camera in definition.case.cameras.items():
         one = data.sel(camera=name)
         for variable, error_source in (("z_accuracy", "calibration"), ("temporal_noise", "noise")):
@@ -55,7 +55,7 @@ def test_fill_is_the_share_seen_by_both_views_and_nan_where_nothing_is_usable(fo
 def test_a_camera_measures_nothing_where_no_point_is_seen_twice() -> None:
     """At 90 mm the R5 sees no point behind two microlenses of a type."""
     study = tradestudy.load(STUDIES / "robot.yaml", ["decision.at=[90 mm, 0.5 m, 1 m]"])
-    one = datasheet_group(study.plan().definition).sel(camera="raytrix-r5")
+    one = datasheet_group(study.plan().study).sel(camera="raytrix-r5")
     for variable in ("z_accuracy", "temporal_noise", "subpixel_rms", "plane_fit_rms"):
         assert np.isnan(one[variable].values).tolist() == [True, False, False], variable
     assert float(one["fill_rate"][0]) == 0.0

@@ -19,7 +19,7 @@ def errors(exposure: float, electrons: float) -> np.ndarray:
     study = load(
         CLOSE,
         [f"pair-f22.sensor.relative_exposure={exposure}", f"scene.picture.light.electrons={electrons} electrons"],
-    ).definition
+    ).prepared
     found = []
     for name in ("pair-f22", "pair-f9.8"):
         camera = study.case.all_cameras[name]

@@ -251,7 +251,7 @@ def test_a_contradicted_depth_of_field_is_reported() -> None:
             "r5-no-microlenses.stated={hyperfocal_distance: 4 m}",
         ],
     )
-    rows = contradictions(study.definition)
+    rows = contradictions(study.prepared)
     found = {camera: row for camera, row in rows if "depth of field" in row.what}
     assert set(found) == {"mahli-contact"}
     assert found["mahli-contact"].stated == "820 µm"
@@ -337,9 +337,9 @@ def test_the_criteria_and_the_selection_agree_on_what_is_sharp() -> None:
                 f"effects={{main_lens_diffraction: {forced}}}",
             ],
         ).plan()
-        file = plan.definition.file
+        file = plan.study.file
         assert file.relief is not None
         assert file.depth_of_field is not None
-        found = criteria_group(plan.definition)
+        found = criteria_group(plan.study)
         images.append(found["number"].sel(criterion="images per scene").values[1])
     assert not np.array_equal(images[0], images[1], equal_nan=True)

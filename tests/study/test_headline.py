@@ -25,14 +25,14 @@ def verdict(result: Result, claim: str) -> str:
 
 
 def test_the_reconstructed_r5_has_the_published_closure(headline: Study) -> None:
-    camera = headline.definition.case.cameras["raytrix-r5"]
+    camera = headline.prepared.case.cameras["raytrix-r5"]
     assert camera.microlenses.gap == pytest.approx(0.568e-3, abs=0.0005e-3)
     assert camera.mla_distance == pytest.approx(14.773e-3, abs=0.0005e-3)
     assert float(camera.virtual_depth(0.150)) == pytest.approx(2.0, rel=1e-12)
 
 
 def test_named_stereo_readings(headline: Study) -> None:
-    cameras = headline.definition.case.cameras
+    cameras = headline.prepared.case.cameras
     focal = {name: camera.lens.focal_length for name, camera in cameras.items() if camera.family == "stereo"}
     assert focal["stereo-printed"] == 30.5e-3
     assert focal["stereo-65-across"] == pytest.approx(8.00e-3, abs=0.005e-3)
@@ -184,7 +184,7 @@ def test_other_cameras_give_plausible_different_answers(headline: Study, headlin
         )
         for d in (depth, before)
     ]
-    gaps = [study.definition.case.cameras["raytrix-r5"].microlenses.gap for study in (changed, headline)]
+    gaps = [study.prepared.case.cameras["raytrix-r5"].microlenses.gap for study in (changed, headline)]
     assert noise[0] / noise[1] == pytest.approx(25 * gaps[0] / (121 * gaps[1]), rel=0.01)
     # Beyond it |v| grows faster behind the longer lens, and a pair's noise with its square.
     r5_new, r5_old = (float(d["depth_uncertainty"].sel(camera="raytrix-r5").sel(**one)) for d in (depth, before))
@@ -193,12 +193,10 @@ def test_other_cameras_give_plausible_different_answers(headline: Study, headlin
 
 def test_a_sweep_includes_the_declared_design(headline: Study) -> None:
     study = headline.with_values({"sweep": str({"stereo-short.baseline": ["10 mm", "40 mm"]}), "readings": "{}"})
-    assert [axis.labels for axis in sweep_axes(study.definition)] == [(0.01, 0.02, 0.04)]
+    assert [axis.labels for axis in sweep_axes(study.prepared)] == [(0.01, 0.02, 0.04)]
     choices = {"raytrix-r5.depth.estimator": ["adjacent-pair", "widest-pair"]}
     study = headline.with_values({"sweep": str(choices), "readings": "{}", "claims": "{}"})
-    assert [axis.labels for axis in sweep_axes(study.definition)] == [
-        ("adjacent-pair", "widest-pair", "same-type-pair")
-    ]
+    assert [axis.labels for axis in sweep_axes(study.prepared)] == [("adjacent-pair", "widest-pair", "same-type-pair")]
 
 
 def test_a_sweep_adds_its_dimensions_and_contains_each_point(headline: Study) -> None:

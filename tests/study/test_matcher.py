@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +25,8 @@ from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Table, Text, all_blocks, spans
 from tradestudy.results.views.depth import lower_bound_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
-from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
+from tradestudy.study.prepared import Choices, PreparedStudy
 
 STUDIES = Path(__file__).parents[2] / "studies"
 ROBOT = STUDIES / "robot.yaml"
@@ -43,8 +44,8 @@ REQUIRED = (
 )
 
 
-def study(*changes: str) -> StudyDefinition:
-    return load_definition(ROBOT, (FEW, *changes))
+def study(*changes: str) -> PreparedStudy:
+    return load_prepared(ROBOT, (FEW, *changes))
 
 
 def plain(text: Text) -> str:
@@ -90,7 +91,7 @@ def test_false_matches_add_to_failures_beyond_infinity(model: str) -> None:
     changes = ("stereo-75mm.baseline=0.05 mm", f"effects.calibration={model}", "accuracy.tolerance=5 %")
     own = "stereo-75mm.calibration.errors.yaw.standard_deviation=1e-9 deg"
     definition = study(OF_SCENE, own, *changes)
-    camera = plan_of(definition).definition.case.cameras[HEAD]
+    camera = plan_of(definition).study.case.cameras[HEAD]
     assert camera.propagation.model == model
     beyond = ndtr(-camera.disparity(far) / camera.noise(far))
     assert beyond[1] > 0.05
@@ -105,9 +106,9 @@ def test_false_matches_add_to_failures_beyond_infinity(model: str) -> None:
     )
 
 
-def _without_false(definition: StudyDefinition, model: str) -> object:
+def _without_false(definition: PreparedStudy, model: str) -> object:
     found = definition.with_values({"scene.picture.matcher.false_matches": "0 %"})
-    return plan_of(found).definition.case.cameras[HEAD]
+    return plan_of(found).study.case.cameras[HEAD]
 
 
 def test_the_linear_model_is_compared_with_draws_that_have_the_same_false_matches() -> None:
@@ -151,7 +152,10 @@ def test_a_floor_makes_the_physics_of_the_picture_matter_less() -> None:
         reported = variant.moved_noise({**problem.complete, **off})
         models = {HEAD: {"main_lens_diffraction": "off"}}, {HEAD: {"main_lens_diffraction": "fresnel"}}
         without, complete = (
-            evaluate_depth(definition.with_models(one).case.cameras[HEAD], variant.places).judged[0] for one in models
+            evaluate_depth(replace(definition, choices=Choices(models=one)).case.cameras[HEAD], variant.places).judged[
+                0
+            ]
+            for one in models
         )
         np.testing.assert_allclose(reported, without / complete - 1.0, atol=1e-9)
         moved[name] = float(np.max(np.abs(reported)))
@@ -221,9 +225,9 @@ def test_an_inherited_matcher_is_taken_back_with_its_derived_error(tmp_path: Pat
     own, null = "    baseline: {value: 75 mm", "    depth: {disparity_error: 0.1 px%s}\n    baseline: {value: 75 mm"
     file = edited(tmp_path, matcher, (own, null % ""))
     with pytest.raises(StudyError, match=r"remove matcher .*null") as caught:
-        load_definition(file, ())
+        load_prepared(file, ())
     assert caught.value.problems[0].line == line_of(file, "matcher: {factor: 2}")
-    found = load_definition(edited(tmp_path, matcher, (own, null % ", matcher: null")), ()).case.cameras
+    found = load_prepared(edited(tmp_path, matcher, (own, null % ", matcher: null")), ()).case.cameras
     assert found[HEAD].disparity_error_px == 0.1
     assert found["stereo-50mm"].disparity_error_px.matcher.factor == 2.0
 
@@ -301,7 +305,7 @@ def test_both_disparity_errors_stand_side_by_side(real: Result, ideal: Result) -
 def test_a_requirement_reports_whether_the_bound_alone_would_meet_it(real: Result) -> None:
     definition = study(REQUIRED)
     (required,) = definition.file.requirements.values()
-    case = plan_of(study(OF_SCENE, REQUIRED)).definition.case
+    case = plan_of(study(OF_SCENE, REQUIRED)).study.case
     by_matcher = check_requirement(required, case, HEAD)
     row = real.data["requirements"].to_dataset().isel(requirement=0)
     assert float(row["value"]) == pytest.approx(by_matcher.value, rel=1e-9)
@@ -357,7 +361,7 @@ def test_the_register_has_each_value_with_its_basis(real: Result) -> None:
 
 def test_repeating_a_measurement_does_not_show_pixel_locking(real: Result) -> None:
     sheet = real.data["datasheet"].to_dataset().sel(camera=HEAD)
-    camera, places = plan_of(study(OF_SCENE, REQUIRED)).definition.case.cameras[HEAD], sheet["sheet_distance"].values
+    camera, places = plan_of(study(OF_SCENE, REQUIRED)).study.case.cameras[HEAD], sheet["sheet_distance"].values
     whole = disparity_error_at(camera, places)
     ratio = np.sqrt(whole**2 - 0.1**2 / 2.0) / whole
     np.testing.assert_allclose(sheet["temporal_noise"] / sheet["plane_fit_rms"], ratio, rtol=1e-3)

@@ -71,7 +71,7 @@ def test_cameras_with_one_title_are_told_apart_by_their_keys(tmp_path: Path) -> 
         encoding="utf-8",
     )
     study = tradestudy.load(tmp_path / "dup.yaml")
-    titles = {name: one.title for name, one in study.definition.file.cameras.items()}
+    titles = {name: one.title for name, one in study.prepared.file.cameras.items()}
     assert titles == {"near": "Head (near)", "far": "Head (far)", "other": "Other"}
     assert any("far is called Head (far)" in str(one) for one in study.warnings)
 

@@ -17,7 +17,7 @@ CLOSE = STUDIES / "close_range.yaml"
 
 
 def rig_of(*changes: str) -> StereoRig:
-    (rig,) = (c for name, c in load(CLOSE, list(changes)).definition.case.cameras.items() if name == "pair-declared")
+    (rig,) = (c for name, c in load(CLOSE, list(changes)).prepared.case.cameras.items() if name == "pair-declared")
     assert isinstance(rig, StereoRig)
     return rig
 
@@ -25,10 +25,10 @@ def rig_of(*changes: str) -> StereoRig:
 def test_the_shipped_rigs_at_close_range_are_focused_and_the_paper_s_is_not() -> None:
     # 15 µm of object on a pixel of 7.4 µm, 55.3 mm away: c is what similar triangles make of it.
     assert rig_of().principal_distance == pytest.approx(7.4 / 15 * 55.3e-3, rel=3e-3)
-    stereo = load(STUDIES / "hand_lens.yaml").definition.case.cameras["stereo"]
+    stereo = load(STUDIES / "hand_lens.yaml").prepared.case.cameras["stereo"]
     assert isinstance(stereo, StereoRig)
     assert 1 / stereo.principal_distance == pytest.approx(1 / 8e-3 - 1 / 0.15)
-    for camera in load(STUDIES / "plenoptic_vs_stereo.yaml").definition.case.cameras.values():
+    for camera in load(STUDIES / "plenoptic_vs_stereo.yaml").prepared.case.cameras.values():
         assert not isinstance(camera, StereoRig) or camera.principal_distance == camera.lens.focal_length
 
 
@@ -62,7 +62,7 @@ def test_the_report_describes_it() -> None:
     refocused = ["focus_distance=autofocus", "principal_distance=focal_length"]
     rows = dict(rig_of(*(f"cameras.pair-declared.{change}" for change in refocused)).properties())
     assert str(rows["thin-lens image distance at the declared focus"]).startswith("varies")
-    run = load(CLOSE).definition
+    run = load(CLOSE).prepared
     assert any(path[-1] == "principal_distance" for path in run.document.annotations)
 
 

@@ -87,7 +87,7 @@ def test_arrays_and_quantities_of_pint_are_values() -> None:
 
 def test_many_distances_are_read_in_time_that_grows_with_their_number() -> None:
     study = tradestudy.load({**STUDY, "scene": {"distances": np.linspace(0.5, 5.0, 20_000), "wavelength": 550e-9}})
-    assert study.definition.case.distance.size == 20_000
+    assert study.prepared.case.distance.size == 20_000
 
 
 def test_with_values_takes_numbers_in_si_and_the_record_has_their_unit() -> None:
@@ -130,8 +130,8 @@ def test_varied_values_are_in_si_too() -> None:
         "solve": {"base": {"says": "base", "vary": "rig.baseline", "low": 0.02, "high": 0.3, "requirement": "fine"}},
     }
     for same in (tradestudy.load({**STUDY, **varied}), tradestudy.load(STUDY).with_values(varied)):
-        assert [axis.labels for axis in sweep_axes(same.definition)] == [(0.05, 0.1, 0.2), (4.0, 8.0)]
-        assert same.definition.readings["far"].case.cameras["rig"].baseline == 0.3
+        assert [axis.labels for axis in sweep_axes(same.prepared)] == [(0.05, 0.1, 0.2), (4.0, 8.0)]
+        assert same.prepared.readings["far"].case.cameras["rig"].baseline == 0.3
         assert question_ends(same.file.solve["base"])[1:] == (0.02, 0.3)
     with pytest.raises(StudyError, match=r"sweep.rig.baseline: .*'0.05' has no unit"):
         tradestudy.load(STUDY, ["sweep={rig.baseline: [0.05]}"])

@@ -62,7 +62,7 @@ def test_notes_belong_to_the_study() -> None:
 def test_limits_are_followed_beyond_the_distances_of_the_study(start: str, stop: str) -> None:
     study = load(HEADLINE, (f"scene.distances.from={start}", f"scene.distances.to={stop}"))
     claim = study.file.claims["C1"]
-    assert claim_value(claim, study.definition.case) == pytest.approx(
+    assert claim_value(claim, study.prepared.case) == pytest.approx(
         0.1 / (0.4 * math.tan(math.radians(32.62))), rel=1e-9
     )
 
@@ -78,7 +78,7 @@ def test_a_far_end_beyond_any_study_is_found(headline: Study) -> None:
     study = headline.with_values(values)
     # f B / step, with f from 65.24° across 1024 pixels of 1 µm.
     f = 1.024e-3 / (2 * math.tan(math.radians(32.62)))
-    assert claim_value(study.file.claims["C4"], study.definition.case) == pytest.approx(f * 50 / 5e-6, rel=1e-9)
+    assert claim_value(study.file.claims["C4"], study.prepared.case) == pytest.approx(f * 50 / 5e-6, rel=1e-9)
 
 
 def test_nothing_is_known_where_there_is_no_image() -> None:
@@ -94,12 +94,12 @@ def test_nothing_is_known_where_there_is_no_image() -> None:
 @pytest.mark.parametrize("distances", [("400 mm", "2 m"), ["400 mm", "2 m"], "[400 mm, 2 m]"])
 def test_lists_may_be_given_as_python_has_them(distances: Value) -> None:
     study = load(HEADLINE).with_values({"scene.distances": distances})
-    assert study.definition.case.distance.tolist() == [0.4, 2.0]
+    assert study.prepared.case.distance.tolist() == [0.4, 2.0]
 
 
 def test_mappings_may_be_given_as_python_has_them() -> None:
     study = load(HEADLINE).with_values({"scene.distances": {"from": "1 m", "to": "2 m", "points": 3}})
-    assert study.definition.case.distance[[0, -1]].tolist() == [1.0, 2.0]
+    assert study.prepared.case.distance[[0, -1]].tolist() == [1.0, 2.0]
     quoted = load(HEADLINE).with_values({"sweep": {"stereo-short.baseline": ["10 mm", "40 mm"]}})
     assert quoted.with_values({"title": '"it\'s: [one], #2"'}).file.title == "it's: [one], #2"
 
@@ -111,8 +111,8 @@ def test_a_path_that_is_not_text_is_refused_with_a_message() -> None:
 
 def test_distances_and_pixels_of_spacecraft_are_accepted() -> None:
     far = load(HEADLINE).with_values({"scene.distances": ["1 m", "1 au", "1e20 m"], "readings": {}, "claims": {}})
-    for camera in far.definition.case.cameras.values():
-        depth = evaluate_depth(camera, far.definition.case.distance)
+    for camera in far.prepared.case.cameras.values():
+        depth = evaluate_depth(camera, far.prepared.case.distance)
         assert not np.isnan(depth.uncertainty).any()
     counts = TypeAdapter(PixelCount)
     assert counts.validate_python(1_000_000) == 1_000_000

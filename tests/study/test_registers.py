@@ -17,7 +17,7 @@ Row = tuple[str, str, str]
 
 def register(*changes: str) -> dict[tuple[str, str], Row]:
     """Value, basis and note by path and cameras."""
-    table = assumptions_group(load(CLOSE, list(changes)).definition)
+    table = assumptions_group(load(CLOSE, list(changes)).prepared)
     columns = [[str(text) for text in table[name].values] for name in ("path", "cameras", "value", "basis", "note")]
     return {(path, cameras): (value, basis, note) for path, cameras, value, basis, note in zip(*columns, strict=True)}
 
@@ -35,7 +35,7 @@ def test_a_value_set_for_a_run_does_not_claim_the_source_of_the_study_s_own() ->
 
 @pytest.mark.parametrize(("study", "camera"), [("robot", "raytrix-r5"), ("hand_lens", "r5-unfocused")])
 def test_the_step_of_depth_discrimination_is_a_tenth_of_a_pixel_unless_declared(study: str, camera: str) -> None:
-    loaded = load(CLOSE.with_name(f"{study}.yaml"), [f"{camera}.depth.discrimination_step=null"]).definition
+    loaded = load(CLOSE.with_name(f"{study}.yaml"), [f"{camera}.depth.discrimination_step=null"]).prepared
     assert loaded.case.all_cameras[camera].discrimination_step_px == 0.1  # type: ignore[attr-defined]
     table = assumptions_group(loaded).to_dataframe().reset_index()
     rows = table[(table["path"] == "depth.discrimination_step") & table["note"].str.contains("default")]
@@ -51,7 +51,7 @@ def test_values_without_a_basis_and_unlimited_defaults_are_listed(tmp_path: Path
         "electrons, at_f_number: 4}, read_noise: 5 electrons, full_well: 10000 electrons, bit_depth: 10}"
     )
     path.write_text(path.read_text().replace("  wavelength: 550 nm", f"  wavelength: 550 nm\n  picture: {picture}"))
-    table = assumptions_group(load(path).definition).to_dataframe().reset_index()
+    table = assumptions_group(load(path).prepared).to_dataframe().reset_index()
     rows = {(row.cameras, row.path): (row.value, row.basis) for row in table.itertuples()}
     assert rows["stereo", "sensor.pixels"] == ("[1024, 1024]", "")
     assert rows["plenoptic", "calibration.correlations.mla_distance.focal_length"] == ("0.9", "")
@@ -93,7 +93,7 @@ def test_a_tolerance_is_set_for_the_run_and_a_reading_s_value_is_the_study_s_own
     loaded = load(CLOSE, [], tolerance="10 %")
     given = {override.path: override.text for override in loaded.definition.under_tolerance.overrides}
     assert given == {("accuracy", "tolerance"): "10 %", ("accuracy", "depth_noise"): "10 %"}
-    headline = load(CLOSE.with_name("plenoptic_vs_stereo.yaml")).definition
+    headline = load(CLOSE.with_name("plenoptic_vs_stereo.yaml")).prepared
     assert headline.readings
     assert all(not reading.document.overrides for reading in headline.readings.values())
 
@@ -108,7 +108,7 @@ def test_set_values_identify_a_stored_run() -> None:
 
 def found(*changes: str) -> list[tuple[str, Contradiction]]:
     declared = [f"cameras.pair-declared.{change}" for change in changes]
-    rows = contradictions(load(CLOSE, declared).definition)
+    rows = contradictions(load(CLOSE, declared).prepared)
     return [(camera, row) for camera, row in rows if row.what == "principal distance against focus distance"]
 
 

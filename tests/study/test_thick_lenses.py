@@ -48,11 +48,11 @@ def study(camera: dict[str, Any], **lens: Any) -> tradestudy.Study:
 def test_every_kind_of_camera_takes_the_keys(camera: dict[str, Any]) -> None:
     f = camera[LENS_OF.get(camera["kind"], "main_lens")]["focal_length"]
     given = study(camera, f_number=None, entrance_pupil_diameter=f / 4, exit_pupil=-0.3 * f, principal_separation=-2e-3)
-    lens = given.definition.case.all_cameras["one"].gathering_lens
+    lens = given.prepared.case.all_cameras["one"].gathering_lens
     assert lens.f_number == pytest.approx(4.0, rel=1e-15)
     assert 1.0 / lens.exit_pupil == pytest.approx(1.0 / lens.entrance_pupil + 1.0 / f, rel=1e-12)
     assert lens.exit_pupil == pytest.approx(-0.3 * f, rel=1e-12)
-    telecentric = study(camera, exit_pupil=math.inf).definition.case.all_cameras["one"]
+    telecentric = study(camera, exit_pupil=math.inf).prepared.case.all_cameras["one"]
     assert telecentric.gathering_lens.exit_pupil == math.inf
     assert ("exit pupil, behind the second principal plane", "∞") in [(k, str(v)) for k, v in telecentric.properties()]
 
@@ -94,7 +94,7 @@ def test_working_distance_counts_from_the_declared_front() -> None:
     camera = {**STACK, "focus": {"working_distance": 0.2}}
     with pytest.raises(StudyError, match="housing_front"):
         study(camera)
-    found = study(camera, housing_front=0.03, entrance_pupil=0.004).definition.case.all_cameras["one"]
+    found = study(camera, housing_front=0.03, entrance_pupil=0.004).prepared.case.all_cameras["one"]
     assert isinstance(found, ConventionalCamera)
     assert found.focus_distance == pytest.approx(0.234, rel=1e-12)
     assert found.front == pytest.approx(0.034, rel=1e-12)
@@ -102,7 +102,7 @@ def test_working_distance_counts_from_the_declared_front() -> None:
 
 def test_matched_f_numbers_and_the_covering_plane_with_a_pupil() -> None:
     """The gap is pitch × (distance of the exit pupil)/(its diameter), and the plane is where |v| is 2."""
-    camera = study(PLENOPTIC, exit_pupil=-8e-3).definition.case.cameras["one"]
+    camera = study(PLENOPTIC, exit_pupil=-8e-3).prepared.case.cameras["one"]
     assert isinstance(camera, FocusedPlenoptic)
     lens, array = camera.main_lens, camera.microlenses
     leaving = lens.pupil_diameter * lens.exit_pupil / lens.entrance_pupil

@@ -42,7 +42,7 @@ def test_the_shipped_study_ranks_its_cameras_by_the_weights_it_leaves_open() -> 
     """Worths of three criteria, integrated over the weights with the first at least 0.3."""
     tree, found = criteria(robot())
     assert set(found.data_vars) <= set(GROUPS["criteria"])
-    camera = robot().definition.case.cameras["stereo-50mm"]
+    camera = robot().prepared.case.cameras["stereo-50mm"]
     accuracy = float(found["weighed_value"].sel(candidate="stereo-50mm", weighed="accuracy"))
     assert accuracy == pytest.approx(float(depth_uncertainty(camera, np.array([1.0]))[0]), rel=0.02)
     worth = found["worth"].values

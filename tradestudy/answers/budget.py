@@ -19,7 +19,7 @@ from tradestudy.depth.linear import LinearisedDepth, linearised_depth
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset, distances_without_decision
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.uncertainty.distributions import Empirical, StudentT
 from tradestudy.uncertainty.joint import JointDraws, JointNormal
 
@@ -116,19 +116,19 @@ def _linearised(camera: DepthCamera, distance: FloatArray, error_source: str) ->
         )
 
 
-def budget_group(definition: StudyDefinition, depth: xr.Dataset) -> xr.Dataset:
+def budget_group(study: PreparedStudy, depth: xr.Dataset) -> xr.Dataset:
     """/budget over (camera, distance, source), for the study as declared, at the distances that reports list.
 
     ``depth`` is ``/depth_at_places`` or, without declared distances, ``/depth``: its widest intervals of depths decide
     whether an expanded uncertainty can stand for them.
     """
     distance = depth["distance"].values
-    if definition.file.decision is None:
+    if study.file.decision is None:
         distance = distances_without_decision(distance)
     both = depth["depth_quantile"].sel(error_source="both", distance=distance).transpose("quantile", "camera", ...)
     coverage = float(both["quantile"][-1] - both["quantile"][0])
     near, far = both.values[[0, -1]]
-    cameras = definition.case.cameras
+    cameras = study.case.cameras
     budgets = [camera_budget(camera, distance, coverage) for camera in cameras.values()]
     combined, freedom, factor = (
         np.array([getattr(one, of) for one in budgets]) for of in ("combined", "freedom", "factor")

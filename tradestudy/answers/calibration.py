@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from tradestudy.errors import NotConvergedError, OutOfRangeError, Problem, Study
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.varying import Varying, calibrations_to_infer, point_labels, sweep_axes, sweep_points
 from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
@@ -27,13 +28,13 @@ if TYPE_CHECKING:
 
 
 def infer_calibrations(
-    definition: StudyDefinition, steps: Steps
-) -> tuple[StudyDefinition, Mapping[str, InferredCalibration], str]:
+    study: PreparedStudy, steps: Steps
+) -> tuple[PreparedStudy, Mapping[str, InferredCalibration], str]:
     """Infer every calibration from a target or corners, for the study, its readings and the designs of its sweep.
 
     Returns
     -------
-    StudyDefinition
+    PreparedStudy
         The study, with the inferred calibrations of its cameras.
     mapping of str to InferredCalibration
         Calibrations of the study as declared, by camera.
@@ -46,9 +47,9 @@ def infer_calibrations(
     TradestudyError
         A calibration cannot be inferred, or contradicts the declared geometry.
     """
-    asked = calibrations_to_infer(definition)
+    asked = calibrations_to_infer(study)
     if not asked:
-        return definition, {}, ""
+        return study, {}, ""
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
     from tradestudy.calibration.posteriors import infer
 
@@ -56,14 +57,15 @@ def infer_calibrations(
     try:
         found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names), strict=True))
     except (GeometryContradictionError, NotConvergedError, OutOfRangeError):
-        refuse_calibrations(definition, corners="all views")  # in the words of `plan`, with the place in the study
+        refuse_calibrations(study, corners="all views")  # in the words of `plan`, with the place in the study
         raise
-    known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
-    declared = {key: one.name for key, one in definition.calibrations_to_infer().items()}
+    posteriors = {key: one.calibration for key, one in found.items()}
+    known = replace(study, choices=replace(study.choices, posteriors=posteriors))
+    declared = {key: name for name, key in study.definition.posterior_keys.items() if key in asked}
     others: dict[str, list[InferredCalibration]] = {}
     for key, one in found.items():
         if key not in declared:
-            others.setdefault(definition.file.cameras[asked[key].name].title, []).append(one)
+            others.setdefault(study.file.cameras[asked[key].name].title, []).append(one)
     failed = [
         f"{title} under {len(failures)} of {len(every)} other sets of values ({failures[0]})"
         for title, every in others.items()
@@ -76,7 +78,7 @@ Corners = Literal["not fitted", "few views", "all views"]
 """How far a check of a study fits detected corners."""
 
 
-def refuse_calibrations(definition: StudyDefinition, *, corners: Corners) -> None:
+def refuse_calibrations(study: PreparedStudy, *, corners: Corners) -> None:
     """Refuse targets and corners of a study, its readings, designs and inverse questions that a run would refuse.
 
     A fit to a few views of corners takes a second. All views take some seconds and show every contradiction.
@@ -87,14 +89,14 @@ def refuse_calibrations(definition: StudyDefinition, *, corners: Corners) -> Non
         A target is visible in too few views or does not determine the camera, no rig fits the corners, or they
         contradict the declared geometry.
     """
-    asked = calibrations_to_infer(definition)
+    asked = calibrations_to_infer(study)
     if not asked:
         return
     from tradestudy.calibration.camera_target import TargetToInfer, fit_target, target_problem
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
     from tradestudy.calibration.posteriors import check_corners
 
-    declared = {key for form in (definition, *definition.readings.values()) for key in form.posterior_keys.values()}
+    declared = {key for form in (study, *study.readings.values()) for key in form.definition.posterior_keys.values()}
     problems = []
     for key, request in asked.items():
         try:
@@ -103,50 +105,53 @@ def refuse_calibrations(definition: StudyDefinition, *, corners: Corners) -> Non
             elif corners != "not fitted":
                 check_corners(request, few=corners == "few views")
         except GeometryContradictionError as error:
-            problems += _located(definition, error)
+            problems += _located(study, error)
         except TradestudyError as error:
             given = "target" if isinstance(request, TargetToInfer) else "corners"
             path = ("cameras", request.name, "calibration", given) if key in declared else ("sweep",)
-            which = "" if key in declared else f"{_design_with(definition, key)}: "
-            problems.append(definition.document.locate(path).problem(path, f"{which}{error}"))
-    if problems := problems or list(_unseen_plans(definition)):
+            which = "" if key in declared else f"{_design_with(study, key)}: "
+            problems.append(study.document.locate(path).problem(path, f"{which}{error}"))
+    if problems := problems or list(_unseen_plans(study)):
         raise StudyError(problems)
 
 
-def _design_with(definition: StudyDefinition, key: str) -> str:
+def _design_with(study: PreparedStudy, key: str) -> str:
     """The first design of a sweep with a calibration, in words."""
-    axes = sweep_axes(definition)
-    designs = zip(point_labels(axes), sweep_points(definition, axes), strict=True)
-    return next(label for label, design in designs if key in design.posterior_keys.values())
+    axes = sweep_axes(study)
+    designs = zip(point_labels(axes), sweep_points(study, axes), strict=True)
+    return next(label for label, design in designs if key in design.definition.posterior_keys.values())
 
 
-def _unseen_plans(definition: StudyDefinition) -> Iterator[Problem]:
+def _unseen_plans(study: PreparedStudy) -> Iterator[Problem]:
     """Ends of inverse questions at which too few views of a planned calibration show the target."""
     from tradestudy.answers.solutions import PLANS, varied_calibrations
     from tradestudy.calibration.camera_target import TargetToInfer, planned_problem
 
-    for name, question in definition.file.solve.items():
-        varying = Varying.of(definition, question)
-        varied = varied_calibrations(definition, varying)
+    for name, question in study.file.solve.items():
+        varying = Varying.of(study, question)
+        varied = varied_calibrations(study, varying)
         for end, value in (("low", varying.low), ("high", varying.high)):
-            path, changed = ("solve", name, end), definition.with_values(varying.changes(value))
-            for request in changed.calibrations_to_infer().values() if varied else ():
-                if not isinstance(request, TargetToInfer) or definition.posterior_keys[request.name] not in varied:
+            path, changed = ("solve", name, end), study.with_values(varying.changes(value))
+            for request in changed.definition.calibrations_to_infer().values() if varied else ():
+                if (
+                    not isinstance(request, TargetToInfer)
+                    or study.definition.posterior_keys[request.name] not in varied
+                ):
                     continue
                 try:
                     for plan in PLANS if question.requirement is None else PLANS[:1]:
                         planned_problem(request, plan)
                 except TradestudyError as error:
-                    yield definition.document.locate(path).problem(path, str(error))
+                    yield study.document.locate(path).problem(path, str(error))
 
 
-def _located(definition: StudyDefinition, error: GeometryContradictionError) -> list[Problem]:
+def _located(study: PreparedStudy, error: GeometryContradictionError) -> list[Problem]:
     """Every contradiction between corners and geometry, located at the calibration key of its camera."""
     found = []
     for line in str(error).splitlines():
-        name = next(name for name in definition.file.cameras if f"cameras.{name}." in line)
+        name = next(name for name in study.file.cameras if f"cameras.{name}." in line)
         path = ("cameras", name, "calibration", "corners")
-        found.append(definition.document.locate(path).problem(path, line))
+        found.append(study.document.locate(path).problem(path, line))
     return found
 
 

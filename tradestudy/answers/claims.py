@@ -18,7 +18,7 @@ from tradestudy.execution.steps import Progress, mixed
 from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.claims import (
     ClaimPart,
     CriterionFNumberClaim,
@@ -126,11 +126,11 @@ def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot
             return lit_pixels(image, claim.above) / lit_pixels(reference, claim.above)
 
 
-def compared_spots(definition: StudyDefinition) -> Iterator[tuple[LightSpotPart, MethodName]]:
+def compared_spots(study: PreparedStudy) -> Iterator[tuple[LightSpotPart, MethodName]]:
     """The light spots, and the methods for their pictures, that claims compare under the readings that they name."""
-    claims = definition.file.claims
-    for key, name in claims_in_order(claims, ["", *definition.readings]):  # "" is the study as declared
-        file = definition.readings.get(name, definition).file
+    claims = study.file.claims
+    for key, name in claims_in_order(claims, ["", *study.readings]):  # "" is the study as declared
+        file = study.readings.get(name, study).file
         claim = file.claims[key]
         if isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
             yield from ((_present(file.light_spot), method) for method in (claim.method, claim.reference))
@@ -418,23 +418,23 @@ def _the_remaining(names: Sequence[str], says: Mapping[str, str]) -> str:
 
 
 def claims_group(
-    definition: StudyDefinition,
-    readings: Mapping[str, StudyDefinition],
+    study: PreparedStudy,
+    readings: Mapping[str, PreparedStudy],
     progress: Progress = lambda _step, _share: None,
 ) -> xr.Dataset:
     """/claims: value and answer under each reading that a claim names, with the verdict."""
-    claims = definition.file.claims
-    titles = {name: part.title for name, part in definition.file.cameras.items()}
+    claims = study.file.claims
+    titles = {name: part.title for name, part in study.file.cameras.items()}
     names = list(readings)
     value = np.full((len(claims), len(names)), np.nan)
     met = np.full(value.shape, -1, dtype=np.int8)
     text, near = np.full(value.shape, "", dtype=object), np.zeros(value.shape)
-    tolerance = definition.file.accuracy.tolerance
+    tolerance = study.file.accuracy.tolerance
     rows, asked = list(claims), claims_in_order(claims, names)
-    says = {name: reading.says for name, reading in definition.file.readings.items()}
+    says = {name: reading.says for name, reading in study.file.readings.items()}
     answers: dict[str, dict[str, bool | None]] = {key: {} for key in claims}
     for done, (key, name) in enumerate(asked):
-        progress("claims", done / (len(asked) + len(definition.file.requirements)))
+        progress("claims", done / (len(asked) + len(study.file.requirements)))
         row, column, claim, dimension = rows.index(key), names.index(name), claims[key], claim_dimension(claims[key])
         # A reading may also change what a claim asks, such as the blur that counts as sharp, but never what it expects.
         value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)
@@ -452,7 +452,7 @@ def claims_group(
             "value": value,
             "met": met,
             "value_text": text,
-            "reading_says": readings_say(definition, names),
+            "reading_says": readings_say(study, names),
             "says": [claim.says for claim in claims.values()],
             "source": [claim.source for claim in claims.values()],
             "expected": [expectation(claim.expect) for claim in claims.values()],

@@ -41,8 +41,7 @@ from tradestudy.models.plan import Plan
 from tradestudy.models.spot_images import RAYS, SpotModels, compared_models, picture_of
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.building import apply_models
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.prepared import Case, PreparedStudy, apply_models
 from tradestudy.study.schema.wave_optics import LightSpotPart
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import json_text, listed
@@ -263,7 +262,7 @@ def _relative_norm(values: FloatArray, reference: FloatArray) -> float:
     return float(np.linalg.norm(values - reference) / np.linalg.norm(reference))
 
 
-def require_prices(definition: StudyDefinition) -> None:
+def require_prices(study: PreparedStudy) -> None:
     """Refuse a study without a choice of models.
 
     Raises
@@ -271,13 +270,13 @@ def require_prices(definition: StudyDefinition) -> None:
     OutOfRangeError
         If it has no light spot and no camera with calibration errors or a derived disparity error.
     """
-    cameras = definition.case.cameras.values()
+    cameras = study.case.cameras.values()
     calibrated = any(camera.calibration.groups or not camera.calibration.inferred for camera in cameras)
     pictured = any(isinstance(camera.disparity_error_px, PictureDisparityError) for camera in cameras)
-    if not calibrated and not pictured and definition.file.light_spot is None:
+    if not calibrated and not pictured and study.file.light_spot is None:
         raise OutOfRangeError(
             "there is only one way to compute every answer of this study, so there are no costs to compare",
-            value=definition.file.study,
+            value=study.file.study,
             limit="cameras with calibration errors or derived disparity errors, or a light spot",
             remedy="measure the cost of another study",
         )
@@ -312,10 +311,10 @@ def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAUL
             limit="> 0 s, finite",
             remedy="give it in seconds, such as 120",
         )
-    require_prices(plan.definition)
+    require_prices(plan.study)
     steps = Steps() if steps is None else steps
-    definition, *_ = infer_calibrations(plan.definition, steps)
-    problems = list(_problems(plan, definition))
+    study, *_ = infer_calibrations(plan.study, steps)
+    problems = list(_problems(plan, study))
     found: list[Measured] = []
     end = time.perf_counter() + budget
     for number, problem in enumerate(problems):
@@ -334,13 +333,13 @@ def cost_json(study: str, study_hash: str, cost: xr.Dataset) -> str:
     return json_text({"study": study, "study_hash": study_hash, **cost.attrs, **rows}) + "\n"
 
 
-def _problems(plan: Plan, definition: StudyDefinition) -> Iterator[CostProblem]:
-    for name in definition.case.cameras:
+def _problems(plan: Plan, study: PreparedStudy) -> Iterator[CostProblem]:
+    for name in study.case.cameras:
         chosen, offered = _models(plan, name)
-        problem = depth_problem(definition.case, name, definition.file.cameras[name].title, chosen, offered)
+        problem = depth_problem(study.case, name, study.file.cameras[name].title, chosen, offered)
         if problem is not None:
             yield problem
-    if (part := definition.file.light_spot) is not None:
+    if (part := study.file.light_spot) is not None:
         yield spot_problem(part, light_spot.NAME, light_spot.spot_models(plan.models(light_spot.NAME)))
 
 

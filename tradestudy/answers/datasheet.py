@@ -16,14 +16,14 @@ from tradestudy.depth.usable import usable_intervals
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 
 _MOST: Final = 5
 
 
-def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
+def datasheet_group(study: PreparedStudy) -> xr.Dataset:
     """/datasheet over (camera, distance)."""
-    case, places = definition.case, _places(definition)
+    case, places = study.case, _places(study)
     middle = float(places[places.size // 2])
     columns: dict[str, list[FloatArray]] = {}
     single: dict[str, list[float]] = {}
@@ -77,9 +77,9 @@ def _seen_twice(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     return shared
 
 
-def _places(definition: StudyDefinition) -> FloatArray:
+def _places(study: PreparedStudy) -> FloatArray:
     """Distances of the decision, with others added across the scene: three to five, fewer if the scene has fewer."""
-    file, distance = definition.file, definition.case.distance
+    file, distance = study.file, study.case.distance
     asked = np.array(sorted(set(file.decision.at if file.decision is not None else ())))
     if asked.size < 3:
         ends = np.geomspace(distance[0], distance[-1], 3) if distance.size > 1 else distance

@@ -33,7 +33,7 @@ from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.bases import input_words
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.prepared import Case, PreparedStudy
 
 NOISE: Final = "noise"
 
@@ -342,12 +342,12 @@ def _sure_lead(ratios: FloatArray) -> FloatArray:
 
 
 def decision_group(
-    definition: StudyDefinition,
-    readings: Mapping[str, StudyDefinition],
+    study: PreparedStudy,
+    readings: Mapping[str, PreparedStudy],
     progress: Progress = lambda _step, _share: None,
 ) -> xr.Dataset:
     """/decision from the study under each reading, without inverse questions."""
-    file, case = definition.file, definition.case
+    file, case = study.file, study.case
     values: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"error_source": list(ERROR_SOURCES)}
     attributes: dict[str, Any] = {}
@@ -363,9 +363,7 @@ def decision_group(
         grids = (case.distance, sought(camera, case.distance))  # the denser one where the study's shows no usable place
         used = (one[_within(intervals, one)] for one in grids)
         causes[name] = largest_cause(camera, next((one for one in used if one.size), case.distance))
-    values["cause"] = [
-        "" if one is None else input_words(definition, name, one.parameter) for name, one in causes.items()
-    ]
+    values["cause"] = ["" if one is None else input_words(study, name, one.parameter) for name, one in causes.items()]
     values["cause_share"] = [math.nan if one is None else one.share for one in causes.values()]
     coordinates["camera"] = list(case.cameras)
     if file.decision is not None:
@@ -380,7 +378,7 @@ def decision_group(
                 known[asked] = decide_pair(reading.case, pair, places)
             verdicts[name] = known[asked]
         values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])
-        values["reading_says"] = readings_say(definition, readings)
+        values["reading_says"] = readings_say(study, readings)
         coordinates |= {"reading": list(readings), "place": places}
         attributes |= {"first": pair[0], "second": pair[1]}
     return dataset("decision", values, coordinates, attributes=attributes)
@@ -425,7 +423,7 @@ def _padded(
     }
 
 
-def readings_say(definition: StudyDefinition, readings: Iterable[str]) -> list[str]:
+def readings_say(study: PreparedStudy, readings: Iterable[str]) -> list[str]:
     """What each reading assumes."""
-    declared = definition.file.readings
+    declared = study.file.readings
     return [declared[name].says if name in declared else "the study as declared" for name in readings]

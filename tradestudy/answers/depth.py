@@ -19,7 +19,7 @@ from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.results import coordinate_names, dataset
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.varying import SweepAxis, point_labels, sweep_axes
 
 
@@ -98,47 +98,47 @@ OFF_AXIS: Final = "depth off the axis"
 DepthTables = Mapping[tuple[DepthCamera, UsableCriteria], DepthTable]
 
 
-def depth_tables(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> DepthTables:
+def depth_tables(study: PreparedStudy, designs: Sequence[PreparedStudy], steps: Steps) -> DepthTables:
     """Depth errors and usability of each camera of each design, over the distances of the study.
 
     A camera that several designs share is computed once, under the label of the first of them.
     """
     labels: dict[tuple[DepthCamera, UsableCriteria], tuple[str, str]] = {}
-    for design, label in zip(designs, point_labels(sweep_axes(definition)), strict=True):
+    for design, label in zip(designs, point_labels(sweep_axes(study)), strict=True):
         for name, camera in design.case.cameras.items():
             labels.setdefault((camera, design.case.criteria), (name, label))
-    distance = definition.case.distance
+    distance = study.case.distance
     points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
     words = [f"{name}, {label}" for name, label in labels.values()]
     return dict(zip(labels, steps.map("depth", depth_table, points, words), strict=True))
 
 
-def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:
+def depth_group(study: PreparedStudy, designs: Sequence[PreparedStudy], tables: DepthTables) -> xr.Dataset:
     """/depth over (swept parameters, camera, distance); the designs are those of `sweep_points`."""
-    axes, distance = sweep_axes(definition), definition.case.distance
+    axes, distance = sweep_axes(study), study.case.distance
     asked = [(camera, design.case.criteria) for design in designs for camera in design.case.cameras.values()]
     arrays, part_names = depth_arrays([tables[one] for one in asked])
-    shape = (*(len(axis.labels) for axis in axes), len(definition.case.cameras))
+    shape = (*(len(axis.labels) for axis in axes), len(study.case.cameras))
     stacked = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
-    coordinates = depth_coordinates(definition, distance, part_names)
+    coordinates = depth_coordinates(study, distance, part_names)
     return over_designs("depth", stacked, coordinates, axes, {"matching_needs": matching_needs()})
 
 
-def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]) -> xr.Dataset:
+def depth_at_places_group(study: PreparedStudy, places: tuple[float, ...]) -> xr.Dataset:
     """/depth_at_places: the variables of /depth at the distances of the decision, for the study as declared."""
     distance = np.array(sorted(set(places)))
     arrays, part_names = depth_arrays(
         [
-            depth_table(DepthPoint(camera=camera, criteria=definition.case.criteria, distance=distance))
-            for camera in definition.case.cameras.values()
+            depth_table(DepthPoint(camera=camera, criteria=study.case.criteria, distance=distance))
+            for camera in study.case.cameras.values()
         ]
     )
-    return dataset("depth_at_places", arrays, depth_coordinates(definition, distance, part_names))
+    return dataset("depth_at_places", arrays, depth_coordinates(study, distance, part_names))
 
 
-def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], steps: Steps) -> xr.Dataset:
+def depth_field_group(study: PreparedStudy, fields: tuple[float, ...], steps: Steps) -> xr.Dataset:
     """/depth_field: depth errors off the axis, over (camera, field, corner, distance), for the study as declared."""
-    cameras, distance = definition.case.cameras, definition.case.distance
+    cameras, distance = study.case.cameras, study.case.distance
     points = [
         FieldPoint(
             camera=camera,
@@ -152,7 +152,7 @@ def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], st
     arrays, part_names = _error_arrays(flat)
     shape = (len(cameras), len(fields), len(CORNERS))
     values = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
-    coordinates = depth_coordinates(definition, distance, part_names)
+    coordinates = depth_coordinates(study, distance, part_names)
     return dataset(
         "depth_field",
         values,
@@ -161,9 +161,9 @@ def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], st
     )
 
 
-def depth_coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
+def depth_coordinates(study: PreparedStudy, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
     """Labels along the dimensions of /depth that have them."""
-    cameras = definition.case.cameras
+    cameras = study.case.cameras
     return {
         "camera": list(cameras),
         "distance": distance,

@@ -35,7 +35,7 @@ from tradestudy.models.rendered_scene import pattern_of_scene, plane_across
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
 from tradestudy.results import dataset
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.scene import DepthLoopPart
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class LoopFinding:
     reason: str
 
 
-def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[str, float, float, float], LoopPoint]:
+def loop_points(study: PreparedStudy, part: DepthLoopPart) -> dict[tuple[str, float, float, float], LoopPoint]:
     """Every camera in front of every plane, by its name, distance [m], contrast and electrons.
 
     Raises
@@ -123,7 +123,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
     OutOfRangeError
         A camera cannot measure depth in its pictures.
     """
-    scene = definition.file.scene
+    scene = study.file.scene
     assert scene is not None  # the study has been checked
     assert scene.picture is not None
     picture, light = scene.picture, scene.picture.light
@@ -132,8 +132,8 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
             "light given in photons yields different electrons in the cameras of a depth loop",
             remedy="give depth_loop.electrons, or scene.picture.light.electrons",
         )
-    names = part.cameras or tuple(definition.case.cameras)
-    seed = definition.file.propagation.seed
+    names = part.cameras or tuple(study.case.cameras)
+    seed = study.file.propagation.seed
     found = {}
     for name, (number, distance), contrast, electrons in itertools.product(
         names,
@@ -141,7 +141,7 @@ def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[
         part.contrasts or (picture.texture.contrast,),
         part.electrons or (light.electrons or math.nan,),
     ):
-        camera, reader = definition.case.cameras[name], definition.file.cameras[name].reader
+        camera, reader = study.case.cameras[name], study.file.cameras[name].reader
         if reader is None:
             raise OutOfRangeError(
                 f"{name} cannot measure depth in its pictures", remedy="leave it out of depth_loop.cameras"
@@ -339,9 +339,9 @@ def _searched(camera: DepthCamera, distance: float) -> tuple[float, float]:
     return 1.0 / (1.0 / distance + half), 1.0 / max(1.0 / distance - half, 1.0 / (_FARTHEST * distance))
 
 
-def depth_loop_group(definition: StudyDefinition, part: DepthLoopPart, steps: Steps) -> xr.Dataset:
+def depth_loop_group(study: PreparedStudy, part: DepthLoopPart, steps: Steps) -> xr.Dataset:
     """/depth_loop over cameras, distances, contrasts and electrons."""
-    points = loop_points(definition, part)
+    points = loop_points(study, part)
     found = measure_loop(points, steps)
     cameras = list(dict.fromkeys(key[0] for key in points))
     labels = {

@@ -23,7 +23,7 @@ from tradestudy.depth.evaluation import model_error
 from tradestudy.depth.linear import has_covariance, linear_distribution, noise_distribution
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset, distances_without_decision
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 
 ACROSS: Final = 25
 DOWN: Final = 15
@@ -132,10 +132,10 @@ def depth_map(camera: DepthCamera, distance: FloatArray) -> UncertaintyMap | Non
     )
 
 
-def depth_map_group(definition: StudyDefinition) -> xr.Dataset | None:
+def depth_map_group(study: PreparedStudy) -> xr.Dataset | None:
     """Maps of all cameras that have one, as declared; None if no camera has one."""
-    distance = distances_without_decision(definition.case.distance)
-    found = {name: depth_map(camera, distance) for name, camera in definition.case.cameras.items()}
+    distance = distances_without_decision(study.case.distance)
+    found = {name: depth_map(camera, distance) for name, camera in study.case.cameras.items()}
     maps = {name: one for name, one in found.items() if one is not None}
     if not maps:
         return None

@@ -38,7 +38,7 @@ from tradestudy.optics.arrays import FloatArray, Samples
 from tradestudy.optics.window_matching import REASONS, Reason
 from tradestudy.results import GROUPS
 from tradestudy.results.storage import replace_file, replacing
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.scene import Rig
 from tradestudy.wording import json_text
 
@@ -139,12 +139,12 @@ class MeasuredDepth:
         return {name: np.asarray(values, np.float32) for name, values in {**depths, **self.made}.items()}
 
 
-def set_up_readers(definition: StudyDefinition, *, rig: Rig | None = None) -> list[CameraReader]:
+def set_up_readers(study: PreparedStudy, *, rig: Rig | None = None) -> list[CameraReader]:
     """The depth readers of all cameras that take pictures of the scene.
 
     Parameters
     ----------
-    definition
+    study
         A study with ``scene.image``, its calibrations inferred unless ``rig`` is as-designed.
     rig
         Overrides that of the study.
@@ -154,18 +154,18 @@ def set_up_readers(definition: StudyDefinition, *, rig: Rig | None = None) -> li
     OutOfRangeError
         A camera cannot measure depth in its pictures.
     """
-    image, picture = declared_image(definition)
-    extent, cameras = extent_and_cameras(definition, rig=rig)
+    image, picture = declared_image(study)
+    extent, cameras = extent_and_cameras(study, rig=rig)
     if image.mosaic is not None:
         raise OutOfRangeError(
             "depth maps from pictures taken through a mosaic of colour filters",
             remedy="remove scene.image.mosaic, or request no depth maps",
         )
-    distances, wavelength = definition.case.distance, definition.case.wavelength
+    distances, wavelength = study.case.distance, study.case.wavelength
     ends = float(distances.min()), float(distances.max())
     return [
         reader_of(
-            definition,
+            study,
             taken,
             ends,
             window_of(picture.settings(wavelength, taken.camera.sensor), taken, sum(extent) / 2.0),
@@ -174,7 +174,7 @@ def set_up_readers(definition: StudyDefinition, *, rig: Rig | None = None) -> li
     ]
 
 
-def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, float], window_px: float) -> CameraReader:
+def reader_of(study: PreparedStudy, taken: Taken, ends: tuple[float, float], window_px: float) -> CameraReader:
     """The reader that measures depth between two distances [m] in a camera's pictures, with windows of this side.
 
     ``window_px`` is in samples.
@@ -184,7 +184,7 @@ def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, floa
     OutOfRangeError
         The camera cannot measure depth in its pictures.
     """
-    reader_of_kind = definition.file.cameras[taken.name].reader
+    reader_of_kind = study.file.cameras[taken.name].reader
     if reader_of_kind is None:
         raise OutOfRangeError(
             f"{taken.name} cannot measure depth in its pictures",
@@ -231,7 +231,7 @@ def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: 
 def _waves(rendering: Rendering, reader: CameraReader) -> dict[str, Waves | None]:
     """Diffraction in the pictures of the camera as designed; None for pictures rendered by rays."""
     by_waves = {one.name: one.tile.waves is not None for one in rendering.pictures if one.camera == reader.taken.name}
-    wavelength = rendering.definition.case.wavelength
+    wavelength = rendering.study.case.wavelength
     return {
         one.name: waves_of(one, rendering.scene, wavelength) if by_waves[one.name] else None for one in reader.exposures
     }

@@ -13,7 +13,7 @@ from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.focus import SharpRange
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import DepthOfFieldPart
 from tradestudy.study.schema.requirements import criterion_dimension
 
@@ -21,12 +21,12 @@ from tradestudy.study.schema.requirements import criterion_dimension
 _SCENE_POINTS: Final = 401
 
 
-def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -> xr.Dataset:
+def depth_of_field_group(study: PreparedStudy, asked: DepthOfFieldPart) -> xr.Dataset:
     """/depth_of_field over (camera, criterion, distance).
 
     Models without diffraction leave it out of every criterion; ``diffraction`` records the measure that was applied.
     """
-    case, wavelength = definition.case, definition.case.wavelength
+    case, wavelength = study.case, study.case.wavelength
     cameras, sharp = case.all_cameras, case.sharp
     ranges = [[one.focus.sharp_range(criterion) for criterion in sharp.values()] for one in cameras.values()]
     values = {
@@ -112,9 +112,9 @@ def _resolutions(
     }
 
 
-def criteria_group(definition: StudyDefinition) -> xr.Dataset:
+def criteria_group(study: PreparedStudy) -> xr.Dataset:
     """/criteria over (camera, criterion), each value with its basis; sharpness as in the chosen models."""
-    case = definition.case
+    case = study.case
     cameras, relief = case.all_cameras, Relief.of(case)
     others = list(dict.fromkeys(name for part in case.attributes.values() for name in part.others))
     names = [*(criterion.name for criterion in CRITERIA), *others]
@@ -122,7 +122,7 @@ def criteria_group(definition: StudyDefinition) -> xr.Dataset:
     units = [criterion_dimension(name, case.attributes.values()) for name in others]
     paths = [*(criterion.path for criterion in CRITERIA), *(f"attributes.others.{other}" for other in others)]
     basis = [
-        [attribute.basis or _basis(definition, name, path) for attribute, path in zip(row, paths, strict=True)]
+        [attribute.basis or _basis(study, name, path) for attribute, path in zip(row, paths, strict=True)]
         for name, row in zip(cameras, rows, strict=True)
     ]
     return dataset(
@@ -147,10 +147,10 @@ def criteria_group(definition: StudyDefinition) -> xr.Dataset:
     )
 
 
-def _basis(definition: StudyDefinition, camera: str, path: str) -> str:
+def _basis(study: PreparedStudy, camera: str, path: str) -> str:
     """The basis of a declared value; "declared" where the study states none."""
     place = ("cameras", camera, *path.split("."))
-    annotation = definition.document.annotations.get(place)
+    annotation = study.document.annotations.get(place)
     if annotation is not None and annotation.basis is not None:
         return annotation.basis
-    return "declared" if definition.document.entry(place) is not None else ""
+    return "declared" if study.document.entry(place) is not None else ""

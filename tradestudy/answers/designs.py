@@ -17,7 +17,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.depth.evaluation import finite, judged_at
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import distances_without_decision
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.varying import sweep_axes
 
 _BOTH: Final = -1  # index of noise and calibration together among the error sources
@@ -120,10 +120,10 @@ def crossings(first: Curve, second: Curve, names: tuple[str, str]) -> tuple[Cros
     return tuple(found)
 
 
-def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:
+def design_verdicts(study: PreparedStudy, designs: Sequence[PreparedStudy], tables: DepthTables) -> xr.Dataset:
     """Variables of /decision over the swept parameters; the designs are those of `sweep_points`."""
-    axes, decision = sweep_axes(definition), definition.file.decision
-    places = np.array(decision.at if decision else distances_without_decision(definition.case.distance))
+    axes, decision = sweep_axes(study), study.file.decision
+    places = np.array(decision.at if decision else distances_without_decision(study.case.distance))
     at_places = cache(lambda camera: judged_at(camera, places))  # of many designs
     best, along, crossed = [], [], []
     for design in designs:
@@ -146,4 +146,4 @@ def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefiniti
         for name, empty in (("distance", math.nan), ("error", math.nan), ("nearer", "")):
             rows = [[getattr(one, name) for one in row] + [empty] * (most - len(row)) for row in crossed]
             values[f"design_crossover_{name}"] = np.array(rows).reshape(*shape, most)
-    return over_designs("decision", values, {"design_place": places, "design_distance": definition.case.distance}, axes)
+    return over_designs("decision", values, {"design_place": places, "design_distance": study.case.distance}, axes)

@@ -27,30 +27,29 @@ from tradestudy.imaging.picture import (
 from tradestudy.models.depth_problem import applicable
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset, distances_without_decision
-from tradestudy.study.building import complete_in_closed_form, in_closed_form, with_models
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy, complete_in_closed_form, in_closed_form, with_models
 
 STEP: Final = "pictures"
 
 
-def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
+def disparity_causes_group(study: PreparedStudy) -> xr.Dataset | None:
     """/disparity_causes of the study as declared, without its sweep; None if no disparity error is derived.
 
     Uses the most complete closed-form models, even where depth omits effects, because an omitted cause would
     seem to have no effect; models that the study names take precedence.
     """
-    forced = definition.file.effects.forced()
+    forced = study.file.effects.forced()
     derived = {
         name: (camera, replace(law, models=with_models(complete_in_closed_form(camera, law), in_closed_form(own))))
-        for name, camera in definition.case.cameras.items()
+        for name, camera in study.case.cameras.items()
         if isinstance(law := camera.disparity_error_px, PictureDisparityError)
         and (own := applicable(camera, forced)) is not None
     }
     if not derived:
         return None
-    decision = definition.file.decision
+    decision = study.file.decision
     distance = (
-        distances_without_decision(definition.case.distance) if decision is None else np.array(sorted(set(decision.at)))
+        distances_without_decision(study.case.distance) if decision is None else np.array(sorted(set(decision.at)))
     )
     names = list(derived)
     seen = [_electrons(camera, law, distance) for camera, law in derived.values()]
@@ -124,12 +123,12 @@ def _light_deficit(electrons: FloatArray, camera: int, brightest: list[int]) -> 
     )
 
 
-def compute_kirchhoff_pictures(definition: StudyDefinition, progress: Progress) -> None:
+def compute_kirchhoff_pictures(study: PreparedStudy, progress: Progress) -> None:
     """Compute Kirchhoff's correction to Fresnel for every camera over the study's distances, reporting progress.
 
     The corrections are cached where transfer functions look them up. Does nothing if no camera's models need them.
     """
-    points = kirchhoff_lattice(definition.case.cameras.values(), definition.case.distance)
+    points = kirchhoff_lattice(study.case.cameras.values(), study.case.distance)
     for number, point in enumerate(points):
         progress(STEP, number / len(points))
         kirchhoff_correction(*point)

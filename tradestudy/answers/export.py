@@ -17,7 +17,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.optics.lens_families import FAMILIES
 from tradestudy.study.camera_files.importing import FORMATS
 from tradestudy.study.camera_files.located import Format, UnsupportedLensError
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.uncertainty.sources import ErrorClass, Sources
 from tradestudy.uncertainty.streams import point_generator
 from tradestudy.units import significant
@@ -57,14 +57,14 @@ class Export:
     left_out: tuple[str, ...]
 
 
-def export(definition: StudyDefinition, name: str, words: Sequence[str], *, lossy: bool) -> Export:
+def export(study: PreparedStudy, name: str, words: Sequence[str], *, lossy: bool) -> Export:
     """Export a camera in the given formats, or in all if none is given.
 
     Lengths are in metres. Calibrations from corners and targets are fitted first, and the files contain the fit.
 
     Parameters
     ----------
-    definition
+    study
         The study.
     name
         Name of the camera.
@@ -78,15 +78,15 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
     ExportError
         There is no such camera, or a format cannot represent it.
     """
-    camera = definition.case.all_cameras.get(name)
+    camera = study.case.all_cameras.get(name)
     if not isinstance(camera, DepthCamera):
-        known = [key for key, one in definition.case.all_cameras.items() if isinstance(one, DepthCamera)]
+        known = [key for key, one in study.case.all_cameras.items() if isinstance(one, DepthCamera)]
         what = "no camera of the study has this name" if camera is None else "this camera measures no depth"
         raise ExportError(what, value=name, limit=", ".join(known), remedy="name one of these")
     if unknown := [word for word in words if word not in WORDS]:
         raise ExportError("unknown format", value=", ".join(unknown), limit=", ".join(WORDS), remedy="use one of these")
     asked = words or WORDS
-    posterior = _inferred(definition, name)
+    posterior = _inferred(study, name)
     texts: dict[str, str] = {}
     left_out: list[str] = []
     refused: list[str] = []
@@ -105,7 +105,7 @@ def export(definition: StudyDefinition, name: str, words: Sequence[str], *, loss
     if POSTERIOR in asked:
         session = [group.name for group in camera.calibration.groups if group.error_class is ErrorClass.SESSION]
         refused += [f"a posterior cannot contain {one}: this error arose after the calibration" for one in session]
-        posterior = posterior or _declared(definition, camera, name)
+        posterior = posterior or _declared(study, camera, name)
         if posterior is None:
             left_out.append("posterior: no parameter of the camera is declared uncertain")
     found = Export(texts=texts, posterior=posterior if POSTERIOR in asked else None, left_out=(*left_out, *refused))
@@ -165,23 +165,23 @@ def _largest_shift(camera: ImportedCamera, smaller: ImportedCamera) -> float:
     return float(np.nanmax(np.linalg.norm(shift, axis=-1)))
 
 
-def _inferred(definition: StudyDefinition, name: str) -> CalibrationDraws | None:
+def _inferred(study: PreparedStudy, name: str) -> CalibrationDraws | None:
     """The posterior of a calibration from corners or a target; None for other calibrations."""
-    key = definition.posterior_keys.get(name)
+    key = study.definition.posterior_keys.get(name)
     if key is None:
         return None
     from tradestudy.calibration.posteriors import infer
 
-    return infer(definition.calibrations_to_infer()[key]).posterior
+    return infer(study.definition.calibrations_to_infer()[key]).posterior
 
 
-def _declared(definition: StudyDefinition, camera: DepthCamera, name: str) -> CalibrationDraws | None:
+def _declared(study: PreparedStudy, camera: DepthCamera, name: str) -> CalibrationDraws | None:
     """Draws of the declared errors, or of a posterior that the study reads from a file."""
     groups = tuple(group for group in camera.calibration.groups if group.error_class is ErrorClass.RIG)
     if not groups:
         return None
     sources = Sources(groups=groups)
-    rng = point_generator(seed=definition.file.propagation.seed, point=f"export/{name}", replicate=0)
+    rng = point_generator(seed=study.file.propagation.seed, point=f"export/{name}", replicate=0)
     drawn = sources.draw(rng.standard_normal((sources.dimensions, _DRAWS)))
     names = tuple(drawn)
     columns = np.concatenate([np.broadcast_to(drawn[one], (_DRAWS, 1)) for one in names], axis=1)

@@ -26,8 +26,8 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.depth.evaluation import distribution, imaged
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import MappingEntry
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import MeasurementPart
 from tradestudy.study.writing import standalone, yaml_of
 
@@ -237,9 +237,9 @@ def _of_scale(wave: Ripple, declared: FloatArray) -> str:
     return CONSISTENT if low <= 1.0 <= high else INCONSISTENT
 
 
-def measurements_group(definition: StudyDefinition) -> xr.Dataset:
+def measurements_group(study: PreparedStudy) -> xr.Dataset:
     """/measurements over the rows of all tables, and what each table implies."""
-    tables = {name: _Table.of(definition, name, part) for name, part in definition.file.measurements.items()}
+    tables = {name: _Table.of(study, name, part) for name, part in study.file.measurements.items()}
     every = list(tables.values())
     values: dict[str, Any] = {
         "table_of": [name for name, one in tables.items() for _ in one.measured.lines],
@@ -266,9 +266,9 @@ def measurements_group(definition: StudyDefinition) -> xr.Dataset:
         "noise_verdict": [one.implied.of_noise for one in every],
         "calibration_verdict": [one.implied.of_calibration for one in every],
         "scale_verdict": [one.implied.of_scale for one in every],
-        "fitted_camera": [one.fitted_camera(definition) for one in every],
+        "fitted_camera": [one.fitted_camera(study) for one in every],
     }
-    curves = [one.curve(definition) for one in every]
+    curves = [one.curve(study) for one in every]
     values |= {f"curve_{name}": [one[name] for one in curves] for name in curves[0]}
     for name in FITS:
         found = [one.implied.fits[name] for one in every]
@@ -290,11 +290,11 @@ class _Table:
     implied: Implied
 
     @classmethod
-    def of(cls, definition: StudyDefinition, name: str, part: MeasurementPart) -> _Table:
+    def of(cls, study: PreparedStudy, name: str, part: MeasurementPart) -> _Table:
         path = ("measurements", name, "file")
         camera, measured = (
-            definition.case.cameras[part.camera],
-            read_measurements(definition.folder_of(path) / part.file),
+            study.case.cameras[part.camera],
+            read_measurements(study.document.folder_of(path) / part.file),
         )
         predicted = predict(camera, measured.distance)
         found = implied(camera, measured, predicted, zero_fitted=part.zero == "fitted")
@@ -315,11 +315,11 @@ class _Table:
             rows.append([np.median(known), known.min(), known.max()] if known.size else [np.nan] * 3)
         return np.array(rows)
 
-    def curve(self, definition: StudyDefinition) -> dict[str, FloatArray]:
+    def curve(self, study: PreparedStudy) -> dict[str, FloatArray]:
         """The predicted error of the spread column over a dense grid, or of the bias without one, for figures."""
         z = self.measured.distance
         dense = np.geomspace(z.min(), z.max(), _DENSE)
-        found = predict(definition.case.cameras[self.part.camera], dense)
+        found = predict(study.case.cameras[self.part.camera], dense)
         predicted = getattr(found, self.measured.spread or "bias")
         return {
             "distance": dense,
@@ -328,24 +328,22 @@ class _Table:
             "px_per_m": found.px_per_m,
         }
 
-    def fitted_camera(self, definition: StudyDefinition) -> str:
+    def fitted_camera(self, study: PreparedStudy) -> str:
         """The camera with the fitted values, as YAML for ``from:``; empty if none was fitted."""
-        values = dict(self._fitted_values(definition))
+        values = dict(self._fitted_values(study))
         if not values:
             return ""
         above = f"cameras.{self.part.camera}"
-        changed = standalone(definition).with_values({f"{above}.{path}": value for path, value in values.items()})
+        changed = standalone(study.definition).with_values({f"{above}.{path}": value for path, value in values.items()})
         entry = changed.document.entry(above)
         assert isinstance(entry, MappingEntry)
-        said = (
-            f"# Fitted to the measurements {self.name} of the study {definition.file.study}; other values as declared."
-        )
+        said = f"# Fitted to the measurements {self.name} of the study {study.file.study}; other values as declared."
         return f"{said}\n{yaml_of(entry)}"
 
-    def _fitted_values(self, definition: StudyDefinition) -> Iterator[tuple[str, Any]]:
+    def _fitted_values(self, study: PreparedStudy) -> Iterator[tuple[str, Any]]:
         """Paths below the camera and their values, each with what it was fitted to."""
         fits, note, factor = self.implied.fits, f"fitted to {self.part.file}", 1.0
-        baseline = definition.file.cameras[self.part.camera].model_dump().get("baseline")
+        baseline = study.file.cameras[self.part.camera].model_dump().get("baseline")
         if self.implied.of_scale == INCONSISTENT and isinstance(baseline, float) and math.isnan(fits["scale"].error):
             factor = fits["ripple_scale"].value
             said = f"{note}: focal length times baseline from sub-pixel locking, with the declared focal length"

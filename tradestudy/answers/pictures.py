@@ -24,7 +24,7 @@ from tradestudy.models.rendered_scene import Taken, declared_image, recording_of
 from tradestudy.models.scene_pictures import picture_problems
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results.storage import replace_file, replacing
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.scene import Rig, SceneImagePart
 from tradestudy.wording import json_text
 
@@ -85,19 +85,19 @@ class TakenPicture:
 class Rendering:
     """All pictures of a study's scene, and the inputs that they were rendered from."""
 
-    definition: StudyDefinition
+    study: PreparedStudy
     image: SceneImagePart
     scene: SceneSource
     cameras: Sequence[Taken]
     pictures: Sequence[TakenPicture]
 
 
-def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
+def render_scene(study: PreparedStudy, steps: Steps) -> Rendering:
     """Render every picture of the study's scene.
 
     Parameters
     ----------
-    definition
+    study
         A study with ``scene.image``, its calibrations inferred.
     steps
         How tiles are computed.
@@ -109,14 +109,14 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     UnaffordableError
         The pictures do not fit into the free memory; raised before anything is rendered.
     """
-    image, picture = declared_image(definition)
-    refuse_too_large(definition, workers=int(getattr(steps.executor, "count", 1)))
-    scene, cameras = set_up(definition)
+    image, picture = declared_image(study)
+    refuse_too_large(study, workers=int(getattr(steps.executor, "count", 1)))
+    scene, cameras = set_up(study)
     whole, errors = [], []
-    for taken, (by_waves, change) in zip(cameras, _models(definition), strict=True):
+    for taken, (by_waves, change) in zip(cameras, _models(study), strict=True):
         recording = recording_of(image, picture, taken.camera.sensor)
-        for one in whole_pictures(definition, image, scene, taken, recording):
-            waves = waves_of(one.exposure, scene, definition.case.wavelength) if by_waves else None
+        for one in whole_pictures(study, image, scene, taken, recording):
+            waves = waves_of(one.exposure, scene, study.case.wavelength) if by_waves else None
             whole.append(replace(one, waves=waves))
             errors.append(change if waves is None else waves.bent_farther)
     tiles = [tiles_of(one) for one in whole]
@@ -127,7 +127,7 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
         assemble(one, [(tile, next(rendered)) for tile in some], error)
         for one, some, error in zip(whole, tiles, errors, strict=True)
     ]
-    return Rendering(definition=definition, image=image, scene=scene, cameras=cameras, pictures=pictures)
+    return Rendering(study=study, image=image, scene=scene, cameras=cameras, pictures=pictures)
 
 
 def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
@@ -143,20 +143,20 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
     return written
 
 
-def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:
+def _models(study: PreparedStudy) -> list[tuple[bool, float]]:
     """For each camera that takes pictures, whether it uses waves, and the change that the choice of models makes."""
-    forced = definition.file.effects.forced()
-    free = picture_problems(definition, {}) if forced else ()
+    forced = study.file.effects.forced()
+    free = picture_problems(study, {}) if forced else ()
     return [
         (
             one.models["main_lens_diffraction"] != OFF,
             {**one.changes, **one.by_forcing}["pixel_intensity"].relative,
         )
-        for one in choose_each(definition, picture_problems(definition, forced), free)
+        for one in choose_each(study, picture_problems(study, forced), free)
     ]
 
 
-def refuse_too_large(definition: StudyDefinition, *, workers: int = 1, rig: Rig | None = None) -> None:
+def refuse_too_large(study: PreparedStudy, *, workers: int = 1, rig: Rig | None = None) -> None:
     """Refuse pictures that do not fit into the free memory; ``rig`` overrides that of the study.
 
     Raises
@@ -166,7 +166,7 @@ def refuse_too_large(definition: StudyDefinition, *, workers: int = 1, rig: Rig 
     UnaffordableError
         The pictures do not fit.
     """
-    scene, cameras = set_up(definition, rig=rig)
+    scene, cameras = set_up(study, rig=rig)
     sensors = [exposure.sensor for taken in cameras for exposure in taken.exposures]
     pixels = sum(sensor.columns * sensor.rows for sensor in sensors)
     patterns = {one.pattern for one in scene.surfaces if isinstance(one.pattern, RandomPattern)}
@@ -237,7 +237,7 @@ def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:
 
 def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[str, Any]:
     """Facts about one picture, for ``camera.json``."""
-    tolerance = rendering.definition.file.accuracy.asked().tolerances["pixel_intensity"]
+    tolerance = rendering.study.file.accuracy.asked().tolerances["pixel_intensity"]
     pose = one.tile.exposure.pose
     return {
         "file": path.name,
@@ -255,9 +255,9 @@ def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[
 
 def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any]) -> dict[str, Any]:
     """The content of ``camera.json``."""
-    definition, image, sensor = rendering.definition, rendering.image, taken.camera.sensor
+    study, image, sensor = rendering.study, rendering.image, taken.camera.sensor
     recording = next(one.tile.recording for one in rendering.pictures if one.camera == taken.name)
-    part = definition.file.cameras[taken.name]
+    part = study.file.cameras[taken.name]
     near, far = rendering.scene.extent
     values: dict[str, Any] = (
         {"unit": "digital number", "electrons_per_number": recording.noise.step_electrons}
@@ -268,7 +268,7 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
         "camera": taken.name,
         "title": part.title,
         "kind": part.kind,
-        "study": definition.file.study,
+        "study": study.file.study,
         "units": "lengths in metres, angles in radians, light in electrons",
         "coordinates": "x to the right (columns), y down (rows), z into the scene; upright; positions on the sensor "
         "are relative to its middle; a ray (x, y, z) of the camera is rotation × (x, y, z) + centre in the scene",

@@ -13,7 +13,16 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.answers.required_values import solve_requirement
-from tradestudy.answers.solutions import Solution, Solved, bracketed, planned, plans, to_be_planned, with_declared_value
+from tradestudy.answers.solutions import (
+    Solution,
+    Solved,
+    bracketed,
+    planned,
+    plans,
+    to_be_planned,
+    to_plan,
+    with_declared_value,
+)
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.depth.evaluation import distribution
 from tradestudy.errors import NotConvergedError
@@ -21,7 +30,7 @@ from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.bases import rests_in_words
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying, quantity_entry, question_ends
 from tradestudy.units import (
@@ -41,7 +50,7 @@ _EXTRAPOLATED: Final = 2.0  # lengths of the interval, on a logarithmic scale, b
 _LOG_OF_UNBOUNDED: Final = 700.0  # represents the logarithm of the ratio to an unbounded width
 
 
-def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
+def solve(study: PreparedStudy, question: SolvePart) -> Solved:
     """Find the values of an input that make two depth uncertainties equal at a distance, or give one a required value.
 
     The ratio of the uncertainties is computed at nine values between the declared ends. Wherever it passes one between
@@ -57,9 +66,9 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     NotConvergedError
         The root finder fails.
     """
-    varying = Varying.of(definition, question)
+    varying = Varying.of(study, question)
     dimension, low, high = varying.dimension, varying.low, varying.high
-    ratios = _Ratios(to_be_planned(definition, varying), question, varying)
+    ratios = _Ratios(to_be_planned(study, varying), question, varying)
     places = [math.log(varying.possible(math.exp(log))) for log in np.linspace(math.log(low), math.log(high), _PLACES)]
     places = list(dict.fromkeys(places))
     means = np.array([ratios.mean(log) for log in places])
@@ -80,17 +89,17 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     if not found and np.isnan(means).any():  # a claim about all values would be unfounded
         return Solved(solutions=(), dimension=dimension, answer=_undecided(question))
     if not found:
-        answer = _nowhere(definition, question, (low, high), means)
+        answer = _nowhere(study, question, (low, high), means)
         if question.equal is None and question.errors != "noise" and np.all(means > 0.0):
             best = math.exp(places[int(np.argmin(means))])
-            answer += _larger_noise(definition.with_values(varying.changes(best)), question)
+            answer += _larger_noise(study.with_values(varying.changes(best)), question)
         return Solved(solutions=(), dimension=dimension, answer=answer, tried=tried)
-    answer = _answer(definition, question, found, is_counted=varying.is_counted)
+    answer = _answer(study, question, found, is_counted=varying.is_counted)
     if ratios.plans > 1:
         answer += f"; mean over {ratios.plans} arrangements of the calibration views"
     rests, share = "", math.nan
     if question.errors == "calibration" and question.equal is None:
-        answer += _larger_noise(definition.with_values(varying.changes(found[0].value)), question)
+        answer += _larger_noise(study.with_values(varying.changes(found[0].value)), question)
         rests, share = _corner_noise(ratios.changed(math.log(found[0].value)), question)
     return Solved(solutions=tuple(found), dimension=dimension, answer=answer, tried=tried, rests_on=rests, share=share)
 
@@ -98,9 +107,9 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
 class _Ratios:
     """Logarithm of the ratio of the uncertainty to its target, against the logarithm of the varied value."""
 
-    def __init__(self, definition: StudyDefinition, question: SolvePart, varying: Varying) -> None:
-        self._definition, self._question, self._varying = definition, question, varying
-        self._plans = plans(definition)
+    def __init__(self, study: PreparedStudy, question: SolvePart, varying: Varying) -> None:
+        self._study, self._question, self._varying = study, question, varying
+        self._plans = plans(study)
         self._known: dict[tuple[float, int], FloatArray] = {}
 
     @property
@@ -161,11 +170,11 @@ class _Ratios:
             self._known[key] = _log_ratios(planned(self.changed(log_value), plan), self._question)
         return self._known[key]
 
-    def changed(self, log_value: float) -> StudyDefinition:
+    def changed(self, log_value: float) -> PreparedStudy:
         """The study with a value, before its calibrations are planned."""
         varying = self._varying
         value = min(max(math.exp(log_value), varying.low), varying.high)  # rounding may carry it beyond an end
-        return self._definition.with_values(varying.changes(value))
+        return self._study.with_values(varying.changes(value))
 
 
 def _error_of_mean(values: FloatArray) -> float:
@@ -184,9 +193,9 @@ def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: 
     return float(root)
 
 
-def _log_ratios(definition: StudyDefinition, question: SolvePart) -> FloatArray:
+def _log_ratios(study: PreparedStudy, question: SolvePart) -> FloatArray:
     """Logarithm of the ratio of the uncertainty to its target; (scrambles,)."""
-    cameras = definition.case.cameras
+    cameras = study.case.cameras
     if question.equal is not None:
         first, second = (_widths(cameras[name], question) for name in question.equal)
     else:
@@ -203,10 +212,10 @@ def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     return distribution(asked, np.array([question.place]), question.errors).judged_widths[:, 0]
 
 
-def _larger_noise(definition: StudyDefinition, question: SolvePart) -> str:
+def _larger_noise(study: PreparedStudy, question: SolvePart) -> str:
     """The matching noise, if it alone exceeds what a question requires of the calibration."""
     noise = question.model_copy(update={"errors": "noise"})
-    width = float(np.mean(_widths(definition.case.cameras[question.camera or ""], noise)))
+    width = float(np.mean(_widths(study.case.cameras[question.camera or ""], noise)))
     both = f"the matching noise of one measurement, {pretty(width, LENGTH)}, exceeds the goal"
     enough = f"of {pretty(question.goal, LENGTH)}, so average at least {math.ceil((width / question.goal) ** 2)}"
     return f"; {both} {enough}" if width > question.goal else ""
@@ -216,16 +225,14 @@ _NOISE_STEP: Final = 1.01  # factor of the corner noise on both sides of the dec
 _MOST: Final = 0.5  # of the variance
 
 
-def _corner_noise(definition: StudyDefinition, question: SolvePart) -> tuple[str, float]:
+def _corner_noise(study: PreparedStudy, question: SolvePart) -> tuple[str, float]:
     """The corner noise of a calibration to be planned, in words, and its share of the variance of depth.
 
     The planned covariance combines the corners with the errors before the calibration: its logarithmic derivative with
     respect to the variance of the corners is their share. Empty and NaN where this is not most of it.
     """
-    from tradestudy.calibration.camera_target import TargetToInfer
-
     name = question.camera or ""
-    asked = {one.name: one for one in definition.calibrations_to_infer().values() if isinstance(one, TargetToInfer)}
+    asked = {one.name: one for one in to_plan(study).values()}
     if name not in asked:
         return "", math.nan
     path = ("cameras", name, "calibration", "target", "corner_noise")
@@ -233,12 +240,12 @@ def _corner_noise(definition: StudyDefinition, question: SolvePart) -> tuple[str
         {".".join(path): quantity_entry(asked[name].part.corner_noise * factor, PIXELS)}
         for factor in (1.0 / _NOISE_STEP, _NOISE_STEP)
     ]
-    low, high = (_log_ratios(planned(definition.with_values(one)), question)[0] for one in changes)
+    low, high = (_log_ratios(planned(study.with_values(one)), question)[0] for one in changes)
     share = float(high - low) / (2.0 * math.log(_NOISE_STEP))
     if not share > _MOST:
         return "", math.nan
-    title = with_article(definition.file.cameras[name].title)
-    return f"corner noise of {title}{rests_in_words(definition, path)}", share
+    title = with_article(study.file.cameras[name].title)
+    return f"corner noise of {title}{rests_in_words(study, path)}", share
 
 
 def _undecided(question: SolvePart) -> str:
@@ -249,12 +256,10 @@ def _undecided(question: SolvePart) -> str:
     return f"cannot be decided: at {where} nothing is measured"
 
 
-def _nowhere(
-    definition: StudyDefinition, question: SolvePart, ends: tuple[float, float], log_ratios: FloatArray
-) -> str:
+def _nowhere(study: PreparedStudy, question: SolvePart, ends: tuple[float, float], log_ratios: FloatArray) -> str:
     """Which camera is more certain throughout, and whether a solution may lie beyond an end."""
     dimension = question_ends(question)[0]
-    titles = {name: part.title for name, part in definition.file.cameras.items()}
+    titles = {name: part.title for name, part in study.file.cameras.items()}
     between = " to ".join(pretty(end, dimension) for end in ends)
     first_is_certain = bool(np.mean(log_ratios) < 0.0)
     if question.equal is not None:
@@ -279,7 +284,7 @@ def _goal_words(question: SolvePart) -> str:
     return f"{goal or pretty(question.relative or 0.0, FRACTION)} at {pretty(question.place, LENGTH)}"
 
 
-def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[Solution], *, is_counted: bool) -> str:
+def _answer(study: PreparedStudy, question: SolvePart, found: Sequence[Solution], *, is_counted: bool) -> str:
     """Every solution with its error, that of a count rounded up to a whole number, and the declared value."""
     dimension = question_ends(question)[0]
     values = [
@@ -289,16 +294,16 @@ def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[So
         for one in found
     ]
     answer = listed(values) if len(values) == 1 else f"{len(values)} solutions: {listed(values)}"
-    return with_declared_value(definition, question, answer)
+    return with_declared_value(study, question, answer)
 
 
-def questions_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
+def questions_group(study: PreparedStudy, progress: Progress) -> xr.Dataset:
     """The part of /decision that answers inverse questions, for cameras of every kind."""
-    questions = definition.file.solve
+    questions = study.file.solve
     solved = []
     for done, (name, question) in enumerate(questions.items()):
         progress("inverse questions", done / len(questions))
-        solved.append((solve_requirement if question.requirement else solve)(definition.under(name), question))
+        solved.append((solve_requirement if question.requirement else solve)(study.under(name), question))
     progress("inverse questions", 1.0)
     tried = np.full((len(solved), max(1, *(len(answer.tried) for answer in solved)), 2), np.nan)
     for row, answer in zip(tried, solved, strict=True):

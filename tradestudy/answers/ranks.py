@@ -15,7 +15,7 @@ from tradestudy.depth.draws import outcome_model, uncertain_groups
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.uncertainty.decision import RankProbability, rank_probability
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.evaluation import Model, Outcome
@@ -100,13 +100,13 @@ def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance
     return evaluate
 
 
-def ranks_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
+def ranks_group(study: PreparedStudy, steps: Steps) -> xr.Dataset:
     """Ranks over (pair, error source, distance) for the pairs that the decision compares."""
-    decision = definition.file.decision
+    decision = study.file.decision
     assert decision is not None  # the caller has checked
     pairs = decision.compare or (decision.between,)
-    distance = rank_distances(definition.case.distance, decision.at)
-    cameras = definition.case.cameras
+    distance = rank_distances(study.case.distance, decision.at)
+    cameras = study.case.cameras
     names = [f"{first} against {second}" for first, second in pairs]
     points = [
         RankPoint(first=cameras[first], second=cameras[second], distance=distance, error_source=error_source)

@@ -13,17 +13,15 @@ from numpy.typing import ArrayLike
 from tradestudy.answers.depth import over_designs
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.refocusing import Refocusing
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.questions import RefocusingPart
 from tradestudy.study.varying import sweep_axes
 
 
-def refocusing_group(
-    definition: StudyDefinition, designs: Sequence[StudyDefinition], asked: RefocusingPart
-) -> xr.Dataset:
+def refocusing_group(study: PreparedStudy, designs: Sequence[PreparedStudy], asked: RefocusingPart) -> xr.Dataset:
     """/refocusing over (camera, plane) and (camera, pair), and the range and number of planes over designs."""
-    cameras = cameras_to_refocus(definition.case)
-    found = {name: definition.case.all_cameras[name].refocusing for name in cameras}
+    cameras = cameras_to_refocus(study.case)
+    found = {name: study.case.all_cameras[name].refocusing for name in cameras}
     shifts = _padded([asked.shifts or one.planes(asked.blur) for one in found.values()])
     pairs = _padded([asked.pairs or dict.fromkeys((1, one.views_across - 1)) for one in found.values()])
     planes = [refocused(one, row, asked.blur) for one, row in zip(found.values(), shifts, strict=True)]
@@ -39,7 +37,7 @@ def refocusing_group(
         "pair_baseline": [one.baseline(row) for one, row, _ in rows],
         "pair_disparity_px": [np.multiply.outer(row, shift) for _, row, shift in rows],
     }
-    axes = sweep_axes(definition)
+    axes = sweep_axes(study)
     if axes:
         cases = [one.case for one in designs]
         shape = (*(len(axis.labels) for axis in axes), len(cameras))

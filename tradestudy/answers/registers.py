@@ -20,9 +20,9 @@ from tradestudy.models.plan import Plan, summary
 from tradestudy.models.problem import Change, Changes
 from tradestudy.results import dataset
 from tradestudy.study.camera_files.libpleno import IGNORED
-from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Annotation, Document, ListEntry, Path, Place, ScalarEntry, walk
 from tradestudy.study.plausibility import contradictions, implausible
+from tradestudy.study.prepared import PreparedStudy
 
 SET_FOR_THIS_RUN = "set for this run"
 _NO_INPUTS: Final = ("kind", "title", "note", "from", "like", "read_as", "stated")
@@ -31,11 +31,11 @@ _ASKED: Final = (("distances",), ("image",))
 """Keys of the scene that say what the study asks about."""
 
 
-def cameras_group(definition: StudyDefinition) -> xr.Dataset:
+def cameras_group(study: PreparedStudy) -> xr.Dataset:
     """/cameras: titles, kinds, notes and derived properties."""
-    parts, cameras = definition.file.cameras, definition.case.all_cameras
+    parts, cameras = study.file.cameras, study.case.all_cameras
     properties = [(name, *item) for name, camera in cameras.items() for item in camera.properties()]
-    is_off = definition.file.effects.forced().get("calibration") == OFF
+    is_off = study.file.effects.forced().get("calibration") == OFF
     return dataset(
         "cameras",
         {
@@ -47,7 +47,7 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
                 json.dumps(asdict(camera.method), ensure_ascii=False) if isinstance(camera, DepthCamera) else ""
                 for camera in cameras.values()
             ],
-            "note": [_note(definition, name) for name in parts],
+            "note": [_note(study, name) for name in parts],
             "catalogue": [part.read_as.get(CATALOGUE, "") for part in parts.values()],
             "perfect_calibration": [
                 float(
@@ -83,18 +83,18 @@ def _left_out(part: CameraDeclaration, camera: Camera) -> str:
     return "; ".join(filter(None, (camera.left_out, file)))
 
 
-def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
+def assumptions_group(study: PreparedStudy) -> xr.Dataset:
     """/assumptions: the values of cameras and scene, and every other one with a basis.
 
     Each is listed once for all cameras that inherit it from the same place. Values set for this run are marked, with
     the values that they replace.
     """
-    document = definition.under_tolerance
-    rows = [*_set_for_this_run(document), *_declared(document), *_defaults(definition)]
+    document = study.definition.under_tolerance
+    rows = [*_set_for_this_run(document), *_declared(document), *_defaults(study)]
     values: dict[str, Sequence[str | None]] = {
         name: [row[name] for row in rows] for name in ("value", "basis", "note", "cameras")
     }
-    if warned := implausible(definition):
+    if warned := implausible(study):
         values["warning"] = [f"{one.path}: {one.what}" for one in warned]
     return dataset("assumptions", values, {"path": [row["path"] for row in rows]})
 
@@ -142,14 +142,14 @@ def _without_basis(document: Document) -> Iterator[Path]:
             yield path
 
 
-def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
+def _defaults(study: PreparedStudy) -> Iterator[dict[str, str | None]]:
     """Defaults of values that the study does not declare, listed once for all cameras that rely on them."""
     left_out: dict[tuple[tuple[str, ...], str], list[str]] = {}
-    for name, part in definition.file.cameras.items():
+    for name, part in study.file.cameras.items():
         for path, text in part.assumed():
             left_out.setdefault((path, text), []).append(name)
-    if definition.file.scene is not None and definition.file.scene.picture is not None:
-        for path, text in definition.file.scene.picture.assumed():
+    if study.file.scene is not None and study.file.scene.picture is not None:
+        for path, text in study.file.scene.picture.assumed():
             left_out[("scene", "picture", *path), text] = []
     for (path, text), cameras in left_out.items():
         yield {
@@ -161,12 +161,10 @@ def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
         }
 
 
-def _note(definition: StudyDefinition, name: str) -> str:
+def _note(study: PreparedStudy, name: str) -> str:
     """The note declared under a camera; it may no longer be true of values that this run sets."""
-    note = definition.file.cameras[name].note or ""
-    own = {
-        tail for camera, tail in (_camera_and_tail(one.path) for one in definition.document.overrides) if camera == name
-    }
+    note = study.file.cameras[name].note or ""
+    own = {tail for camera, tail in (_camera_and_tail(one.path) for one in study.document.overrides) if camera == name}
     changed = own - {("note",), ("title",)}
     return (
         f"{note} (Values of this camera were set for this run after the note was written.)"
@@ -180,9 +178,9 @@ def _camera_and_tail(path: Path) -> tuple[str, Path]:
     return (str(path[1]), path[2:]) if path[0] == "cameras" and len(path) > 1 else ("", path)
 
 
-def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
+def contradictions_group(study: PreparedStudy) -> xr.Dataset:
     """/contradictions: inputs that contradict each other."""
-    found = contradictions(definition)
+    found = contradictions(study)
     values = {
         name: [getattr(row, name) for _, row in found] for name in ("what", "stated", "implied", "used", "consequence")
     }

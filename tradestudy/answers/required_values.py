@@ -13,7 +13,7 @@ import numpy as np
 from tradestudy.answers.requirement_answer import RequirementAnswer
 from tradestudy.answers.requirements import ANY, Judge
 from tradestudy.answers.solutions import Solution, Solved, bracketed, planned, to_be_planned, with_declared_value
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
 from tradestudy.units import (
@@ -38,7 +38,7 @@ class _Trial:
     answer: RequirementAnswer
 
 
-def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solved:
+def solve_requirement(study: PreparedStudy, question: SolvePart) -> Solved:
     """Find every value at which a requirement, or the last of several, begins or ceases to be met.
 
     Where any camera may meet it, each is asked by itself; the solutions are those of the first whose values vary. The
@@ -54,27 +54,27 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
     StudyError
         The study is invalid for a value between them.
     """
-    varying, judge = Varying.of(definition, question), Judge()
-    definition = to_be_planned(definition, varying)
-    tried = _Tried(definition=definition, requirements=question.requirements, varying=varying, judge=judge, known={})
+    varying, judge = Varying.of(study, question), Judge()
+    study = to_be_planned(study, varying)
+    tried = _Tried(study=study, requirements=question.requirements, varying=varying, judge=judge, known={})
     places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _TRIED_PLACES)}
-    for value in places | varying.declared(definition):
+    for value in places | varying.declared(study):
         tried.answer(value)
     for _ in range(_REFINEMENTS):
         for value in _beside_the_nearest({value: tried.answer(value) for value in tried.known}):
             tried.answer(varying.possible(value))
-    asked = _cameras_asked(definition, tried)
+    asked = _cameras_asked(study, tried)
     varied = {path.removeprefix("cameras.").partition(".")[0] for path in question.paths}
-    alone = {name: _solved(tried, definition, name) for name in sorted(asked, key=lambda name: name not in varied)}
+    alone = {name: _solved(tried, study, name) for name in sorted(asked, key=lambda name: name not in varied)}
     first = next((name for name in alone if name in varied), "")
-    solutions, answer = alone[first] if first else _solved(tried, definition)
+    solutions, answer = alone[first] if first else _solved(tried, study)
     if alone:
-        each = "; ".join(f"{definition.file.cameras[name].title}: {words}" for name, (_, words) in alone.items())
+        each = "; ".join(f"{study.file.cameras[name].title}: {words}" for name, (_, words) in alone.items())
         answer = each if first else f"{answer}; {each}"
     return Solved(
         solutions=tuple(solutions),
         dimension=varying.dimension,
-        answer=with_declared_value(definition, question, answer),
+        answer=with_declared_value(study, question, answer),
     )
 
 
@@ -82,7 +82,7 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
 class _Tried:
     """The answers to the requirements at the values tried so far, by value in SI."""
 
-    definition: StudyDefinition
+    study: PreparedStudy
     requirements: tuple[str, ...]
     varying: Varying
     judge: Judge
@@ -91,7 +91,7 @@ class _Tried:
     def answer(self, value: float, camera: str = "") -> RequirementAnswer:
         """The answer to the requirement that is hardest to meet, of all cameras together or of one alone."""
         if value not in self.known:
-            changed = planned(self.definition.with_values(self.varying.changes(value)))
+            changed = planned(self.study.with_values(self.varying.changes(value)))
             self.known[value] = [
                 self.judge.answer(changed.file.requirements[name], changed.case) for name in self.requirements
             ]
@@ -99,15 +99,15 @@ class _Tried:
         return min(answers, key=lambda one: (one.met is True, one.met is None, np.nan_to_num(one.margin)))
 
 
-def _cameras_asked(definition: StudyDefinition, tried: _Tried) -> list[str]:
+def _cameras_asked(study: PreparedStudy, tried: _Tried) -> list[str]:
     """The cameras of a requirement on any of several, in their order; none for other requirements."""
-    if len(tried.requirements) > 1 or definition.file.requirements[tried.requirements[0]].camera != ANY:
+    if len(tried.requirements) > 1 or study.file.requirements[tried.requirements[0]].camera != ANY:
         return []
     ((_, every),) = next(iter(tried.known.values()))
     return list(every) if len(every) > 1 else []
 
 
-def _solved(tried: _Tried, definition: StudyDefinition, camera: str = "") -> tuple[list[Solution], str]:
+def _solved(tried: _Tried, study: PreparedStudy, camera: str = "") -> tuple[list[Solution], str]:
     """Where the requirements begin or cease to be met, by all cameras together or by one alone, also in words."""
     varying = tried.varying
     trials = [_Trial(value=value, answer=tried.answer(value, camera)) for value in sorted(tried.known)]
@@ -129,7 +129,7 @@ def _solved(tried: _Tried, definition: StudyDefinition, camera: str = "") -> tup
         bracket = abs(ends[1] - ends[0])
         error = 0.0 if varying.is_counted else _error(tried.answer(ends[0], camera), bracket, before, after)
         solutions.append(Solution(value=ends[0], error=error))
-    return solutions, _range_answer(trials, solutions, varying.dimension, varying.declared(definition))
+    return solutions, _range_answer(trials, solutions, varying.dimension, varying.declared(study))
 
 
 def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Trial) -> float:

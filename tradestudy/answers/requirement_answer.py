@@ -15,7 +15,7 @@ from tradestudy.cameras.depth_measurement import FieldPosition
 from tradestudy.cameras.focus import SharpRange, sharp_range
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DepthOfField
-from tradestudy.study.definition import Case
+from tradestudy.study.prepared import Case
 from tradestudy.study.schema.requirements import (
     CriterionPart,
     RefocusablePart,

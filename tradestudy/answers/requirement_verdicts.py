@@ -20,7 +20,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import at_bound
 from tradestudy.study.bases import input_words
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.requirements import (
     BoundOverPart,
     CriterionPart,
@@ -47,13 +47,13 @@ _ROOT_TO: Final = 0.1  # of the tolerance: relative accuracy of the ends of an i
 
 
 def requirements_group(
-    definition: StudyDefinition, designs: Sequence[StudyDefinition], judge: Judge, steps: Steps
+    study: PreparedStudy, designs: Sequence[PreparedStudy], judge: Judge, steps: Steps
 ) -> xr.Dataset:
     """/requirements over requirements, and over (swept parameters, requirement)."""
-    requirements, axes = definition.file.requirements, sweep_axes(definition)
-    found = {name: judge.answer(one, definition.case) for name, one in requirements.items()}
+    requirements, axes = study.file.requirements, sweep_axes(study)
+    found = {name: judge.answer(one, study.case) for name, one in requirements.items()}
     only_depth = all(one.asks_for_depth for one in requirements.values())
-    cameras = list(definition.case.cameras if only_depth else definition.case.all_cameras)
+    cameras = list(study.case.cameras if only_depth else study.case.all_cameras)
     deciding = [one for one, _ in found.values()]
     by_camera = [[every.get(name) for name in cameras] for _, every in found.values()]
     margins = [[math.nan if one is None else 100.0 * one.margin for one in row] for row in by_camera]
@@ -77,19 +77,19 @@ def requirements_group(
         "margin_percent": [100.0 * one.margin for one in deciding],
         "margin_sigma": [one.margin_in_errors for one in deciding],
         "conformity": [one.conformity for one in deciding],
-        "within_tolerance": _near_its_bound(definition, found.values()),
+        "within_tolerance": _near_its_bound(study, found.values()),
         "reason": [one.reason for one in deciding],
         "limited_by": [one.limit for one in deciding],
-        **_rests_on(definition, deciding),
-        **_with_matching_at_its_bound(definition, judge),
-        **_under_other_readings(definition, judge),
+        **_rests_on(study, deciding),
+        **_with_matching_at_its_bound(study, judge),
+        **_under_other_readings(study, judge),
         "camera_met": [[-1 if one is None else _verdict(one) for one in row] for row in by_camera],
         "camera_margin_percent": margins,
         "camera_reason": [["" if one is None else one.reason for one in row] for row in by_camera],
     }
     coordinates: dict[str, Any] = {"requirement": list(requirements), "camera": cameras}
-    if definition.readings:
-        coordinates["reading"] = list(definition.readings)
+    if study.readings:
+        coordinates["reading"] = list(study.readings)
     if axes:
         judge.check([(one, design.case) for design in designs for one in design.file.requirements.values()], steps)
         answers = [
@@ -106,14 +106,14 @@ def requirements_group(
             "design_camera": shaped([[one.camera for one in row] for row in table]),
             "design_margin_percent": shaped([[100.0 * one.margin for one in row] for row in table]),
             "design_margin_sigma": shaped([[one.margin_in_errors for one in row] for row in table]),
-            "design_within_tolerance": shaped([_near_its_bound(definition, row) for row in answers]),
+            "design_within_tolerance": shaped([_near_its_bound(study, row) for row in answers]),
             "design_reason": shaped([[one.reason for one in row] for row in table]),
             "design_limited_by": shaped([[one.limit for one in row] for row in table]),
         }
         if len(axes) == 1 and _is_numeric(axes[0]):
             columns = list(zip(*answers, strict=True))
             found_stretches = [
-                _stretches(definition, name, axes[0], column, judge)
+                _stretches(study, name, axes[0], column, judge)
                 for name, column in zip(requirements, columns, strict=True)
             ]
             values |= _stretch_arrays(found_stretches)
@@ -151,29 +151,29 @@ def _bound_words(required: Required) -> str:
             return f"{'at most' if required.side == 'below' else 'at least'} {required.bound}"
 
 
-def _rests_on(definition: StudyDefinition, deciding: Sequence[RequirementAnswer]) -> dict[str, Any]:
+def _rests_on(study: PreparedStudy, deciding: Sequence[RequirementAnswer]) -> dict[str, Any]:
     """The limit that decides or, if errors do, the largest cause of the camera's uncertainty at the worst distance."""
     words, shares = [], []
-    for requirement, answer in zip(definition.file.requirements.values(), deciding, strict=True):
+    for requirement, answer in zip(study.file.requirements.values(), deciding, strict=True):
         cause, limit = None, ""
         if answer.limit:
             which = "sharp" if requirement.quantity == "depth_of_field" else "usable"
-            limit = f"the {which} range of {definition.file.cameras[answer.camera].title} ({limit_words(answer.limit)})"
+            limit = f"the {which} range of {study.file.cameras[answer.camera].title} ({limit_words(answer.limit)})"
         uncertain = requirement.quantity in _OF_ERRORS and answer.value > 0.0
         if math.isfinite(answer.place) and (answer.limit in _OF_ERRORS or (uncertain and not answer.limit)):
-            cause = largest_cause(definition.case.cameras[answer.camera], np.array([answer.place]), answer.field)
-        words.append(limit if cause is None else input_words(definition, answer.camera, cause.parameter))
+            cause = largest_cause(study.case.cameras[answer.camera], np.array([answer.place]), answer.field)
+        words.append(limit if cause is None else input_words(study, answer.camera, cause.parameter))
         shares.append(math.nan if cause is None else cause.share)
     return {"rests_on": words, "rests_on_share": shares}
 
 
-def _with_matching_at_its_bound(definition: StudyDefinition, judge: Judge) -> dict[str, Any]:
+def _with_matching_at_its_bound(study: PreparedStudy, judge: Judge) -> dict[str, Any]:
     """Requirements on cameras with a declared matcher, answered as if that matcher reached the theoretical bound."""
-    case = definition.case
+    case = study.case
     best = replace(case, cameras={name: at_bound(camera) for name, camera in case.cameras.items()})
     found = [
         judge.answer(one, best)[0] if one.quantity in _BY_MATCHING and _concerns_a_matcher(one, case, best) else None
-        for one in definition.file.requirements.values()
+        for one in study.file.requirements.values()
     ]
     if not any(found):
         return {}
@@ -187,16 +187,16 @@ def _with_matching_at_its_bound(definition: StudyDefinition, judge: Judge) -> di
     }
 
 
-def _under_other_readings(definition: StudyDefinition, judge: Judge) -> dict[str, Any]:
+def _under_other_readings(study: PreparedStudy, judge: Judge) -> dict[str, Any]:
     """The answers under each reading other than the study as declared."""
-    if not definition.readings:
+    if not study.readings:
         return {}
     found = [
-        [judge.answer(reading.file.requirements[name], reading.case)[0] for reading in definition.readings.values()]
-        for name in definition.file.requirements
+        [judge.answer(reading.file.requirements[name], reading.case)[0] for reading in study.readings.values()]
+        for name in study.file.requirements
     ]
     return {
-        "reading_says": [definition.file.readings[name].says for name in definition.readings],
+        "reading_says": [study.file.readings[name].says for name in study.readings],
         "reading_met": [[_verdict(one) for one in row] for row in found],
         "reading_camera": [[one.camera for one in row] for row in found],
         "reading_reason": [[one.reason for one in row] for row in found],
@@ -210,22 +210,22 @@ def _concerns_a_matcher(requirement: RequirementPart, case: Case, best: Case) ->
     )
 
 
-def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> float:
+def _tolerance(study: PreparedStudy, requirement: RequirementPart) -> float:
     """The change that omitted effects may make to a requirement's quantity; declared values do not change."""
     if requirement.quantity == "criterion" or requirement.asks_for_refocusing:  # geometry, which no effect changes
         return -math.inf
     is_sharpness = requirement.quantity == "depth_of_field"
-    return definition.file.accuracy.asked().tolerances["depth_of_field" if is_sharpness else "depth_uncertainty"]
+    return study.file.accuracy.asked().tolerances["depth_of_field" if is_sharpness else "depth_uncertainty"]
 
 
 def _near_its_bound(
-    definition: StudyDefinition, found: Iterable[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]
+    study: PreparedStudy, found: Iterable[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]
 ) -> list[float]:
     """1 for every answer that omitted effects could reverse, 0 for the others."""
-    requirements = definition.file.requirements.values()
-    of_ends = definition.file.accuracy.asked().tolerances["usable_range"]
+    requirements = study.file.requirements.values()
+    of_ends = study.file.accuracy.asked().tolerances["usable_range"]
     return [
-        float(_could_be_reversed(deciding, every.values(), required.camera, _tolerance(definition, required), of_ends))
+        float(_could_be_reversed(deciding, every.values(), required.camera, _tolerance(study, required), of_ends))
         for (deciding, every), required in zip(found, requirements, strict=True)
     ]
 
@@ -268,14 +268,14 @@ class _Stretch:
 
 
 def _stretches(
-    definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[_Answers], judge: Judge
+    study: PreparedStudy, name: str, axis: SweepAxis, column: Sequence[_Answers], judge: Judge
 ) -> list[_Stretch]:
     """Intervals of one parameter in which a requirement is met, with ends located between designs.
 
     Where any camera may meet it, those of each camera by itself.
     """
     places = [float(label) for label in axis.labels]
-    of = definition.file.requirements[name].camera
+    of = study.file.requirements[name].camera
     runs = [
         (camera, numbers)
         for camera in (column[0][1] if of == ANY else (of,))
@@ -286,7 +286,7 @@ def _stretches(
     for camera, numbers in runs:
         first, last = numbers[0], numbers[-1]
         (low, low_error), (high, high_error) = (
-            _root(definition, name, axis, (places[end], places[neighbour]), camera, judge)
+            _root(study, name, axis, (places[end], places[neighbour]), camera, judge)
             if 0 <= neighbour < len(column)
             else (places[end], 0.0)
             for end, neighbour in ((first, first - 1), (last, last + 1))
@@ -307,7 +307,7 @@ def _is_met_by(camera: str, answers: _Answers) -> bool:
 
 
 def _root(
-    definition: StudyDefinition,
+    study: PreparedStudy,
     name: str,
     axis: SweepAxis,
     ends: tuple[float, float],
@@ -320,17 +320,17 @@ def _root(
     something, such as images, take whole numbers.
     """
     assert axis.dimension is not None
-    varying = Varying.between(definition, (axis.path,), axis.dimension, min(ends), max(ends))
+    varying = Varying.between(study, (axis.path,), axis.dimension, min(ends), max(ends))
 
     def holds(value: float) -> bool | None:
         try:
-            changed = planned(definition.with_values(varying.changes(value)))
+            changed = planned(study.with_values(varying.changes(value)))
         except TradestudyError:  # no valid study lies between, or no plan of its calibration
             return None
         requirement = changed.file.requirements[name]
         return _is_met_by(camera, judge.answer(requirement, changed.case))
 
-    close = _ROOT_TO * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
+    close = _ROOT_TO * study.file.accuracy.asked().tolerances["depth_uncertainty"]
     inside, outside = bracketed(*ends, holds, possible=varying.possible, close=close)
     return inside, 0.0 if varying.is_counted else abs(outside - inside) / 2.0
 

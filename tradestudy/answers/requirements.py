@@ -26,7 +26,7 @@ from tradestudy.depth.table import distribution_between, judged_uncertainty_erro
 from tradestudy.depth.usable import END_OF_STUDY, Interval, evaluate_limits, usable_intervals
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.definition import Case
+from tradestudy.study.prepared import Case
 from tradestudy.study.schema.requirements import (
     BoundOverPart,
     CriterionPart,

@@ -27,7 +27,7 @@ from tradestudy.execution import Steps
 from tradestudy.execution.steps import Seconds
 from tradestudy.models.plan import Plan
 from tradestudy.results import FORMAT_VERSION, UNCONVERGED
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.varying import sweep_axes, sweep_points
 
 NOMINAL = "as declared"
@@ -58,21 +58,21 @@ def compute(
         Groups and variables as defined in `tradestudy.results`.
     """
     steps = Steps() if steps is None else steps
-    definition, inferred, failed = infer_calibrations(plan.definition, steps)
+    study, inferred, failed = infer_calibrations(plan.study, steps)
     asked = _Asked(
         plan=plan,
-        definition=definition,
-        designs=sweep_points(definition, sweep_axes(definition)),
-        readings={NOMINAL: definition, **definition.readings},
+        study=study,
+        designs=sweep_points(study, sweep_axes(study)),
+        readings={NOMINAL: study, **study.readings},
         steps=steps,
         seconds={} if seconds is None else seconds,
         pictures=pictures,
     )
     groups: dict[str, xr.Dataset] = {
-        "/": _root(definition).assign_attrs({UNCONVERGED: failed} if failed else {}),
-        "/cameras": cameras_group(definition),
-        "/assumptions": assumptions_group(definition),
-        "/contradictions": contradictions_group(definition),
+        "/": _root(study).assign_attrs({UNCONVERGED: failed} if failed else {}),
+        "/cameras": cameras_group(study),
+        "/assumptions": assumptions_group(study),
+        "/contradictions": contradictions_group(study),
     }
     if inferred:
         from tradestudy.answers.calibration import calibration_group
@@ -81,15 +81,15 @@ def compute(
     if plan.problems:
         groups["/effects"] = effects_group(plan)
     tables: DepthTables = {}
-    if definition.case.cameras:
-        compute_kirchhoff_pictures(definition, steps.progress)
-        tables = depth_tables(definition, asked.designs, steps)
+    if study.case.cameras:
+        compute_kirchhoff_pictures(study, steps.progress)
+        tables = depth_tables(study, asked.designs, steps)
         groups |= _depth_groups(asked, tables)
     groups |= _groups_of_few(asked)
     groups |= _answers(asked, tables, groups.get("/criteria"))
-    if definition.file.solve:
+    if study.file.solve:
         known = [groups["/decision"]] if "/decision" in groups else []
-        solved = questions_group(definition, steps.progress)
+        solved = questions_group(study, steps.progress)
         groups["/decision"] = xr.merge([*known, solved], combine_attrs="drop_conflicts")
     return xr.DataTree.from_dict(groups)
 
@@ -99,85 +99,85 @@ class _Asked:
     """The study being computed, its designs and readings, and how to compute it."""
 
     plan: Plan
-    definition: StudyDefinition
-    designs: Sequence[StudyDefinition]
-    readings: Mapping[str, StudyDefinition]
+    study: PreparedStudy
+    designs: Sequence[PreparedStudy]
+    readings: Mapping[str, PreparedStudy]
     steps: Steps
     seconds: Seconds
     pictures: Path | None
 
 
-def _root(definition: StudyDefinition) -> xr.Dataset:
-    file = definition.file
+def _root(study: PreparedStudy) -> xr.Dataset:
+    file = study.file
     attributes = {"format_version": FORMAT_VERSION, "study": file.study, "title": file.title, "question": file.question}
     return xr.Dataset(attrs=attributes | ({} if file.scene is None else {"wavelength": file.scene.wavelength}))
 
 
 def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
     """Groups about the cameras that measure depth, and which of them is best."""
-    definition, steps, file = asked.definition, asked.steps, asked.definition.file
-    groups = {"/depth": depth_group(definition, asked.designs, tables)}
+    study, steps, file = asked.study, asked.steps, asked.study.file
+    groups = {"/depth": depth_group(study, asked.designs, tables)}
     if file.propagation.field_places:
-        groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
+        groups["/depth_field"] = depth_field_group(study, file.propagation.field_places, steps)
     steps.progress("decision", 0.0)
-    if (mapped := depth_map_group(definition)) is not None:
+    if (mapped := depth_map_group(study)) is not None:
         groups["/depth_map"] = mapped
     if file.decision is not None:
-        groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
+        groups["/depth_at_places"] = depth_at_places_group(study, file.decision.at)
     if file.decision is not None or not file.sweep:
-        groups["/budget"] = budget_group(definition, groups.get("/depth_at_places", groups["/depth"]))
-    if (causes := disparity_causes_group(definition)) is not None:
+        groups["/budget"] = budget_group(study, groups.get("/depth_at_places", groups["/depth"]))
+    if (causes := disparity_causes_group(study)) is not None:
         groups["/disparity_causes"] = causes
-    groups["/datasheet"] = datasheet_group(definition)
-    decided = [decision_group(definition, asked.readings, steps.progress)]
+    groups["/datasheet"] = datasheet_group(study)
+    decided = [decision_group(study, asked.readings, steps.progress)]
     if file.sweep:
-        decided.append(design_verdicts(definition, asked.designs, tables))
+        decided.append(design_verdicts(study, asked.designs, tables))
     steps.progress("decision", 1.0)
     if file.decision is not None:
-        decided.append(ranks_group(definition, steps))
+        decided.append(ranks_group(study, steps))
     groups["/decision"] = xr.merge(decided, combine_attrs="drop_conflicts")
     return groups
 
 
 def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
     """Groups that few studies ask for; their modules are imported on demand."""
-    plan, definition, file = asked.plan, asked.definition, asked.definition.file
+    plan, study, file = asked.plan, asked.study, asked.study.file
     progress, seconds = asked.steps.progress, asked.seconds
     groups: dict[str, xr.Dataset] = {}
     if file.value_of_information is not None:
         from tradestudy.answers.value_of_information import value_of_information_group
 
-        groups["/value_of_information"] = value_of_information_group(definition, file.value_of_information, progress)
+        groups["/value_of_information"] = value_of_information_group(study, file.value_of_information, progress)
     if file.scene is not None and file.scene.image is not None:
         from tradestudy.answers.scene import pictures_group, take_scene
 
         depth = file.scene.image.depth_maps
-        taken = take_scene(definition, asked.pictures, asked.steps, depth=depth)
+        taken = take_scene(study, asked.pictures, asked.steps, depth=depth)
         groups["/pictures"] = pictures_group(taken)
     if file.depth_loop is not None:
         from tradestudy.answers.depth_loop import depth_loop_group
 
-        groups["/depth_loop"] = depth_loop_group(definition, file.depth_loop, asked.steps)
+        groups["/depth_loop"] = depth_loop_group(study, file.depth_loop, asked.steps)
     if file.sensitivity is not None:
         from tradestudy.answers.sensitivity import sensitivity_group
 
-        groups["/sensitivity"] = sensitivity_group(definition, np.array(file.sensitivity.at), asked.steps)
+        groups["/sensitivity"] = sensitivity_group(study, np.array(file.sensitivity.at), asked.steps)
     if file.measurements:
         from tradestudy.answers.measured import measurements_group
 
-        groups["/measurements"] = measurements_group(definition)
+        groups["/measurements"] = measurements_group(study)
     if file.depth_of_field is not None:
         from tradestudy.answers.depth_of_field import criteria_group, depth_of_field_group
 
         progress("depth of field", 0.0)
-        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field)
+        groups["/depth_of_field"] = depth_of_field_group(study, file.depth_of_field)
         if file.relief is not None:
-            groups["/criteria"] = criteria_group(definition)
+            groups["/criteria"] = criteria_group(study)
         progress("depth of field", 1.0)
     if file.refocusing is not None:
         from tradestudy.answers.refocusing import refocusing_group
 
-        groups["/refocusing"] = refocusing_group(definition, asked.designs, file.refocusing)
+        groups["/refocusing"] = refocusing_group(study, asked.designs, file.refocusing)
     if file.fresnel_validity is not None:
         from tradestudy.answers.fresnel_validity import fresnel_validity_group
 
@@ -202,21 +202,21 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
 
 def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) -> dict[str, xr.Dataset]:
     """Claims, requirements and the trade-off, whose criteria join those derived for a relief."""
-    definition, file, progress = asked.definition, asked.definition.file, asked.steps.progress
+    study, file, progress = asked.study, asked.study.file, asked.steps.progress
     groups: dict[str, xr.Dataset] = {}
     if file.claims or file.requirements:
         progress("claims", 0.0)
     if file.claims:
-        groups["/claims"] = claims_group(definition, asked.readings, progress)
+        groups["/claims"] = claims_group(study, asked.readings, progress)
     judge = Judge({one: table.intervals for one, table in tables.items()})
     if file.requirements:
-        groups["/requirements"] = requirements_group(definition, asked.designs, judge, asked.steps)
+        groups["/requirements"] = requirements_group(study, asked.designs, judge, asked.steps)
     if file.claims or file.requirements:
         progress("claims", 1.0)
     if file.trade_off is not None:
         from tradestudy.answers.trade_off import trade_off_group
 
-        weighed = trade_off_group(definition, asked.designs, judge, progress)
+        weighed = trade_off_group(study, asked.designs, judge, progress)
         both = [weighed] if criteria is None else [criteria, weighed]
         groups["/criteria"] = xr.merge(both, combine_attrs="drop_conflicts")
     return groups

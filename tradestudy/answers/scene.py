@@ -34,7 +34,7 @@ from tradestudy.models.rendered_scene import declared_image, extent_and_cameras,
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.results.storage import list_written
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.scene import Rig
 from tradestudy.units import ELECTRONS, pretty
 
@@ -71,18 +71,18 @@ class TakenScene:
         return found
 
 
-def files_of_pictures(definition: StudyDefinition) -> list[str]:
+def files_of_pictures(study: PreparedStudy) -> list[str]:
     """Patterns of the files that `take_scene` writes."""
-    names = definition.case.all_cameras
+    names = study.case.all_cameras
     return [f"{escape(name)}/*.{ending}" for name in names for ending in ("png", "tiff", "npy", "json")]
 
 
-def take_scene(definition: StudyDefinition, directory: Path | None, steps: Steps, *, depth: bool) -> TakenScene:
+def take_scene(study: PreparedStudy, directory: Path | None, steps: Steps, *, depth: bool) -> TakenScene:
     """Render every picture of the study's scene, measure depth in them if requested, and write both.
 
     Parameters
     ----------
-    definition
+    study
         A study with ``scene.image``, its calibrations inferred.
     directory
         Output folder, with a subfolder for each camera: its pictures, their depth, ``camera.json`` and its depth map;
@@ -102,14 +102,14 @@ def take_scene(definition: StudyDefinition, directory: Path | None, steps: Steps
         A camera cannot measure depth in its pictures; raised before anything is rendered.
     """
     steps.progress(pictures.STEP, 0.0)
-    readers = set_up_readers(definition) if depth else []
-    rendering = render_scene(definition, steps)
+    readers = set_up_readers(study) if depth else []
+    rendering = render_scene(study, steps)
     written = write_pictures(rendering, directory) if directory is not None else []
     depths = measure_depth(rendering, readers, steps)
     if directory is not None:
         for one in depths:
             write_depth(one, directory / one.camera, rendering.image.depth_format)
-        files = [path for pattern in files_of_pictures(definition) for path in sorted(directory.glob(pattern))]
+        files = [path for pattern in files_of_pictures(study) for path in sorted(directory.glob(pattern))]
         list_written(directory, [path.relative_to(directory).as_posix() for path in files])
     return TakenScene(rendering=rendering, depths=depths, written=written)
 
@@ -170,7 +170,7 @@ def _brightest(one: TakenPicture) -> float:
 _SEARCHED = 1.1  # times the distance of a plane, and divided by it: any range would do
 
 
-def refuse_pictures(definition: StudyDefinition) -> None:
+def refuse_pictures(study: PreparedStudy) -> None:
     """Refuse pictures that a run of the study would not render, or in which it could not measure depth.
 
     Raises
@@ -181,42 +181,42 @@ def refuse_pictures(definition: StudyDefinition) -> None:
     UnaffordableError
         The pictures do not fit into the free memory.
     """
-    scene, loop = definition.file.scene, definition.file.depth_loop
+    scene, loop = study.file.scene, study.file.depth_loop
     problems: list[Problem] = []
     if scene is not None and scene.image is not None:
         # A rig is drawn from its calibration, which may have to be inferred first.
-        inferred = all(camera.calibration.inferred for camera in definition.case.cameras.values())
+        inferred = all(camera.calibration.inferred for camera in study.case.cameras.values())
         rig: Rig | None = None if inferred else "as-designed"
-        refuse_too_large(definition, rig=rig)
+        refuse_too_large(study, rig=rig)
         if scene.image.depth_maps:
-            problems += _problems_of_depth_maps(definition, rig)
+            problems += _problems_of_depth_maps(study, rig)
     if loop is not None:
-        problems += _problems_of_loop(definition)
+        problems += _problems_of_loop(study)
     if problems:
         raise StudyError(problems)
 
 
-def _problems_of_depth_maps(definition: StudyDefinition, rig: Rig | None) -> Iterator[Problem]:
+def _problems_of_depth_maps(study: PreparedStudy, rig: Rig | None) -> Iterator[Problem]:
     where: tuple[str, ...] = ("scene", "image", "depth_maps")
     try:
-        set_up_readers(definition, rig=rig)
+        set_up_readers(study, rig=rig)
     except OutOfRangeError as error:
-        yield definition.document.locate(where).problem(where, str(error))
-    image, picture = declared_image(definition)
-    extent, cameras = extent_and_cameras(definition, rig=rig)
+        yield study.document.locate(where).problem(where, str(error))
+    image, picture = declared_image(study)
+    extent, cameras = extent_and_cameras(study, rig=rig)
     for taken in cameras:
         recording = recording_of(image, picture, taken.camera.sensor)
         if what := _saturated(taken.name, taken.camera, recording, sum(extent) / 2.0):
             where = ("scene", "picture", "light")
-            yield definition.document.locate(where).problem(where, what)
+            yield study.document.locate(where).problem(where, what)
 
 
-def _problems_of_loop(definition: StudyDefinition) -> Iterator[Problem]:
-    where, loop = ("depth_loop",), definition.file.depth_loop
+def _problems_of_loop(study: PreparedStudy) -> Iterator[Problem]:
+    where, loop = ("depth_loop",), study.file.depth_loop
     assert loop is not None
     found: set[str] = set()
     try:
-        for point in loop_points(definition, loop).values():
+        for point in loop_points(study, loop).values():
             near, far = point.distance / _SEARCHED, point.distance * _SEARCHED
             search = DepthSearch(near=near, far=far, window_px=point.window_px)
             if point.name not in found:
@@ -226,10 +226,10 @@ def _problems_of_loop(definition: StudyDefinition) -> Iterator[Problem]:
                 light=settings.light, noise=settings.sensor_noise, model=NOISE, pixel_fill=settings.pixel_fill
             )
             if point.name not in found and (what := _saturated(point.name, point.camera, recording, point.distance)):
-                yield definition.document.locate(where).problem(where, what)
+                yield study.document.locate(where).problem(where, what)
             found.add(point.name)
     except OutOfRangeError as error:
-        yield definition.document.locate(where).problem(where, str(error))
+        yield study.document.locate(where).problem(where, str(error))
 
 
 def _saturated(name: str, camera: object, recording: Recording, distance: float) -> str:

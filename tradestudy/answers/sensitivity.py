@@ -17,7 +17,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.uncertainty.propagation import Sampling
 from tradestudy.uncertainty.sensitivity import SobolIndices, Tornado, parameter_tornado, sobol_indices, tornado
 
@@ -108,9 +108,9 @@ def _least_certain_corner(camera: DepthCamera, distance: FloatArray, field: floa
     return max(found, key=lambda corner: found[corner])
 
 
-def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: Steps) -> xr.Dataset:
+def sensitivity_group(study: PreparedStudy, distance: FloatArray, steps: Steps) -> xr.Dataset:
     """/sensitivity over (camera, field, distance, source), on the axis and at the declared field positions."""
-    cameras, fields = definition.case.cameras, definition.file.propagation.axis_and_places
+    cameras, fields = study.case.cameras, study.file.propagation.axis_and_places
     groups = [{group.name: group for group in uncertain_groups(camera, "both")} for camera in cameras.values()]
     asked = [
         SensitivityPoint(name=name, camera=camera, distance=distance, fields=fields) for name, camera in cameras.items()

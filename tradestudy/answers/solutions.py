@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
-from tradestudy.units import (
-    Dimension,
-)
+from tradestudy.units import Dimension
 from tradestudy.wording import DECLARED_VALUE
+
+if TYPE_CHECKING:
+    from tradestudy.calibration.camera_target import TargetToInfer
 
 
 def bracketed(
@@ -52,7 +53,7 @@ PLANS: Final = range(8)
 """The arrangements of the views from which the scatter of an answer is estimated; the first is that of the run."""
 
 
-def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
+def planned(study: PreparedStudy, plan: int = 0) -> PreparedStudy:
     """The study with the calibrations expected from its targets, where none has been inferred yet.
 
     Raises
@@ -60,36 +61,43 @@ def planned(definition: StudyDefinition, plan: int = 0) -> StudyDefinition:
     TradestudyError
         A target is seen in too few views.
     """
-    asked = definition.calibrations_to_infer()
+    asked = to_plan(study)
     if not asked:
-        return definition
-    from tradestudy.calibration.camera_target import TargetToInfer, planned_calibration
+        return study
+    from tradestudy.calibration.camera_target import planned_calibration
 
-    return definition.with_posteriors(
-        {key: planned_calibration(one, plan) for key, one in asked.items() if isinstance(one, TargetToInfer)}
-    )
+    found = {key: planned_calibration(one, plan) for key, one in asked.items()}
+    return replace(study, choices=replace(study.choices, posteriors={**study.choices.posteriors, **found}))
 
 
-def to_be_planned(definition: StudyDefinition, varying: Varying) -> StudyDefinition:
+def to_plan(study: PreparedStudy) -> dict[str, TargetToInfer]:
+    """The calibrations by a target that have not been inferred, by the keys of their posteriors."""
+    asked = study.definition.calibrations_to_infer()
+    if not asked:
+        return {}
+    from tradestudy.calibration.camera_target import TargetToInfer
+
+    known = study.choices.posteriors
+    return {key: one for key, one in asked.items() if isinstance(one, TargetToInfer) and key not in known}
+
+
+def to_be_planned(study: PreparedStudy, varying: Varying) -> PreparedStudy:
     """The study without calibrations inferred from targets that a question varies, to make its values comparable."""
-    varied = varied_calibrations(definition, varying)
-    kept = {key: posterior for key, posterior in definition.posteriors.items() if key not in varied}
-    return replace(definition, posteriors=kept, before=definition)
+    varied = varied_calibrations(study, varying)
+    kept = {key: posterior for key, posterior in study.choices.posteriors.items() if key not in varied}
+    return replace(study, choices=replace(study.choices, posteriors=kept))
 
 
-def varied_calibrations(definition: StudyDefinition, varying: Varying) -> set[str]:
+def varied_calibrations(study: PreparedStudy, varying: Varying) -> set[str]:
     """Keys of the inferred calibrations that a question varies."""
-    keys = definition.posterior_keys
+    definition, keys = study.definition, study.definition.posterior_keys
     ends = [definition.with_values(varying.changes(end)).posterior_keys for end in (varying.low, varying.high)]
     return {keys[name] for name in keys if any(end.get(name) != keys[name] for end in ends)}
 
 
-def plans(definition: StudyDefinition) -> range:
+def plans(study: PreparedStudy) -> range:
     """The arrangements of the views to try: only the first if nothing needs planning or every pose is given."""
-    from tradestudy.calibration.camera_target import TargetToInfer
-
-    asked = definition.calibrations_to_infer().values()
-    is_spread = any(isinstance(one, TargetToInfer) and one.part.poses is None for one in asked)
+    is_spread = any(one.part.poses is None for one in to_plan(study).values())
     return PLANS if is_spread else PLANS[:1]
 
 
@@ -129,9 +137,9 @@ class Solved:
         return self.solutions[0].error if self.solutions else math.nan
 
 
-def with_declared_value(definition: StudyDefinition, question: SolvePart, answer: str) -> str:
+def with_declared_value(study: PreparedStudy, question: SolvePart, answer: str) -> str:
     """An answer, followed by the declared value of the varied input if it has one."""
     path = question.paths[0]
-    if definition.document.entry(path) is None:
+    if study.document.entry(path) is None:
         return answer
-    return f"{answer}{DECLARED_VALUE}{definition.document.text_of(path)}"
+    return f"{answer}{DECLARED_VALUE}{study.document.text_of(path)}"

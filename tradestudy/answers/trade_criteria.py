@@ -12,7 +12,7 @@ from tradestudy.cameras.declaration import AttributesPart
 from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus
 from tradestudy.errors import Problem, StudyError
 from tradestudy.optics.triangulation import foreshortening_ratio, hidden_strip_width
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.requirements import DERIVED as DIMENSIONS
 from tradestudy.study.schema.requirements import criterion_dimension, is_number
 from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, parse, pretty, significant
@@ -253,7 +253,7 @@ def criterion_of(case: Case, camera: str, name: str) -> Attribute:
     return Attribute(text=text, number=parse(text, dimension), basis="")
 
 
-def refuse_words(definition: StudyDefinition) -> None:
+def refuse_words(study: PreparedStudy) -> None:
     """Refuse, before anything is computed, to weigh a derived criterion that has no number for some camera.
 
     Raises
@@ -261,22 +261,22 @@ def refuse_words(definition: StudyDefinition) -> None:
     StudyError
         At every such criterion.
     """
-    part, case = definition.file.trade_off, definition.case
+    part, case = study.file.trade_off, study.case
     if part is None:
         return
     problems: list[Problem] = []
     for name, one in part.criteria.items():
         if one.quantity is None:
-            problems += _words(definition, case, name, definition.file.ranked)
+            problems += _words(study, case, name, study.file.ranked)
     if problems:
         raise StudyError(problems)
 
 
-def _words(definition: StudyDefinition, case: Case, name: str, ranked: Sequence[str]) -> list[Problem]:
+def _words(study: PreparedStudy, case: Case, name: str, ranked: Sequence[str]) -> list[Problem]:
     path = ("trade_off", "criteria", name)
     found = {camera: criterion_of(case, camera, name) for camera in ranked}
     return [
-        definition.document.locate(path).problem(
+        study.document.locate(path).problem(
             path,
             f"{camera!r} has no number for this criterion ({one.text}); leave the criterion out, or list candidates "
             "without this camera",

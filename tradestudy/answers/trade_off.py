@@ -21,7 +21,7 @@ from tradestudy.depth.table import judged_uncertainty_error
 from tradestudy.depth.usable import usable_intervals
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.requirements import TradeOffPart, WeighedPart, weighed_dimension
 from tradestudy.study.varying import sweep_axes
 from tradestudy.uncertainty.trade_off import Acceptability, ValueScale, acceptability
@@ -79,9 +79,9 @@ class Measurer:
     def __init__(self) -> None:
         self._known: dict[tuple[WeighedPart, DepthCamera, UsableCriteria], tuple[float, float]] = {}
 
-    def measure(self, definition: StudyDefinition) -> CriterionValues:
+    def measure(self, study: PreparedStudy) -> CriterionValues:
         """The criteria of the trade-off of a study, over its cameras."""
-        file, case = definition.file, definition.case
+        file, case = study.file, study.case
         assert file.trade_off is not None  # the caller has checked
         found = np.array(
             [
@@ -115,9 +115,9 @@ def _computed(case: Case, name: str, one: WeighedPart) -> tuple[float, float]:
     return (found[0].near, found[0].near_error) if is_near else (found[-1].far, found[-1].far_error)
 
 
-def value_scales(definition: StudyDefinition) -> tuple[ValueScale, ...]:
+def value_scales(study: PreparedStudy) -> tuple[ValueScale, ...]:
     """The value function of every criterion of a trade-off, in SI."""
-    part, attributes = definition.file.trade_off, definition.case.attributes
+    part, attributes = study.file.trade_off, study.case.attributes
     assert part is not None
     scales = []
     for name, one in part.criteria.items():
@@ -130,19 +130,19 @@ STEP = "trade-off"
 
 
 def trade_off_group(
-    definition: StudyDefinition, designs: Sequence[StudyDefinition], judge: Judge, progress: Progress
+    study: PreparedStudy, designs: Sequence[PreparedStudy], judge: Judge, progress: Progress
 ) -> xr.Dataset:
     """/criteria over (candidate, criterion), candidates and ranks, and over (swept parameters, candidate)."""
-    file, axes = definition.file, sweep_axes(definition)
+    file, axes = study.file, sweep_axes(study)
     part, names = file.trade_off, file.ranked
     assert part is not None  # the caller has checked
-    measurer, scales, weights = Measurer(), value_scales(definition), part.weights
-    own = measurer.measure(definition)
+    measurer, scales, weights = Measurer(), value_scales(study), part.weights
+    own = measurer.measure(study)
     found = acceptability(own.values, own.errors, scales, weights, seed=file.propagation.seed)
     measured, feasible = [], []
     for number, design in enumerate(designs):
         progress(STEP, number / len(designs))
-        measured.append(own if design is definition else measurer.measure(design))
+        measured.append(own if design is study else measurer.measure(design))
         feasible.append(_feasible(design, names, judge))
     possible = np.array(feasible)  # the Pareto front is that of all candidates in all feasible designs
     table = np.array([one.values for one in measured])
@@ -151,7 +151,7 @@ def trade_off_group(
     progress(STEP, 1.0)
     shape = tuple(len(axis.labels) for axis in axes)
     values: dict[str, Any] = {
-        **_weighed(definition, part, own, scales),
+        **_weighed(study, part, own, scales),
         **_ranks(found),
         "feasible": np.array(feasible, dtype=np.float64).reshape(*shape, len(names)),
         "on_pareto_front": front.astype(np.float64).reshape(*shape, len(names)),
@@ -169,9 +169,9 @@ def trade_off_group(
 
 
 def _weighed(
-    definition: StudyDefinition, part: TradeOffPart, own: CriterionValues, scales: Sequence[ValueScale]
+    study: PreparedStudy, part: TradeOffPart, own: CriterionValues, scales: Sequence[ValueScale]
 ) -> dict[str, Any]:
-    attributes = definition.case.attributes
+    attributes = study.case.attributes
     dimensions = [weighed_dimension(name, one.quantity, attributes.values()) for name, one in part.criteria.items()]
     ranges = [one.range for one in part.criteria.values()]
     order = part.order or ()
@@ -218,7 +218,7 @@ def _ranks(found: Acceptability) -> dict[str, Any]:
     }
 
 
-def _feasible(design: StudyDefinition, names: Sequence[str], judge: Judge) -> list[bool]:
+def _feasible(design: PreparedStudy, names: Sequence[str], judge: Judge) -> list[bool]:
     """Whether each candidate itself meets all "must" requirements, including those that any camera may meet."""
     feasible = dict.fromkeys(names, True)
     for one in design.file.requirements.values():

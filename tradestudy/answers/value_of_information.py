@@ -17,8 +17,8 @@ from tradestudy.depth.evaluation import distribution, judged_at
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset, distances_without_decision
-from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.document import Entry
+from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.questions import AssumptionPart, ValueOfInformationPart
 from tradestudy.study.varying import AnyReading, Varying, assumed
 from tradestudy.uncertainty.decision import worth_of_all, worth_of_one
@@ -28,25 +28,23 @@ STEP: Final = "value of information"
 NAME: Final = "value_of_information"
 
 
-def value_of_information_group(
-    definition: StudyDefinition, part: ValueOfInformationPart, progress: Progress
-) -> xr.Dataset:
+def value_of_information_group(study: PreparedStudy, part: ValueOfInformationPart, progress: Progress) -> xr.Dataset:
     """/value_of_information over assumptions, candidates and distances."""
-    definition = definition.under(NAME)
-    file, case = definition.file, definition.case
+    study = study.under(NAME)
+    file, case = study.file, study.case
     names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(case.cameras)
     places = np.array(part.at or (file.decision.at if file.decision else distances_without_decision(case.distance)))
     own_seed = hashlib.sha256(f"{file.propagation.seed} {NAME}".encode()).digest()[:16]  # of this group alone
     rng = np.random.default_rng(int.from_bytes(own_seed))
     scaled = scrambled_sobol(len(part.assumptions), rng)(part.draws)
-    assumptions = [assumed(definition, one) for one in part.assumptions.values()]
+    assumptions = [assumed(study, one) for one in part.assumptions.values()]
     values = np.array(
         [[one.at_share(share) for share in row] for one, row in zip(assumptions, scaled.tolist(), strict=True)]
     )
     outcomes = []
     for number in range(part.draws):
         progress(STEP, number / part.draws)
-        changed = definition.with_values(_changes(assumptions, values[:, number]))
+        changed = study.with_values(_changes(assumptions, values[:, number]))
         outcomes.append(_outcome(changed.case, names, places, part, changed))
     progress(STEP, 1.0)
     utility = np.array([one.utility for one in outcomes])
@@ -61,7 +59,7 @@ def value_of_information_group(
             "worth_bias": [one.bias for one in found],
             "says": [one.says or (one.paths[0] if one.paths else name) for name, one in part.assumptions.items()],
             "varied": [", ".join(one.paths or one.readings or ()) for one in part.assumptions.values()],
-            "between": [_between(definition, one) for one in part.assumptions.values()],
+            "between": [_between(study, one) for one in part.assumptions.values()],
             "expected_utility": utility.mean(axis=0),
             "expected_utility_error": utility.std(axis=0, ddof=1) / math.sqrt(part.draws),
             "best_overall": np.mean(np.argmax(utility, axis=1)[:, np.newaxis] == np.arange(len(names)), axis=0),
@@ -85,11 +83,11 @@ def _changes(assumptions: Sequence[Varying | AnyReading], values: FloatArray) ->
     return changed
 
 
-def _between(definition: StudyDefinition, part: AssumptionPart) -> str:
+def _between(study: PreparedStudy, part: AssumptionPart) -> str:
     """The range of an assumption, in words."""
     if part.readings is None:
         return f"{part.low} to {part.high}"
-    return "; ".join(["as declared", *(definition.file.readings[name].says for name in part.readings)])
+    return "; ".join(["as declared", *(study.file.readings[name].says for name in part.readings)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,13 +100,13 @@ class _Outcome:
 
 
 def _outcome(
-    case: Case, names: Sequence[str], places: FloatArray, part: ValueOfInformationPart, definition: StudyDefinition
+    case: Case, names: Sequence[str], places: FloatArray, part: ValueOfInformationPart, study: PreparedStudy
 ) -> _Outcome:
     loss = np.array([_loss(case, name, places, part.unusable) for name in names])
     best = np.zeros(loss.shape)
     known = loss.min(axis=0) < part.unusable
     best[np.argmin(loss, axis=0)[known], np.flatnonzero(known)] = 1.0
-    met = [is_kept(one, case) for one in definition.file.requirements.values()]
+    met = [is_kept(one, case) for one in study.file.requirements.values()]
     return _Outcome(utility=-loss.mean(axis=1), best=best, met=met)
 
 

@@ -263,6 +263,7 @@ _DIMENSIONS: tuple[Dimension, ...] = (
 )  # fmt: skip
 
 
+@lru_cache(maxsize=4096)  # every design of a sweep asks again for the same texts
 def common_dimension(*texts: str) -> Dimension | None:
     """The first dimension in which all texts are valid, or None."""
     plain = not any("%" in text for text in texts)

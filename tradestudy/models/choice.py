@@ -8,17 +8,17 @@ from tradestudy.accuracy import IN_WORDS, QUANTITIES
 from tradestudy.effects import OFF, Models
 from tradestudy.errors import Problem, StudyError, UnaffordableError
 from tradestudy.models.problem import Choice, SimulationProblem, choose
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 
 
-def problems(definition: StudyDefinition, forced: Models) -> Iterator[SimulationProblem]:
+def problems(study: PreparedStudy, forced: Models) -> Iterator[SimulationProblem]:
     """Every problem of a study that needs models, in the order in which a run solves them."""
     # Imported only where needed, because `check` calls this too, and few studies simulate light.
-    file, case = definition.file, definition.case
+    file, case = study.file, study.case
     if case.cameras:
         from tradestudy.models.depth_problem import depth_problems
 
-        yield from depth_problems(definition, forced)
+        yield from depth_problems(study, forced)
     if (sharp := file.depth_of_field) is not None:
         from tradestudy.models.sharpness import DepthOfFieldProblem
 
@@ -29,7 +29,7 @@ def problems(definition: StudyDefinition, forced: Models) -> Iterator[Simulation
     if file.scene is not None and file.scene.image is not None:
         from tradestudy.models.scene_pictures import picture_problems
 
-        yield from picture_problems(definition, forced)
+        yield from picture_problems(study, forced)
     if file.light_spot is not None:
         from tradestudy.models.light_spot import LightSpotProblem
 
@@ -40,7 +40,7 @@ def problems(definition: StudyDefinition, forced: Models) -> Iterator[Simulation
         yield PointSpreadProblem(file.point_spread, forced)
 
 
-def choose_models(definition: StudyDefinition) -> list[Choice]:
+def choose_models(study: PreparedStudy) -> list[Choice]:
     """Choose the cheapest models that keep every requested quantity within its tolerance, problem by problem.
 
     The choice depends on the study alone, not on the machine or its load.
@@ -53,15 +53,15 @@ def choose_models(definition: StudyDefinition) -> list[Choice]:
         If the study forces a model that applies to nothing in it, or sets a tolerance on a quantity that it does not
         compute.
     """
-    forced = definition.file.effects.forced()
-    found = tuple(problems(definition, forced))
-    if mistakes := [*_ignored_tolerances(definition, found), *_ignored_models(definition, found, forced)]:
+    forced = study.file.effects.forced()
+    found = tuple(problems(study, forced))
+    if mistakes := [*_ignored_tolerances(study, found), *_ignored_models(study, found, forced)]:
         raise StudyError(mistakes)
-    return choose_each(definition, found, problems(definition, {}) if forced else ())
+    return choose_each(study, found, problems(study, {}) if forced else ())
 
 
 def choose_each(
-    definition: StudyDefinition, problems: Iterable[SimulationProblem], free: Iterable[SimulationProblem] = ()
+    study: PreparedStudy, problems: Iterable[SimulationProblem], free: Iterable[SimulationProblem] = ()
 ) -> list[Choice]:
     """Choose the models of some problems; ``free`` holds the same problems without the models that the study forces.
 
@@ -70,7 +70,7 @@ def choose_each(
     UnaffordableError
         If even the most complete models exceed a tolerance; one error for all problems.
     """
-    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
+    forced, tolerances = study.file.effects.forced(), study.file.accuracy.asked().tolerances
     without = {one.name: one for one in free}
     found, refused = [], []
     for problem in problems:
@@ -83,16 +83,16 @@ def choose_each(
     return found
 
 
-def refuse_chosen_spot(definition: StudyDefinition, problems: Sequence[Choice]) -> None:
+def refuse_chosen_spot(study: PreparedStudy, problems: Sequence[Choice]) -> None:
     """Refuse the picture of a light spot by its chosen models as `refuse_picture` does; nothing without a spot."""
-    if (spot := definition.file.light_spot) is not None:
+    if (spot := study.file.light_spot) is not None:
         from tradestudy.models.light_spot import NAME, spot_models
         from tradestudy.models.light_trial import refuse_picture
 
         refuse_picture(spot, spot_models(next(one.models for one in problems if one.name == NAME)))
 
 
-def choose_depth_models(definition: StudyDefinition, names: Collection[str]) -> dict[str, Models]:
+def choose_depth_models(study: PreparedStudy, names: Collection[str]) -> dict[str, Models]:
     """The models that `choose_models` chooses for some cameras that measure depth, by camera.
 
     Raises
@@ -102,24 +102,22 @@ def choose_depth_models(definition: StudyDefinition, names: Collection[str]) -> 
     """
     from tradestudy.models.depth_problem import depth_problems
 
-    asked = (one for one in depth_problems(definition, definition.file.effects.forced()) if one.name in names)
-    return {one.name: one.models for one in choose_each(definition, asked)}
+    asked = (one for one in depth_problems(study, study.file.effects.forced()) if one.name in names)
+    return {one.name: one.models for one in choose_each(study, asked)}
 
 
-def _ignored_tolerances(definition: StudyDefinition, found: tuple[SimulationProblem, ...]) -> Iterator[Problem]:
+def _ignored_tolerances(study: PreparedStudy, found: tuple[SimulationProblem, ...]) -> Iterator[Problem]:
     """Tolerances on quantities that the study does not compute."""
-    part = definition.file.accuracy
+    part = study.file.accuracy
     for quantity in QUANTITIES:
         if getattr(part, quantity) is None or any(quantity in one.asked for one in found):
             continue
         path = ("accuracy", quantity)
         what = f"no part of this study computes this quantity ({IN_WORDS[quantity]}); remove its tolerance"
-        yield definition.document.locate(path).problem(path, what)
+        yield study.document.locate(path).problem(path, what)
 
 
-def _ignored_models(
-    definition: StudyDefinition, found: tuple[SimulationProblem, ...], forced: Models
-) -> Iterator[Problem]:
+def _ignored_models(study: PreparedStudy, found: tuple[SimulationProblem, ...], forced: Models) -> Iterator[Problem]:
     """Forced models that apply to nothing in the study."""
     for effect, name in forced.items():
         slots = [slot for one in found for slot in one.slots if slot.name == effect]
@@ -133,4 +131,4 @@ def _ignored_models(
         else:
             reasons = "; ".join(dict.fromkeys(slot.reason for slot in slots if slot.reason))
             what += f": {reasons}" if reasons else ": no part of it has this effect"
-        yield definition.document.locate(("effects", effect)).problem(("effects", effect), what)
+        yield study.document.locate(("effects", effect)).problem(("effects", effect), what)

@@ -21,9 +21,8 @@ from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.models.depth_variant import DepthVariant
 from tradestudy.models.problem import Change, Changes, Evidence, SimulationProblem, Slot
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.building import complete_in_closed_form
-from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry
+from tradestudy.study.prepared import PreparedStudy, complete_in_closed_form
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.varying import SweepAxis, Varying, sweep_axes
 from tradestudy.wording import NO_MICROLENSES
@@ -247,10 +246,10 @@ _UNKNOWN: Final = Change(relative=math.inf, least=math.inf, evidence="rule")
 _TO_BE_TRIED: Final = Change(relative=math.inf, evidence="rule")
 
 
-def depth_problems(definition: StudyDefinition, forced: Models) -> tuple[DepthProblem, ...]:
+def depth_problems(study: PreparedStudy, forced: Models) -> tuple[DepthProblem, ...]:
     """One problem of choice for each camera that measures depth."""
-    variants = tuple(_every_form(definition))
-    tolerances = definition.file.accuracy.asked().tolerances
+    variants = tuple(_every_form(study))
+    tolerances = study.file.accuracy.asked().tolerances
     asked: tuple[Quantity, ...] = ("depth_uncertainty", "usable_range")
     if "depth_noise" in tolerances:
         asked = (*asked, "depth_noise")
@@ -258,58 +257,58 @@ def depth_problems(definition: StudyDefinition, forced: Models) -> tuple[DepthPr
     return tuple(
         DepthProblem(
             name,
-            definition.file.cameras[name].title,
+            study.file.cameras[name].title,
             _distinct(variants, name, forced),
             asked,
             forced,
             strictest,
             tolerances["depth_uncertainty"],
         )
-        for name in definition.case.cameras
+        for name in study.case.cameras
     )
 
 
-def _every_form(definition: StudyDefinition) -> Iterator[tuple[str, StudyDefinition]]:
+def _every_form(study: PreparedStudy) -> Iterator[tuple[str, PreparedStudy]]:
     """The study, its readings, designs of its sweep, values of its inverse questions and ends of its assumptions.
 
     Each comes with the name of its reading or question, which may use models of its own; "" for study and designs.
     """
-    yield "", definition
-    yield from definition.readings.items()
-    for axes in _axes_of_cameras(definition):
+    yield "", study
+    yield from study.readings.items()
+    for axes in _axes_of_cameras(study):
         for values in _designs(axes):
-            yield "", definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
-    for name, question in definition.file.solve.items():
-        varying = Varying.of(definition, question)
+            yield "", study.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
+    for name, question in study.file.solve.items():
+        varying = Varying.of(study, question)
         for value in np.linspace(varying.low, varying.high, _OF_QUESTIONS):
-            yield name, definition.with_values(varying.changes(float(value)))
-    for variant in _assumed(definition):
+            yield name, study.with_values(varying.changes(float(value)))
+    for variant in _assumed(study):
         yield "value_of_information", variant
 
 
-def _axes_of_cameras(definition: StudyDefinition) -> Iterator[tuple[SweepAxis, ...]]:
+def _axes_of_cameras(study: PreparedStudy) -> Iterator[tuple[SweepAxis, ...]]:
     """For every camera, the axes of the sweep that can change it; each set of axes once.
 
     An axis of another camera would take the place of designs in which the camera itself changes.
     """
-    axes = sweep_axes(definition)
-    paths = [definition.document.path_of(axis.path) for axis in axes]
+    axes = sweep_axes(study)
+    paths = [study.document.path_of(axis.path) for axis in axes]
     found = (
         tuple(axis for axis, path in zip(axes, paths, strict=True) if path[0] != "cameras" or path[1] == name)
-        for name in definition.case.cameras
+        for name in study.case.cameras
     )
     yield from dict.fromkeys(own for own in found if own)
 
 
-def _assumed(definition: StudyDefinition) -> Iterator[StudyDefinition]:
+def _assumed(study: PreparedStudy) -> Iterator[PreparedStudy]:
     """The study with each assumption at either of its ends, the others as declared."""
-    part = definition.file.value_of_information
+    part = study.file.value_of_information
     for one in part.assumptions.values() if part is not None else ():
         if one.readings is None:
             for value in (one.low, one.high):
-                yield definition.with_values(dict.fromkeys(one.paths, value))
+                yield study.with_values(dict.fromkeys(one.paths, value))
         for name in one.readings or ():
-            yield definition.with_values(definition.entries_of_reading(name))
+            yield study.with_values(study.definition.entries_of_reading(name))
 
 
 def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
@@ -324,11 +323,11 @@ def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
     return itertools.islice(itertools.product(*kept), _MOST_DESIGNS)
 
 
-def _distinct(variants: Sequence[tuple[str, StudyDefinition]], name: str, forced: Models) -> list[DepthVariant]:
+def _distinct(variants: Sequence[tuple[str, PreparedStudy]], name: str, forced: Models) -> list[DepthVariant]:
     """The distinct forms of a camera; `only_in` names the readings and questions of forms that no design has."""
     found: list[DepthVariant] = []
-    for reading, definition in variants:
-        one = _variant(definition, name, forced)
+    for reading, study in variants:
+        one = _variant(study, name, forced)
         if one is None:
             continue
         known = next((k for k, other in enumerate(found) if _same(one, other)), None)
@@ -339,15 +338,15 @@ def _distinct(variants: Sequence[tuple[str, StudyDefinition]], name: str, forced
     return found
 
 
-def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVariant | None:
-    camera = definition.case.cameras.get(name)
+def _variant(study: PreparedStudy, name: str, forced: Models) -> DepthVariant | None:
+    camera = study.case.cameras.get(name)
     if camera is None:  # a reading may replace it by a camera that measures no depth
         return None
-    distance, file = definition.case.distance, definition.file
+    distance, file = study.case.distance, study.file
     step = max(1, -(-distance.size // _MOST_DISTANCES))
     return DepthVariant(
         camera=camera,
-        criteria=definition.case.criteria,
+        criteria=study.case.criteria,
         distance=np.unique(np.append(distance[::step], distance[-1:])),
         asked=np.unique(list(_distances_asked(file))),
         error_sources=_error_sources_asked(file),

@@ -19,7 +19,7 @@ from tradestudy.effects import OFF, Models
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, PictureDisparityError, WeighedPicture
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
-from tradestudy.study.building import apply_models, complete_in_closed_form, in_closed_form, with_models
+from tradestudy.study.prepared import apply_models, complete_in_closed_form, in_closed_form, with_models
 
 _ENDS_ARE_KNOWN_TO: Final = 1e-3  # of their distance: at 1e-2, a steep limit would seem not to decide its end
 _BESIDE_AN_END: Final = 1e-2  # of its distance, for that slope

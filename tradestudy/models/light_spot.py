@@ -27,7 +27,7 @@ from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource, source_nodes
 from tradestudy.optics.chain.spot_image import followed_points
 from tradestudy.optics.chain.spot_points import source_density
-from tradestudy.study.building import with_models
+from tradestudy.study.prepared import with_models
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 ErrorPx = Callable[[Models], FloatArray]

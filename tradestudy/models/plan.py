@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from tradestudy.accuracy import IN_WORDS, Accuracy, Quantity
@@ -15,7 +15,7 @@ from tradestudy.models.choice import choose_models, refuse_chosen_spot
 from tradestudy.models.problem import NAMED, Change, Choice, Evidence
 from tradestudy.models.slow_steps import Work, magnitude, work_of
 from tradestudy.results import GROUPS
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import Choices, PreparedStudy
 from tradestudy.study.varying import sweep_axes
 from tradestudy.units import DATA, DURATION, FRACTION, pretty
 from tradestudy.wording import distance, fewest_digits, listed
@@ -34,7 +34,7 @@ class Plan:
 
     Parameters
     ----------
-    definition
+    study
         The study, with the chosen models applied.
     accuracy
         Its tolerances and time limit.
@@ -44,7 +44,7 @@ class Plan:
         All work of the run, in the order of its steps.
     """
 
-    definition: StudyDefinition
+    study: PreparedStudy
     accuracy: Accuracy
     problems: Sequence[Choice]
     work: tuple[Work, ...]
@@ -55,16 +55,16 @@ class Plan:
 
     def text(self, *, verbose: bool = False) -> str:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""
-        settled, space = dict(_settled(self.definition)), _space(self.definition)
+        settled, space = dict(_settled(self.study)), _space(self.study)
         return "\n".join(plan_lines(self.problems, settled, self.work, space, verbose=verbose))
 
     def __repr__(self) -> str:
         return self.text()
 
 
-def _settled(definition: StudyDefinition) -> Iterator[tuple[str, str]]:
+def _settled(study: PreparedStudy) -> Iterator[tuple[str, str]]:
     """Questions that compare given models, which leaves no choice: their names, and how they are answered."""
-    file = definition.file
+    file = study.file
     if (fresnel := file.fresnel_validity) is not None:
         error = pretty(fresnel.tolerance, FRACTION, digits=2)
         yield (
@@ -79,28 +79,28 @@ def _settled(definition: StudyDefinition) -> Iterator[tuple[str, str]]:
         )
 
 
-def _space(definition: StudyDefinition) -> str:
+def _space(study: PreparedStudy) -> str:
     """Memory and disk space that a run takes, in words; empty up to 1 GB of memory."""
-    results = size_of_depth(definition)
+    results = size_of_depth(study)
     memory = _IN_MEMORY * results
     if memory <= _WORTH_NAMING:
         return ""
     return f"; about {pretty(memory, DATA, digits=2)} of memory, {pretty(results, DATA, digits=2)} on disk"
 
 
-def size_of_depth(definition: StudyDefinition) -> float:
+def size_of_depth(study: PreparedStudy) -> float:
     """Size of the results over distance and all designs of a study [bit], to about a quarter."""
-    case = definition.case
+    case = study.case
     quantiles = [len(camera.propagation.probabilities) for camera in case.cameras.values()]
     sizes = {
         "camera": len(case.cameras), "distance": case.distance.size, "interval": 1, "side": 2, "error_source": 3,
         "quantile": max(quantiles, default=0), "part": _PARTS, "limit": len(LIMIT_NAMES),
     }  # fmt: skip
     numbers = sum(math.prod(sizes[dim] for dim in variable.dims) for variable in GROUPS["depth"].values())
-    return 64.0 * numbers * math.prod(len(axis.values) for axis in sweep_axes(definition))
+    return 64.0 * numbers * math.prod(len(axis.values) for axis in sweep_axes(study))
 
 
-def plan_of(definition: StudyDefinition) -> Plan:
+def plan_of(study: PreparedStudy) -> Plan:
     """Choose the models of every problem of a study and name the slow steps of its run.
 
     Raises
@@ -111,15 +111,16 @@ def plan_of(definition: StudyDefinition) -> Plan:
     StudyError
         If the study forces a model that none of its problems has, or weighs a criterion that is not a number.
     """
-    accuracy = definition.file.accuracy.asked()
-    problems = choose_models(definition)
+    accuracy = study.file.accuracy.asked()
+    problems = choose_models(study)
     other_models: dict[str, dict[str, Models]] = {}
     for one in problems:
         for reading, models in one.other_models.items():
             other_models.setdefault(reading, {})[one.name] = models
-    applied = definition.with_models({one.name: one.models for one in problems}, other_models)
-    plan = Plan(definition=applied, accuracy=accuracy, problems=problems, work=work_of(applied))
-    refuse_chosen_spot(definition, problems)
+    choices = Choices(models={one.name: one.models for one in problems}, other_models=other_models)
+    applied = replace(study, choices=choices)
+    plan = Plan(study=applied, accuracy=accuracy, problems=problems, work=work_of(applied))
+    refuse_chosen_spot(study, problems)
     seconds = math.fsum(one.seconds for one in plan.work)
     if seconds > _CERTAINLY_TOO_LONG * accuracy.time_limit:
         raise UnaffordableError(

@@ -23,7 +23,7 @@ from tradestudy.imaging.scenes.scene import DepthMapSurface, Rock, SceneSource, 
 from tradestudy.imaging.scenes.surfaces import Flat, Sphere
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.provenance import file_hash
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.scene import (
     DepthMapPart,
     PicturePart,
@@ -62,11 +62,11 @@ class Taken:
     stop_separation: float
 
 
-def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, PicturePart]:
+def declared_image(study: PreparedStudy) -> tuple[SceneImagePart, PicturePart]:
     """The declarations of the image and of its pictures; a missing one is reported as a mistake."""
-    scene = definition.file.scene
+    scene = study.file.scene
     if scene is None or scene.image is None or scene.picture is None:
-        problem = definition.document.locate(("scene",)).problem(
+        problem = study.document.locate(("scene",)).problem(
             _WHERE, "this key is missing: it declares the surfaces to render"
         )
         raise StudyError([problem])
@@ -74,34 +74,32 @@ def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, Picture
 
 
 def set_up(
-    definition: StudyDefinition, *, rig: Rig | None = None, texture_side: int | None = None
+    study: PreparedStudy, *, rig: Rig | None = None, texture_side: int | None = None
 ) -> tuple[SceneSource, list[Taken]]:
     """The scene and its cameras, with every mistake at its place; ``rig`` overrides that of the study.
 
     ``texture_side`` limits the samples before the texture repeats, which does not matter for a few patches.
     """
-    image, picture = declared_image(definition)
-    extent, cameras = extent_and_cameras(definition, rig=rig)
+    image, picture = declared_image(study)
+    extent, cameras = extent_and_cameras(study, rig=rig)
     exposures = [exposure for taken in cameras for exposure in taken.exposures]
-    pattern = pattern_of_scene(texture_of(picture), exposures, extent, definition.file.propagation.seed)
+    pattern = pattern_of_scene(texture_of(picture), exposures, extent, study.file.propagation.seed)
     if texture_side is not None:
         pattern = replace(pattern, side=min(pattern.side, texture_side))
-    return scene_of(image, pattern, definition.folder_of(_WHERE)), cameras
+    return scene_of(image, pattern, study.document.folder_of(_WHERE)), cameras
 
 
-def extent_and_cameras(
-    definition: StudyDefinition, *, rig: Rig | None = None
-) -> tuple[tuple[float, float], list[Taken]]:
+def extent_and_cameras(study: PreparedStudy, *, rig: Rig | None = None) -> tuple[tuple[float, float], list[Taken]]:
     """Nearest and farthest distance of the scene [m], and its cameras, before textures are generated."""
-    image, picture = declared_image(definition)
+    image, picture = declared_image(study)
     texture = texture_of(picture)
     flat = RandomPattern(texture=texture, sample=texture.correlation_length, side=2, seed=0)
     try:
-        extent = scene_of(image, flat, definition.folder_of(_WHERE)).extent
+        extent = scene_of(image, flat, study.document.folder_of(_WHERE)).extent
     except MistakeAt as mistake:
-        problems = [_problem(definition, (*_WHERE, *one.tail), one.what) for one in mistake.all]
+        problems = [_problem(study, (*_WHERE, *one.tail), one.what) for one in mistake.all]
         raise StudyError(problems) from None
-    return extent, _cameras(definition, image, picture, sum(extent) / 2.0, rig or image.rig)
+    return extent, _cameras(study, image, picture, sum(extent) / 2.0, rig or image.rig)
 
 
 def texture_of(picture: PicturePart) -> Texture:
@@ -124,7 +122,7 @@ def recording_of(image: SceneImagePart, picture: PicturePart, sensor: Sensor) ->
 
 
 def whole_pictures(
-    definition: StudyDefinition, image: SceneImagePart, scene: SceneSource, taken: Taken, recording: Recording
+    study: PreparedStudy, image: SceneImagePart, scene: SceneSource, taken: Taken, recording: Recording
 ) -> list[Tile]:
     """All pictures of a camera by rays, each as one tile."""
     return [
@@ -134,7 +132,7 @@ def whole_pictures(
             scene=scene,
             recording=recording,
             samples=image.samples or taken.camera.rays_per_pixel,
-            seed=definition.file.propagation.seed,
+            seed=study.file.propagation.seed,
             rows=(0, exposure.sensor.rows),
             columns=(0, exposure.sensor.columns),
         )
@@ -142,15 +140,13 @@ def whole_pictures(
     ]
 
 
-def _problem(definition: StudyDefinition, path: tuple[str | int, ...], what: str) -> Problem:
-    return definition.document.locate(path).problem(path, what)
+def _problem(study: PreparedStudy, path: tuple[str | int, ...], what: str) -> Problem:
+    return study.document.locate(path).problem(path, what)
 
 
-def _cameras(
-    definition: StudyDefinition, image: SceneImagePart, picture: PicturePart, middle: float, rig: Rig
-) -> list[Taken]:
+def _cameras(study: PreparedStudy, image: SceneImagePart, picture: PicturePart, middle: float, rig: Rig) -> list[Taken]:
     found = []
-    for name, camera in definition.case.all_cameras.items():
+    for name, camera in study.case.all_cameras.items():
         if image.cameras is not None and name not in image.cameras:
             continue
         errors: Mapping[str, FloatArray] = {}
@@ -161,8 +157,8 @@ def _cameras(
                     f"errors cannot be drawn for the pictures of {name}, because it is an imported or fitted rig; "
                     "write rig: as-designed, or leave it out of scene.image.cameras"
                 )
-                raise StudyError([_problem(definition, ("scene", "image", "rig"), what)])
-            errors = drawn_errors(camera, name, definition.file.propagation.seed)
+                raise StudyError([_problem(study, ("scene", "image", "rig"), what)])
+            errors = drawn_errors(camera, name, study.file.propagation.seed)
             environment = camera.calibration.environment
         exposures = camera.exposures(middle, errors, environment, picture.stop_separation)
         found.append(

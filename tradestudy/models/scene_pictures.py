@@ -20,7 +20,7 @@ from tradestudy.imaging.render.tiles import Tile, electrons_at
 from tradestudy.imaging.render.waves import Waves
 from tradestudy.models.problem import Change, Changes, SimulationProblem, Slot
 from tradestudy.models.rendered_scene import declared_image, recording_of, set_up, whole_pictures
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.wording import NO_MICROLENSES
 
 _PATCHES: Final = 3  # along each side of a picture; both models render them
@@ -38,7 +38,7 @@ def name_of(camera: str) -> str:
     return f"{camera}-pictures"
 
 
-def picture_problems(definition: StudyDefinition, forced: Models) -> Iterator[ScenePicturesProblem]:
+def picture_problems(study: PreparedStudy, forced: Models) -> Iterator[ScenePicturesProblem]:
     """One problem for each camera that takes pictures, as designed: its errors shift effects of waves but create none.
 
     Raises
@@ -46,15 +46,15 @@ def picture_problems(definition: StudyDefinition, forced: Models) -> Iterator[Sc
     StudyError
         If the scene cannot be rendered.
     """
-    image, picture = declared_image(definition)
-    scene, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
+    image, picture = declared_image(study)
+    scene, cameras = set_up(study, rig="as-designed", texture_side=TRIAL_TEXTURE)
     for taken in cameras:
         recording = recording_of(image, picture, taken.camera.sensor)
         yield ScenePicturesProblem(
             name=name_of(taken.name),
-            title=f"Pictures by {definition.file.cameras[taken.name].title}",
-            pictures=whole_pictures(definition, image, scene, taken, recording),
-            wavelength=definition.case.wavelength,
+            title=f"Pictures by {study.file.cameras[taken.name].title}",
+            pictures=whole_pictures(study, image, scene, taken, recording),
+            wavelength=study.case.wavelength,
             forced=forced,
         )
 

@@ -12,7 +12,7 @@ import numpy as np
 from tradestudy.cameras.depth_measurement import CORNERS
 from tradestudy.effects import OFF, Models
 from tradestudy.imaging.picture import kirchhoff_lattice
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.wave_optics import LightSpotPart
 from tradestudy.study.varying import calibrations_to_infer, sweep_axes
 from tradestudy.wording import counted
@@ -72,13 +72,13 @@ def magnitude(seconds: float) -> str:
     return "seconds" if seconds < 60.0 else "minutes" if seconds < 3600.0 else "hours"
 
 
-def work_of(definition: StudyDefinition) -> tuple[Work, ...]:
+def work_of(study: PreparedStudy) -> tuple[Work, ...]:
     """All work of a run, in the order of its steps, for a study with its models applied."""
     return (
-        *_depth(definition),
-        *_pictures(definition),
-        *_wave_optics(definition),
-        *_answers(definition),
+        *_depth(study),
+        *_pictures(study),
+        *_wave_optics(study),
+        *_answers(study),
         Work(step="report", amount="figures, HTML, PDF", seconds=SECONDS["report"]),
     )
 
@@ -87,15 +87,15 @@ def _work(step: str, unit: str, count: float, amount: str, problem: str = "") ->
     return Work(step=step, amount=amount, seconds=count * SECONDS[unit], problem=problem)
 
 
-def _depth(definition: StudyDefinition) -> Iterator[Work]:
+def _depth(study: PreparedStudy) -> Iterator[Work]:
     """Calibrations, tables of depth, and the sensitivity of each camera."""
-    file, case = definition.file, definition.case
-    if asked := calibrations_to_infer(definition):
+    file, case = study.file, study.case
+    if asked := calibrations_to_infer(study):
         yield _work("calibration", "calibration", len(asked), counted(len(asked), "posterior"))
     if lattice := kirchhoff_lattice(case.cameras.values(), case.distance):
         amount = f"Kirchhoff diffraction at {counted(len(lattice), 'value')} of defocus"
         yield _work("pictures", "Kirchhoff diffraction at a defocus", len(lattice), amount)
-    axes = sweep_axes(definition)
+    axes = sweep_axes(study)
     places = len(CORNERS) * len(file.propagation.field_places)
     for name, camera in case.cameras.items():
         exact = "exact" if camera.propagation.model == "exact" else "linear"
@@ -115,14 +115,14 @@ def _depth(definition: StudyDefinition) -> Iterator[Work]:
         yield _work("sensitivity", "sensitivity of a camera", count, amount)
 
 
-def _answers(definition: StudyDefinition) -> Iterator[Work]:
+def _answers(study: PreparedStudy) -> Iterator[Work]:
     """Verdicts under every reading, the value of information, and inverse questions."""
-    file = definition.file
+    file = study.file
     if file.decision is not None:
-        verdicts = 1 + len(definition.readings)
+        verdicts = 1 + len(study.readings)
         amount = f"{counted(verdicts, 'verdict')} on the main pair"
         yield _work("decision", "verdict under a reading", verdicts, amount)
-    if (answers := len(file.claims) * (1 + len(definition.readings)) + len(file.requirements)) > 0:
+    if (answers := len(file.claims) * (1 + len(study.readings)) + len(file.requirements)) > 0:
         amount = counted(answers, "verdict")
         yield _work("claims", "verdict under a reading", answers, amount)
     if (part := file.value_of_information) is not None:
@@ -132,34 +132,34 @@ def _answers(definition: StudyDefinition) -> Iterator[Work]:
         yield _work("inverse questions", "question", len(file.solve), counted(len(file.solve), "question"))
 
 
-def _pictures(definition: StudyDefinition) -> Iterator[Work]:
+def _pictures(study: PreparedStudy) -> Iterator[Work]:
     """Rendered scenes and planes, and the depth that is read in them."""
-    file = definition.file
+    file = study.file
     if file.scene is not None and file.scene.image is not None:
         from tradestudy.models.rendered_scene import set_up
         from tradestudy.models.scene_pictures import TRIAL_TEXTURE, name_of
 
-        _, cameras = set_up(definition, rig="as-designed", texture_side=TRIAL_TEXTURE)
+        _, cameras = set_up(study, rig="as-designed", texture_side=TRIAL_TEXTURE)
         for taken in cameras:
             name = name_of(taken.name)
             pixels = sum(one.sensor.columns * one.sensor.rows for one in taken.exposures)
-            by_waves = definition.models.get(name, {}).get("main_lens_diffraction", OFF) != OFF
+            by_waves = study.choices.models.get(name, {}).get("main_lens_diffraction", OFF) != OFF
             amount = f"{pixels / 1e6:.3g} million pixels"
             yield _work("rendering", "rendered pixel" + " by waves" * by_waves, pixels, amount, name)
             if file.scene.image.depth_maps:
                 yield _work("depth maps", "depth of a pixel", pixels, amount, name)
     if (loop := file.depth_loop) is not None:
-        cameras_of_loop = loop.cameras or definition.case.cameras
+        cameras_of_loop = loop.cameras or study.case.cameras
         varied = max(1, len(loop.contrasts or ())) * max(1, len(loop.electrons or ()))
         planes = len(cameras_of_loop) * len(loop.distances) * varied
         yield _work("depth loop", "rendered plane", planes, counted(planes, "plane"))
 
 
-def _wave_optics(definition: StudyDefinition) -> Iterator[Work]:
+def _wave_optics(study: PreparedStudy) -> Iterator[Work]:
     """Comparisons of Fresnel with Kirchhoff, light spots, images of points, and hard cases."""
     from tradestudy.study.schema.wave_optics import listed
 
-    file = definition.file
+    file = study.file
     if (fresnel := file.fresnel_validity) is not None:
         numbers, elements = len(listed(fresnel.f_numbers)), len(fresnel.elements)
         limits = len(fresnel.lens_phases) * (1 + 2 * len(fresnel.windows))
@@ -171,7 +171,7 @@ def _wave_optics(definition: StudyDefinition) -> Iterator[Work]:
             step = "Fresnel against Kirchhoff, off axis"
             yield _work(step, "pair of point spreads, off axis", pairs, f"{counted(pairs, 'pair')} of point spreads")
     if file.light_spot is not None:
-        yield _light_spot(file.light_spot, definition.models)
+        yield _light_spot(file.light_spot, study.choices.models)
     if (part := file.point_spread) is not None:
         varied = (listed(part.f_numbers), part.wavelengths, part.field_angles, part.defocus)
         count = 2 * len(part.elements) * sum(map(len, varied))

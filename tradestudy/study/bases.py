@@ -5,31 +5,31 @@ from __future__ import annotations
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.imaging.models import AT_BOUND
 from tradestudy.imaging.picture import PictureDisparityError
-from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.wording import with_article
 
 Path = tuple[str | int, ...]
 
 
-def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str:
+def input_words(study: PreparedStudy, camera: str, parameter: str) -> str:
     """An uncertain parameter of a camera with its spread and basis, such as "yaw of Head A, assumed 0.01 deg".
 
     Parameters
     ----------
-    definition
+    study
         The study.
     camera
         Key of the camera.
     parameter
         One of the camera's error sources, or ``noise``.
     """
-    title = with_article(definition.file.cameras[camera].title)
+    title = with_article(study.file.cameras[camera].title)
     if parameter == "noise":
         path: Path = ("cameras", camera, "depth", "disparity_error")
-        part, declared = definition.file.cameras[camera], definition.document.entry(path)
+        part, declared = study.file.cameras[camera], study.document.entry(path)
         if isinstance(part, DepthCameraDeclaration) and part.depth.declared_error_px is None:
-            law = definition.case.cameras[camera].disparity_error_px
+            law = study.case.cameras[camera].disparity_error_px
             real = isinstance(law, PictureDisparityError) and law.matcher != AT_BOUND
             return f"matching noise of {title}, derived from the picture" + (
                 " and the declared matcher" if real else ""
@@ -37,15 +37,15 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
         if not isinstance(declared, ScalarEntry):
             default = next(text for where, text in part.assumed() if where == ("depth", "disparity_error"))
             return f"matching noise of {title}, assumed {default}"
-        return f"matching noise of {title}{rests_in_words(definition, path)}"
+        return f"matching noise of {title}{rests_in_words(study, path)}"
     name = parameter.replace("_", " ")
     for path in (
         ("cameras", camera, "calibration", "errors", parameter),
         ("cameras", camera, "calibration", "stability", parameter.removesuffix("_change")),
     ):
-        entry = definition.document.entry(path)
+        entry = study.document.entry(path)
         if entry is not None and (spread := _spread(path, entry)) is not None:
-            return f"{name} of {title}{rests_in_words(definition, spread)}"
+            return f"{name} of {title}{rests_in_words(study, spread)}"
     return f"{name} of {title}, as calibrated"
 
 
@@ -60,10 +60,10 @@ def _spread(path: Path, entry: Entry) -> Path | None:
     return None
 
 
-def rests_in_words(definition: StudyDefinition, path: Path) -> str:
+def rests_in_words(study: PreparedStudy, path: Path) -> str:
     """A declared value with its basis, as it follows the name of an input: ", assumed 0.2 px"."""
-    note = definition.document.annotations.get(path)
+    note = study.document.annotations.get(path)
     basis = note.basis if note is not None and note.basis is not None else "declared"
-    text = definition.document.text_of(path)
+    text = study.document.text_of(path)
     sources = {"paper": "from the paper", "datasheet": "from the data sheet"}
     return f", {text} {sources[basis]}" if basis in sources else f", {basis} {text}"

@@ -17,6 +17,7 @@ from tradestudy.study import document as tree
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import MappingEntry, ScalarEntry, child, walk
 from tradestudy.study.plausibility import contradictions
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.reader import read_text
 from tradestudy.study.shared_cameras import load_entries
 from tradestudy.study.source import UnreadableError
@@ -87,7 +88,7 @@ class Entry:
     def contradictions(self) -> list[tuple[str, Contradiction]]:
         """Inputs that contradict each other, each with its mode."""
         modes = dict(zip(self.definition.file.cameras, self.modes, strict=True))
-        return [(modes[camera], one) for camera, one in contradictions(self.definition)]
+        return [(modes[camera], one) for camera, one in contradictions(PreparedStudy(self.definition))]
 
 
 def entry_of(source: str) -> Entry:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from pathlib import Path as FilePath
 from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
 from tradestudy.errors import Problem, escaped
@@ -244,6 +245,11 @@ class Document:
     def problem(self, path: Path, what: str) -> Problem:
         """A mistake in the value at a path."""
         return self.locate(path).problem(path, what)
+
+    def folder_of(self, path: Path) -> FilePath:
+        """Folder of the files named in a part of the study: that of the file that contains the part."""
+        file = FilePath(self.locate(path).file)
+        return (file if file.is_file() else FilePath(self.root.place.file)).parent
 
     def locate_key(self, path: str | Path) -> Place:
         """Find where the key of a value is written; for an item of a list, the place of the item."""

@@ -11,6 +11,7 @@ from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.study.camera_files.importing import ONE_CAMERA
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Document, Entry, Place, Value, dotted
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.reader import read
 from tradestudy.study.schema.claims import expectation_bounds
 from tradestudy.study.schema.questions import AssumptionPart, SolvePart
@@ -24,7 +25,7 @@ _INFERRED_ANEW = (
 Change = tuple[tuple[str | int, ...], dict[str, Value | Entry]]
 
 
-def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinition:
+def load_prepared(path: Path, overrides: tuple[str, ...] = ()) -> PreparedStudy:
     """Read a study file with ``path=value`` overrides; check it, its readings, and both ends of every varied range.
 
     Raises
@@ -32,7 +33,7 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
     StudyError
         With every mistake found, at its place.
     """
-    return checked(read(path, overrides))
+    return PreparedStudy(checked(read(path, overrides)))
 
 
 def checked(document: Document) -> StudyDefinition:
@@ -66,7 +67,7 @@ def with_questions_checked(definition: StudyDefinition) -> StudyDefinition:
         problems += error.problems
     for search in (_problems_of_changes, _problems_of_claims, _problems_of_corners, _problems_of_measurements):
         try:
-            problems += search(definition)
+            problems += search(PreparedStudy(definition))
         except StudyError as error:
             problems += error.problems
     if problems:
@@ -125,34 +126,35 @@ def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
             yield document.locate((*path, "kind")).problem((*path, "from"), f"gives {ONE_CAMERA}")
 
 
-def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
+def _problems_of_changes(study: PreparedStudy) -> Iterator[Problem]:
     """Mistakes of the first and last value of each sweep axis, and of the ends of inverse questions and assumptions."""
     changes: list[Change] = []
+    keys = study.definition.posterior_keys
     try:
-        for axis in sweep_axes(definition):
+        for axis in sweep_axes(study):
             changes += [(("sweep", axis.path), {axis.path: entry}) for entry in (axis.values[0], axis.values[-1])]
     except TradestudyError as error:
-        yield definition.document.problem(("sweep",), str(error))
-    for where, question in _varied(definition):
+        yield study.document.problem(("sweep",), str(error))
+    for where, question in _varied(study):
         changes += [((*where, "vary"), dict.fromkeys(question.paths, end)) for end in (question.low, question.high)]
         try:
-            varying = Varying.of(definition, question)
+            varying = Varying.of(study, question)
         except TradestudyError as error:
-            yield definition.document.problem((*where, "low"), str(error))
+            yield study.document.problem((*where, "low"), str(error))
             continue
         if where[0] == "solve":
             changes.append(((*where, "vary"), {**varying.changes(varying.at_share(0.5))}))
     for at, values in changes:
-        place = definition.document.locate(at)
+        place = study.document.locate(at)
         if at[0] != "sweep" and (text := [path for path in values if path.rpartition(".")[2] in _FREE_TEXT]):
             yield place.problem(at, f"{text[0]}: is text; vary a number")
             continue
         try:
-            changed = definition.with_values(values)
+            changed = study.with_values(values)
         except StudyError as error:
             yield from (place.problem(at, f"{problem.path}: {problem.what}") for problem in error.problems)
             continue
-        for name, _ in definition.posterior_keys.items() - changed.posterior_keys.items() if at[0] != "sweep" else ():
+        for name, _ in keys.items() - changed.definition.posterior_keys.items() if at[0] != "sweep" else ():
             # Inverse questions can plan a calibration by a target; corners are already measured.
             part = changed.file.cameras[name]
             is_planned = isinstance(part, DepthCameraDeclaration) and part.calibration.target is not None
@@ -160,41 +162,41 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
                 yield place.problem(at, _INFERRED_ANEW.format(name))
 
 
-def _varied(definition: StudyDefinition) -> Iterator[tuple[tuple[str, ...], SolvePart | AssumptionPart]]:
+def _varied(study: PreparedStudy) -> Iterator[tuple[tuple[str, ...], SolvePart | AssumptionPart]]:
     """Inverse questions and assumptions that vary a value between two ends, with their paths."""
-    for name, question in definition.file.solve.items():
+    for name, question in study.file.solve.items():
         yield ("solve", name), question
-    part = definition.file.value_of_information
+    part = study.file.value_of_information
     for name, assumption in part.assumptions.items() if part is not None else ():
         if assumption.readings is None:
             yield ("value_of_information", "assumptions", name), assumption
 
 
-def _problems_of_claims(definition: StudyDefinition) -> Iterator[Problem]:
+def _problems_of_claims(study: PreparedStudy) -> Iterator[Problem]:
     """Expectations that have the wrong dimension."""
-    for name, claim in definition.file.claims.items():
+    for name, claim in study.file.claims.items():
         try:
             expectation_bounds(claim)
         except TradestudyError as error:
             where = ("claims", name, "expect")
-            yield definition.document.problem(where, str(error))
+            yield study.document.problem(where, str(error))
 
 
-def _problems_of_measurements(definition: StudyDefinition) -> Iterator[Problem]:
+def _problems_of_measurements(study: PreparedStudy) -> Iterator[Problem]:
     """Tables of measurements that cannot be read."""
-    for name, part in definition.file.measurements.items():
+    for name, part in study.file.measurements.items():
         from tradestudy.calibration.measured_table import read_measurements
 
         path = ("measurements", name, "file")
         try:
-            read_measurements(definition.folder_of(path) / part.file)
+            read_measurements(study.document.folder_of(path) / part.file)
         except TradestudyError as error:
-            yield definition.document.problem(path, str(error))
+            yield study.document.problem(path, str(error))
 
 
-def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:
+def _problems_of_corners(study: PreparedStudy) -> Iterator[Problem]:
     """Corner files that cannot be read, or that contradict the declared sensor."""
-    forms = {"": definition, **definition.readings}
+    forms = {"": study, **study.readings}
     parts = [part for one in forms.values() for part in one.file.cameras.values()]
     if not any(isinstance(part, DepthCameraDeclaration) and part.calibration.source == "corners" for part in parts):
         return
@@ -202,7 +204,7 @@ def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:
 
     known: set[str] = set()
     for reading, form in forms.items():
-        for key, request in form.calibrations_to_infer().items():
+        for key, request in form.definition.calibrations_to_infer().items():
             if key in known or not isinstance(request, CornersToInfer):
                 continue
             known.add(key)
@@ -212,4 +214,4 @@ def _problems_of_corners(definition: StudyDefinition) -> Iterator[Problem]:
                 path = ("cameras", request.name, "calibration", "corners", "file")
                 where = ("readings", reading) if reading else path
                 what = f"{'.'.join(path)}: {error}" if reading else str(error)
-                yield definition.document.problem(where, what)
+                yield study.document.problem(where, what)

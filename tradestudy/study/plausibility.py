@@ -30,8 +30,8 @@ from tradestudy.study.camera_files.pairs import (
     UNUSUAL_SIGN,
     off_centre,
 )
-from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import DICTIONARY, OUTSIDE, Document, Path, ScalarEntry, dotted, text_of, walk
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.varying import question_ends
 from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.units import (
@@ -132,25 +132,25 @@ _OF_QUESTION: Final = ("solve", "relative")
 _LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit was probably meant in per cent
 
 
-def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
+def implausible(study: PreparedStudy) -> tuple[Problem, ...]:
     """Warnings about unusual values, one for each place; values with a stated basis are exempt."""
     found = [
-        *_equal_titles(definition),
-        *_outside_the_usual(definition),
-        *_light(definition),
-        *_unequal_pixels(definition),
-        *_beside_the_spectrum(definition),
-        *_declared_outside(definition),
-        *_imported(definition),
-        *_off_centre(definition),
-        *_not_inherited(definition),
-        *_assumed_pitches(definition),
-        *_idle_matcher(definition),
-        *_tolerances(definition),
-        *_posteriors(definition),
-        *_unused_corners(definition),
-        *_beyond_the_scene(definition),
-        *_contradictory(definition),
+        *_equal_titles(study),
+        *_outside_the_usual(study),
+        *_light(study),
+        *_unequal_pixels(study),
+        *_beside_the_spectrum(study),
+        *_declared_outside(study),
+        *_imported(study),
+        *_off_centre(study),
+        *_not_inherited(study),
+        *_assumed_pitches(study),
+        *_idle_matcher(study),
+        *_tolerances(study),
+        *_posteriors(study),
+        *_unused_corners(study),
+        *_beyond_the_scene(study),
+        *_contradictory(study),
     ]
     distinct: dict[tuple[str, int, int, str], Problem] = {}
     for one in found:
@@ -158,13 +158,13 @@ def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
     return tuple(distinct.values())
 
 
-def contradictions(definition: StudyDefinition) -> list[tuple[str, Contradiction]]:
+def contradictions(study: PreparedStudy) -> list[tuple[str, Contradiction]]:
     """Cross-check the inputs of every camera of a study."""
-    tolerance = definition.file.accuracy.asked().tolerances["depth_uncertainty"]
-    picture = None if definition.file.scene is None else definition.file.scene.picture
+    tolerance = study.file.accuracy.asked().tolerances["depth_uncertainty"]
+    picture = None if study.file.scene is None else study.file.scene.picture
     found = []
-    for name, camera in definition.case.all_cameras.items():
-        own = [*camera.contradictions(definition.file.cameras[name].stated, tolerance)]
+    for name, camera in study.case.all_cameras.items():
+        own = [*camera.contradictions(study.file.cameras[name].stated, tolerance)]
         if picture is not None:
             noise = picture.noise(camera.sensor)
             own += digitiser_contradictions(camera.sensor, noise.full_well_electrons, noise.bits)
@@ -172,37 +172,35 @@ def contradictions(definition: StudyDefinition) -> list[tuple[str, Contradiction
     return found
 
 
-def _contradictory(definition: StudyDefinition) -> Iterator[Problem]:
+def _contradictory(study: PreparedStudy) -> Iterator[Problem]:
     """Inputs that determine one quantity differently, unless the one that `check` names has a basis."""
-    for name, one in contradictions(definition):
+    for name, one in contradictions(study):
         path = ("cameras", name, *one.path)
-        entry = definition.document.entry(path)
-        in_pixels = str(definition.document.tree["cameras"][name].get("lenses", {}).get("focal_length", "")).endswith(
-            "px"
-        )
+        entry = study.document.entry(path)
+        in_pixels = str(study.document.tree["cameras"][name].get("lenses", {}).get("focal_length", "")).endswith("px")
         chosen = one.path == ("principal_distance",) and (entry is not None or in_pixels)
-        if chosen or _has_basis(definition.document, path):
+        if chosen or _has_basis(study.document, path):
             continue
         what = f"{one.what}: {one.stated}, but {one.implied}; {one.consequence or f'used: {one.used}'}"
-        yield definition.document.problem(path, what)
+        yield study.document.problem(path, what)
 
 
-def _equal_titles(definition: StudyDefinition) -> Iterator[Problem]:
+def _equal_titles(study: PreparedStudy) -> Iterator[Problem]:
     """Cameras with one title, which differ by their keys in every output."""
-    for name, camera in definition.file.cameras.items():
+    for name, camera in study.file.cameras.items():
         path = ("cameras", name, "title")
-        if isinstance(entry := definition.document.entry(path), ScalarEntry) and entry.value != camera.title:
+        if isinstance(entry := study.document.entry(path), ScalarEntry) and entry.value != camera.title:
             what = f"is the title of another camera too, so that {name} is called {camera.title}; give it its own title"
-            yield definition.document.problem(path, what)
+            yield study.document.problem(path, what)
 
 
-def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
-    for path, entry in walk(definition.document.root, ()):
+def _outside_the_usual(study: PreparedStudy) -> Iterator[Problem]:
+    for path, entry in walk(study.document.root, ()):
         keys = [step for step in path if isinstance(step, str)]
-        if not isinstance(entry, ScalarEntry) or entry.value is None or _has_basis(definition.document, path):
+        if not isinstance(entry, ScalarEntry) or entry.value is None or _has_basis(study.document, path):
             continue
         if what := unusual(keys, entry.text):
-            yield definition.document.problem(path, what)
+            yield study.document.problem(path, what)
 
 
 def unusual(keys: Sequence[str], text: str) -> str:
@@ -246,16 +244,16 @@ def _has_basis(document: Document, path: Path) -> bool:
     return any(note is not None and note.basis is not None for note in notes)
 
 
-def _light(definition: StudyDefinition) -> Iterator[Problem]:
+def _light(study: PreparedStudy) -> Iterator[Problem]:
     """More electrons, by a camera's own exposure and f-number, than the full well of its pixels holds."""
-    picture = None if definition.file.scene is None else definition.file.scene.picture
+    picture = None if study.file.scene is None else study.file.scene.picture
     path = ("scene", "picture", "light", "electrons")
-    declared = definition.document.entry(path)
-    if picture is None or not isinstance(declared, ScalarEntry) or _has_basis(definition.document, path):
+    declared = study.document.entry(path)
+    if picture is None or not isinstance(declared, ScalarEntry) or _has_basis(study.document, path):
         return
     found = {}
-    for name, camera in definition.case.cameras.items():
-        f_numbers, full = camera.picture_geometry(definition.case.distance).light_f_number, picture.noise(camera.sensor)
+    for name, camera in study.case.cameras.items():
+        f_numbers, full = camera.picture_geometry(study.case.distance).light_f_number, picture.noise(camera.sensor)
         most = float(
             np.nanmax(mean_electrons(picture.light.light(camera.sensor), f_numbers, camera.sensor.pixel_pitch))
         )
@@ -264,32 +262,32 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
     if found:
         most, well = max(found.values(), key=lambda one: one[0] / one[1])
         what = f"the pixels of {listed(list(found))} collect up to {pretty(most, ELECTRONS)} on the axis, more than "
-        yield definition.document.problem(path, f"{what}the full well of {pretty(well, ELECTRONS)}{_SILENCED}")
+        yield study.document.problem(path, f"{what}the full well of {pretty(well, ELECTRONS)}{_SILENCED}")
 
 
-def _unequal_pixels(definition: StudyDefinition) -> Iterator[Problem]:
+def _unequal_pixels(study: PreparedStudy) -> Iterator[Problem]:
     """Light that gives pixels of different sizes equally many electrons."""
-    scene = definition.file.scene
+    scene = study.file.scene
     if scene is None or scene.picture is None or scene.picture.light.at_pixel_pitch is not None:
         return
     pitches = {
         camera.sensor.pixel_pitch
-        for camera in definition.file.cameras.values()
+        for camera in study.file.cameras.values()
         if isinstance(camera, DepthCameraDeclaration) and camera.depth.declared_error_px is None
     }
     if len(pitches) > 1:
         path = ("scene", "picture", "light")
         sizes = " and ".join(pretty(one, LENGTH) for one in sorted(pitches))
         what = f"pixels of {sizes} are taken to collect equal light; with at_pixel_pitch, larger ones collect more"
-        yield definition.document.problem(path, what)
+        yield study.document.problem(path, what)
 
 
-def _beside_the_spectrum(definition: StudyDefinition) -> Iterator[Problem]:
+def _beside_the_spectrum(study: PreparedStudy) -> Iterator[Problem]:
     """A wavelength of the scene outside the spectrum of its light."""
-    scene = definition.file.scene
+    scene = study.file.scene
     if scene is None or scene.picture is None or scene.picture.spectrum is None:
         return
-    if definition.file.effects.forced().get("spectrum") == OFF:  # the whole study is at the wavelength
+    if study.file.effects.forced().get("spectrum") == OFF:  # the whole study is at the wavelength
         return
     lines = [one.wavelength for one in scene.picture.spectrum]
     if not min(lines) * (1.0 - 1e-9) <= scene.wavelength <= max(lines) * (1.0 + 1e-9):
@@ -299,15 +297,15 @@ def _beside_the_spectrum(definition: StudyDefinition) -> Iterator[Problem]:
             f"{own} lies outside scene.picture.spectrum ({ends}), which derived disparity errors use; all other "
             f"answers, such as lateral resolution, depth of field and rendered pictures, use {own}"
         )
-        yield definition.document.problem(("scene", "wavelength"), what)
+        yield study.document.problem(("scene", "wavelength"), what)
 
 
-def _declared_outside(definition: StudyDefinition) -> Iterator[Problem]:
+def _declared_outside(study: PreparedStudy) -> Iterator[Problem]:
     """Declared values outside the range of the assumption that varies them."""
-    part = definition.file.value_of_information
+    part = study.file.value_of_information
     for name, one in part.assumptions.items() if part is not None else ():
         for path in one.paths:
-            entry, (dimension, low, high) = definition.document.entry(path), question_ends(one)
+            entry, (dimension, low, high) = study.document.entry(path), question_ends(one)
             try:
                 value = math.nan if entry is None else parse(text_of(entry), dimension)
             except UnitError:  # such as "derived"
@@ -318,21 +316,21 @@ def _declared_outside(definition: StudyDefinition) -> Iterator[Problem]:
                     f"{pretty(value, dimension)}; only values within the range are drawn"
                 )
                 place = ("value_of_information", "assumptions", name, "low" if value < low else "high")
-                yield definition.document.problem(place, what)
+                yield study.document.problem(place, what)
 
 
-def _imported(definition: StudyDefinition) -> Iterator[Problem]:
+def _imported(study: PreparedStudy) -> Iterator[Problem]:
     """Calibration files with an unusual unit of length, lens model, camera matrix or principal point."""
-    for name, camera in definition.file.cameras.items():
+    for name, camera in study.file.cameras.items():
         path = ("cameras", name, "from")
         for convention, what in _OF_IMPORTS.items():
             if says := camera.read_as.get(convention):
-                yield definition.document.problem(path, what.format(says))
+                yield study.document.problem(path, what.format(says))
 
 
-def _off_centre(definition: StudyDefinition) -> Iterator[Problem]:
+def _off_centre(study: PreparedStudy) -> Iterator[Problem]:
     """Principal points far from the middle of pictures whose size is in the study, and in no calibration file."""
-    for name, camera in definition.file.cameras.items():
+    for name, camera in study.file.cameras.items():
         geometry, sensor = getattr(camera, "geometry", None), getattr(camera, "sensor", None)
         parts = {side: getattr(geometry, side, None) for side in ("left", "right")} | {name: geometry}
         if PICTURE_SIZE in camera.read_as or not isinstance(sensor, SensorPart):
@@ -342,91 +340,91 @@ def _off_centre(definition: StudyDefinition) -> Iterator[Problem]:
         sizes = {side: other.pixels if side == "right" else sensor.pixels for side in centres}
         if says := off_centre({side: (centre, sizes[side]) for side, centre in centres.items()}):
             path = ("cameras", name, "sensor", "pixels")
-            yield definition.document.problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
+            yield study.document.problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
 
 
-def _not_inherited(definition: StudyDefinition) -> Iterator[Problem]:
+def _not_inherited(study: PreparedStudy) -> Iterator[Problem]:
     """Values set from outside for a camera that others are like: these keep the study's value unless it is set too."""
-    document = definition.document
+    document = study.document
     given = {one.path for one in document.overrides}
     for one in document.overrides:
-        present = [name for name in one.kept_by if name in definition.file.cameras]
+        present = [name for name in one.kept_by if name in study.file.cameras]
         others = [name for name in present if (one.path[0], name, *one.path[2:]) not in given]
         if others:
             what = f"does not change {listed(others)}, declared like {one.path[1]}; set it there too if it should"
             yield document.problem(one.path, what)
 
 
-def _assumed_pitches(definition: StudyDefinition) -> Iterator[Problem]:
+def _assumed_pitches(study: PreparedStudy) -> Iterator[Problem]:
     """Imported cameras whose blur or diffraction depends on a pixel pitch that their file does not give."""
-    for name, camera in definition.file.cameras.items():
+    for name, camera in study.file.cameras.items():
         inside = ("cameras", name)
-        pitch = definition.document.entry((*inside, "sensor", "pixel_pitch"))
+        pitch = study.document.entry((*inside, "sensor", "pixel_pitch"))
         if not isinstance(pitch, ScalarEntry) or NOMINAL_PITCH not in str(pitch.annotation and pitch.annotation.note):
             continue
         derived = isinstance(camera, DepthCameraDeclaration) and camera.depth.declared_error_px is None
-        refocused = definition.document.entry((*inside, "focus_distance")) is None  # and so never blurred
-        if derived or (definition.file.usable_range.blur is not None and not refocused):
+        refocused = study.document.entry((*inside, "focus_distance")) is None  # and so never blurred
+        if derived or (study.file.usable_range.blur is not None and not refocused):
             path = (*inside, "from")
             what = f"the file gives no pixel pitch; {pitch.text} is assumed, but blur and diffraction depend on it"
-            yield definition.document.problem(path, f"{what}; give sensor: {{pixel_pitch: ...}}")
+            yield study.document.problem(path, f"{what}; give sensor: {{pixel_pitch: ...}}")
 
 
-def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:
+def _idle_matcher(study: PreparedStudy) -> Iterator[Problem]:
     """A matcher of the scene that no camera uses because all disparity errors are declared."""
-    scene, cameras = definition.file.scene, definition.file.cameras.values()
+    scene, cameras = study.file.scene, study.file.cameras.values()
     if scene is None or scene.picture is None or scene.picture.matcher is None:
         return
     if not any(isinstance(one, DepthCameraDeclaration) and one.depth.declared_error_px is None for one in cameras):
         path = ("scene", "picture", "matcher")
         what = "has no effect: it adds to derived disparity errors, and every camera declares its disparity error"
-        yield definition.document.problem(path, what)
+        yield study.document.problem(path, what)
 
 
-def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
+def _tolerances(study: PreparedStudy) -> Iterator[Problem]:
     """Tolerances and relative bounds without a unit that are large as fractions but usual in per cent."""
-    for path, entry in walk(definition.document.root, ()):
+    for path, entry in walk(study.document.root, ()):
         relative = path[:1] == ("accuracy",) and path[-1] != "time_limit"
         relative |= path[-1:] in (("below_relative",), ("relative_uncertainty",)) or path[:1] + path[2:] == _OF_QUESTION
         relative &= entry.place.file != DICTIONARY.file  # whose numbers are fractions
-        if relative and isinstance(entry, ScalarEntry) and not _has_basis(definition.document, path):
-            yield from (definition.document.problem(path, what + _SILENCED) for what in _large(entry.text))
-    if definition.tolerance is not None:
-        for what in _large(definition.tolerance):
+        if relative and isinstance(entry, ScalarEntry) and not _has_basis(study.document, path):
+            yield from (study.document.problem(path, what + _SILENCED) for what in _large(entry.text))
+    if study.definition.tolerance is not None:
+        for what in _large(study.definition.tolerance):
             place = OUTSIDE._replace(file="--tolerance")
             yield place.problem(("accuracy", "tolerance"), what)
 
 
-def _posteriors(definition: StudyDefinition) -> Iterator[Problem]:
+def _posteriors(study: PreparedStudy) -> Iterator[Problem]:
     """Posteriors of parameters instead of errors, or of so few draws that the tolerance exceeds what they know."""
-    tolerance = definition.file.accuracy.asked().tolerances["depth_uncertainty"]
-    for name, camera in definition.case.cameras.items():
+    tolerance = study.file.accuracy.asked().tolerances["depth_uncertainty"]
+    for name, camera in study.case.cameras.items():
         path = ("cameras", name, "calibration", "posterior", "file")
         if camera.calibration.remark:
-            yield definition.document.problem(path, camera.calibration.remark)
+            yield study.document.problem(path, camera.calibration.remark)
         for group in camera.calibration.groups if camera.calibration.source == "posterior" else ():
             if isinstance(group, JointDraws) and (error := (2.0 * len(group.draws)) ** -0.5) > 2.0 * tolerance:
                 what = (
                     f"{len(group.draws)} draws determine a standard deviation to about {pretty(error, FRACTION, 2)}; "
                     "the errors stated in results do not include this, so give more draws or a covariance"
                 )
-                yield definition.document.problem(path, what)
+                yield study.document.problem(path, what)
 
 
-def _unused_corners(definition: StudyDefinition) -> Iterator[Problem]:
+def _unused_corners(study: PreparedStudy) -> Iterator[Problem]:
     """Columns and rows of corner files that are not used; what is read of imported ones names them."""
-    for name, camera in definition.file.cameras.items():
+    for name, camera in study.file.cameras.items():
         path = ("cameras", name, "calibration", "corners", "file")
-        file = definition.data_files.get(dotted(path))
+        file = study.definition.data_files.get(dotted(path))
         if file is None or FITTED_LENS in camera.read_as:
             continue
         from tradestudy.calibration.corners.corner_file import read_corners  # loads all of calibration
 
         corners = read_corners(file)
         if corners.unused:
-            yield definition.document.problem(path, f"columns of this file are not used: {listed(corners.unused)}")
+            yield study.document.problem(path, f"columns of this file are not used: {listed(corners.unused)}")
         if corners.left_out:
-            yield definition.document.problem(path, f"rows of this file are not used: {corners.left_out}")
+            yield study.document.problem(path, f"rows of this file are not used: {corners.left_out}")
 
 
 def _large(text: str) -> Iterator[str]:
@@ -438,9 +436,9 @@ def _large(text: str) -> Iterator[str]:
         yield f"{text} means {pretty(value, FRACTION)}; write '{text} %' for {pretty(value / 100.0, FRACTION)}"
 
 
-def _beyond_the_scene(definition: StudyDefinition) -> Iterator[Problem]:
+def _beyond_the_scene(study: PreparedStudy) -> Iterator[Problem]:
     """Requirements that reach beyond the distances of the scene, and distances of the decision there."""
-    distance, file = definition.case.distance, definition.file
+    distance, file = study.case.distance, study.file
     asked: list[tuple[Path, tuple[float, ...], str]] = [
         (
             ("requirements", name, one.quantity, "over" if one.over[0] < one.over[1] else "at"),
@@ -454,7 +452,7 @@ def _beyond_the_scene(definition: StudyDefinition) -> Iterator[Problem]:
         asked.append((("decision", "at", index), (at, at), "the cameras are compared"))
     for path, (near, far), what in asked:
         if distance.size and not distance[0] * (1.0 - 1e-9) <= near <= far <= distance[-1] * (1.0 + 1e-9):
-            yield definition.document.problem(
+            yield study.document.problem(
                 path,
                 f"{'reaches' if near < far else 'lies'} beyond the distances of the scene, {distance[0]:g} m to "
                 f"{distance[-1]:g} m: {what} there too, but figures and tables end with the scene",

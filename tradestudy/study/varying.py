@@ -12,8 +12,8 @@ import numpy as np
 
 from tradestudy.declarations.quantities import common_dimension
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
-from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, ScalarEntry, overlap, text_of
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import AssumptionPart, SweepRangePart
 from tradestudy.units import Dimension, UnitError, parse
 
@@ -42,10 +42,10 @@ class SweepAxis:
     dimension: Dimension | None = None
 
 
-def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
+def sweep_axes(study: PreparedStudy) -> tuple[SweepAxis, ...]:
     """The axes that a study declares; none if it has no sweep."""
-    paths = [definition.document.path_of(path) for path in definition.file.sweep]
-    for number, (path, part) in enumerate(definition.file.sweep.items()):
+    paths = [study.document.path_of(path) for path in study.file.sweep]
+    for number, (path, part) in enumerate(study.file.sweep.items()):
         if what := overlap(paths[number], paths[:number]):
             raise UnitError(f"{path}: {what}")
         if path.startswith("scene.") and not path.startswith(_NO_PART_OF_THE_SCENE):
@@ -59,13 +59,13 @@ def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
         _axis(
             path,
             _values_of_range(path, part) if isinstance(part, SweepRangePart) else tuple(map(ScalarEntry.of, part)),
-            definition,
+            study,
         )
-        for path, part in definition.file.sweep.items()
+        for path, part in study.file.sweep.items()
     )
 
 
-def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> list[StudyDefinition]:
+def sweep_points(study: PreparedStudy, axes: tuple[SweepAxis, ...]) -> list[PreparedStudy]:
     """The study at every combination of values, with the last axis varying fastest; without axes, the study itself.
 
     Raises
@@ -74,25 +74,25 @@ def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> li
         If there are more than 20 000 combinations.
     """
     if not axes:
-        return [definition]
+        return [study]
     count = int(np.prod([len(axis.values) for axis in axes]))
     if count > MOST_POINTS:
         raise UnaffordableError(
             "points of the sweep", value=str(count), limit=f"at most {MOST_POINTS}", remedy="sweep fewer values"
         )
     return [
-        definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
+        study.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
         for values in itertools.product(*(axis.values for axis in axes))
     ]
 
 
-def calibrations_to_infer(definition: StudyDefinition) -> dict[str, TargetToInfer | CornersToInfer]:
+def calibrations_to_infer(study: PreparedStudy) -> dict[str, TargetToInfer | CornersToInfer]:
     """Calibrations to infer for the study, its readings and the designs of its sweep, by their `posterior_keys`."""
-    declared = [definition, *definition.readings.values()]
-    if not any(one.calibrations_to_infer() for one in declared):
+    declared = [study, *study.readings.values()]
+    if not any(one.definition.calibrations_to_infer() for one in declared):
         return {}
-    variants = [*declared, *sweep_points(definition, sweep_axes(definition))]
-    return {key: one for variant in variants for key, one in variant.calibrations_to_infer().items()}
+    variants = [*declared, *sweep_points(study, sweep_axes(study))]
+    return {key: one for variant in variants for key, one in variant.definition.calibrations_to_infer().items()}
 
 
 def point_labels(axes: tuple[SweepAxis, ...]) -> list[str]:
@@ -121,9 +121,9 @@ def quantity_entry(number: float, dimension: Dimension) -> ScalarEntry:
     return ScalarEntry.of(f"{number!r} {dimension.unit}" if dimension.unit else number)
 
 
-def _axis(path: str, values: tuple[ScalarEntry, ...], definition: StudyDefinition) -> SweepAxis:
+def _axis(path: str, values: tuple[ScalarEntry, ...], study: PreparedStudy) -> SweepAxis:
     """An axis of the swept values and the declared one, so that the study as declared is among the designs."""
-    entry = definition.document.entry(path)
+    entry = study.document.entry(path)
     declared = "" if entry is None else text_of(entry)
     texts = [value.text for value in values]
     dimension = common_dimension(*texts, *([declared] if declared else []))
@@ -208,7 +208,7 @@ class Varying:
     is_counted: bool
 
     @classmethod
-    def of(cls, definition: StudyDefinition, question: Varied) -> Varying:
+    def of(cls, study: PreparedStudy, question: Varied) -> Varying:
         """The inputs that a question varies.
 
         Raises
@@ -216,25 +216,25 @@ class Varying:
         OutOfRangeError
             If its ends have no common unit, or do not satisfy 0 < low < high.
         """
-        return cls.between(definition, question.paths, *question_ends(question))
+        return cls.between(study, question.paths, *question_ends(question))
 
     @classmethod
     def between(
-        cls, definition: StudyDefinition, paths: tuple[str, ...], dimension: Dimension, low: float, high: float
+        cls, study: PreparedStudy, paths: tuple[str, ...], dimension: Dimension, low: float, high: float
     ) -> Varying:
         """Inputs that take the same value between two ends, in SI; counted if the study refuses fractions."""
         plain = cls(paths=paths, dimension=dimension, low=low, high=high, is_counted=False)
         if dimension.unit or not (low.is_integer() and high.is_integer()):
             return plain
         try:
-            definition.with_values(plain.changes(low + 0.5))
+            study.with_values(plain.changes(low + 0.5))
         except StudyError:
             return replace(plain, is_counted=True)
         return plain
 
-    def declared(self, definition: StudyDefinition) -> set[float]:
+    def declared(self, study: PreparedStudy) -> set[float]:
         """The declared value, in SI, if it is a number between the ends; else empty."""
-        entry = definition.document.entry(self.paths[0])
+        entry = study.document.entry(self.paths[0])
         try:
             value = math.nan if entry is None else parse(text_of(entry), self.dimension)
         except UnitError:  # such as "derived"
@@ -268,9 +268,9 @@ class AnyReading:
     entries: tuple[Mapping[str, Entry], ...]
 
     @classmethod
-    def of(cls, definition: StudyDefinition, readings: Sequence[str]) -> AnyReading:
+    def of(cls, study: PreparedStudy, readings: Sequence[str]) -> AnyReading:
         """The study as declared, and the given readings."""
-        return cls(entries=({}, *(definition.entries_of_reading(name) for name in readings)))
+        return cls(entries=({}, *(study.definition.entries_of_reading(name) for name in readings)))
 
     def at_share(self, share: float) -> float:
         """The index of the choice at a fraction of the way through the list."""
@@ -281,6 +281,6 @@ class AnyReading:
         return dict(self.entries[int(value)])
 
 
-def assumed(definition: StudyDefinition, part: AssumptionPart) -> Varying | AnyReading:
+def assumed(study: PreparedStudy, part: AssumptionPart) -> Varying | AnyReading:
     """The inputs that an assumption varies."""
-    return Varying.of(definition, part) if part.readings is None else AnyReading.of(definition, part.readings)
+    return Varying.of(study, part) if part.readings is None else AnyReading.of(study, part.readings)

@@ -20,7 +20,7 @@ def standalone(definition: StudyDefinition) -> StudyDefinition:
     for path, entry in walk(definition.document.root, ()):
         in_reading = path[:1] == ("readings",) and str(path[-1]).rpartition(".")[2] == "file"
         if in_reading and isinstance(entry, ScalarEntry) and isinstance(entry.value, str):
-            names[path] = str((definition.folder_of(path) / entry.value).resolve())
+            names[path] = str((definition.document.folder_of(path) / entry.value).resolve())
     return definition.with_texts(names) if names else definition
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tradestudy.errors import StudyError
-from tradestudy.study.loading import load_definition
+from tradestudy.study.loading import load_prepared
 from tradestudy.verification.case import Family, OutcomeCase
 from tradestudy.wording import counted
 
@@ -205,10 +205,9 @@ def _checked(text: str) -> str:
 def _check(path: Path) -> str:
     """The answer of `check` to a study file: the numbers of cameras and distances, or the first mistakes."""
     try:
-        definition = load_definition(path)
+        case = load_prepared(path).case
     except StudyError as error:
         return f"refused: {'; '.join(problem.what for problem in error.problems[:2])}"
-    case = definition.case
     return f"accepted: {counted(len(case.all_cameras), 'camera')}, {counted(len(case.distance), 'distance')}"
 
 

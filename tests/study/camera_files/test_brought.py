@@ -507,7 +507,7 @@ def test_the_study_of_every_format_asks_questions_and_is_without_mistakes(
         status, said = new(tmp_path, monkeypatch, *map(str, files), **keys)
         assert status == 0, said
         assert "warning" not in said, said
-        file = tradestudy.load(tmp_path / "x.yaml").definition.file
+        file = tradestudy.load(tmp_path / "x.yaml").prepared.file
         assert file.usable_range.relative_uncertainty == pytest.approx(0.1)
         assert file.usable_range.blur is None
         assert [*file.requirements] == ["working-range"]
@@ -515,7 +515,7 @@ def test_the_study_of_every_format_asks_questions_and_is_without_mistakes(
     one = {"sensor__pixel_pitch": "3 um", "focus": "{distance: 1 m}"}
     status, said = new(tmp_path, monkeypatch, str(left), **one)  # a single camera measures no depth
     assert status == 0, said
-    assert not tradestudy.load(tmp_path / "x.yaml").definition.file.requirements
+    assert not tradestudy.load(tmp_path / "x.yaml").prepared.file.requirements
 
 
 def test_a_matrix_that_is_not_exactly_a_rotation_is_warned_about(tmp_path: Path) -> None:

@@ -137,7 +137,7 @@ def test_an_imported_rig_is_exported_to_every_format_and_read_back(tmp_path: Pat
         again = shared(study(tmp_path, rig=said))
         np.testing.assert_allclose(again, expected(), rtol=1e-12, atol=1e-14)
     again_loaded = api.load(study(tmp_path, rig="from: chain.yaml, calibration: {posterior: {file: rig-posterior.nc}}"))
-    (group,) = again_loaded.definition.case.cameras["rig"].calibration.groups
+    (group,) = again_loaded.prepared.case.cameras["rig"].calibration.groups
     spread = dict(zip(group.parameters, np.std(group.draws, axis=0), strict=True))  # type: ignore[attr-defined]
     assert spread["yaw"] == pytest.approx(np.radians(0.02), rel=0.05)
     assert spread["baseline"] == pytest.approx(1e-4, rel=0.05)

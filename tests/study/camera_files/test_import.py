@@ -85,7 +85,7 @@ def test_opencv_ros_and_kalibr_give_the_same_depth_uncertainty(tmp_path: Path) -
     )
     loaded = tradestudy.load(path)
     opencv, *others = (
-        loaded.cameras[name].depth_uncertainty(loaded.definition.case.distance).values
+        loaded.cameras[name].depth_uncertainty(loaded.prepared.case.distance).values
         for name in ("opencv", "ros", "kalibr")
     )
     assert np.all(opencv > 0.0)
@@ -363,7 +363,7 @@ def test_a_fisheye_lens_under_the_name_of_a_pinhole_one_is_named(tmp_path: Path)
 def test_a_calibrated_pair_without_errors_reads_depth_exactly(tmp_path: Path) -> None:
     """What the geometry puts into the pictures, it reads back: 1/Z to rounding."""
     written.opencv(tmp_path / "rig.yml")
-    camera = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).definition.case.cameras["rig"]
+    camera = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).prepared.case.cameras["rig"]
     assert camera.calibration.measurement is not None
     distance = np.geomspace(0.3, 5.0, 7)
     read = camera.calibration.measurement(distance, 0.3, {"yaw": np.zeros((1, 1))}, None)
@@ -536,7 +536,7 @@ def test_two_files_of_one_name_are_distinguished(tmp_path: Path) -> None:
 
 def test_rigs_that_differ_from_distance_to_distance_are_read_one_by_one(tmp_path: Path) -> None:
     written.opencv(tmp_path / "rig.yml")
-    camera = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).definition.case.cameras["rig"]
+    camera = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).prepared.case.cameras["rig"]
     measurement, distance = camera.calibration.measurement, np.array([0.4, 1.0, 3.0])
     assert measurement is not None
     yaw = np.radians([[0.01, -0.02, 0.005], [0.0, 0.03, -0.01]])
@@ -586,4 +586,4 @@ def test_an_error_that_leaves_no_camera_is_refused(tmp_path: Path) -> None:
     )
     said = f"{rig}, depth: {{disparity_error: 0.2 px}}, calibration: {{posterior: {{file: posterior.csv}}}}"
     with pytest.raises(StudyError, match=r"deviation of focal_length .* 4 m, leaves no camera .* check its unit"):
-        tradestudy.load(study(tmp_path, rig=said)).definition.case  # noqa: B018 - building it is what refuses
+        tradestudy.load(study(tmp_path, rig=said)).prepared.case  # noqa: B018 - building it is what refuses

@@ -60,7 +60,7 @@ def test_every_lens_becomes_a_camera_and_is_exported_again(
 
 def spreads(folder: Path, **cameras: str) -> dict[str, np.ndarray]:
     loaded = tradestudy.load(study(folder, **{name: f"{said}, {ERRORS}" for name, said in cameras.items()}))
-    distances = loaded.definition.case.distance
+    distances = loaded.prepared.case.distance
     return {name: loaded.cameras[name].depth_uncertainty(distances).values for name in cameras}
 
 
@@ -146,7 +146,7 @@ def test_a_wrong_calibration_reads_what_opencv_would(tmp_path: Path, lenses: tup
     """A calibration off in focal length, rotation and k1, of lenses with all coefficients."""
     written.opencv(tmp_path / "rig.yml", **rows(lenses))
     path = study(tmp_path, rig=f"from: rig.yml, length_unit: mm{said}")
-    measurement = tradestudy.load(path).definition.case.cameras["rig"].calibration.measurement
+    measurement = tradestudy.load(path).prepared.case.cameras["rig"].calibration.measurement
     assert measurement is not None
     wrong = {
         "left_focal_length_x_px": 0.5,

@@ -525,7 +525,7 @@ def test_names_that_contradict_the_geometry_are_questioned(tmp_path: Path) -> No
         written.camera_info(tmp_path / "a.yaml", written.K1, written.D1, r1, p1, camera_name=names[0])
         written.camera_info(tmp_path / "b.yaml", written.K2, written.D2, r2, p2, camera_name=names[1])
         loaded = tradestudy.load(path)
-        warned = [str(problem) for problem in implausible(loaded.definition)]
+        warned = [str(problem) for problem in implausible(loaded.prepared)]
         said = "by the geometry, stereo/right is the left camera, and stereo/left the right one; check the names"
         assert any(said in warning for warning in warned) == is_questioned
 
