@@ -22,9 +22,9 @@ from tradestudy.study.loading import checked, with_questions_checked
 from tradestudy.study.plausibility import implausible, warn
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.python_values import new_value, plain_value
-from tradestudy.study.reader import options, overridden, read, read_text, read_values
+from tradestudy.study.reader import overridden, read, read_text, read_values
 from tradestudy.study.schema.root import FORMAT
-from tradestudy.study.writing import standalone, yaml_of
+from tradestudy.study.writing import options, standalone, yaml_of
 from tradestudy.wording import counted
 
 if TYPE_CHECKING:

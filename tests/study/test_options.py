@@ -8,14 +8,14 @@ import pytest
 
 from tradestudy.api import Study, load
 from tradestudy.errors import StudyError
-from tradestudy.study import reader
+from tradestudy.study import writing
 from tradestudy.study.definition import StudyDefinition
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
 
 def options(definition: StudyDefinition) -> tuple[str, ...]:
-    return reader.options(definition.document, definition.tolerance)
+    return writing.options(definition.document, definition.tolerance)
 
 
 def again(path: Path, found: tuple[str, ...]) -> Study:

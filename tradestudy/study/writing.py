@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Entry, ListEntry, MappingEntry, ScalarEntry, walk
+from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, ScalarEntry, dotted, walk
 from tradestudy.study.source import scalar_of
 
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_+.][\w µ°%./+^*-]*(?<! )")  # no character with a meaning in YAML
@@ -22,6 +22,17 @@ def standalone(definition: StudyDefinition) -> StudyDefinition:
         if in_reading and isinstance(entry, ScalarEntry) and isinstance(entry.value, str):
             names[path] = str((definition.document.folder_of(path) / entry.value).resolve())
     return definition.with_texts(names) if names else definition
+
+
+def options(document: Document, tolerance: str | None) -> tuple[str, ...]:
+    """The command-line options that reproduce the values set from outside the study file, with the same hash.
+
+    They are in order, such as ``("--set", "scene.distances.to=4 m", "--tolerance", "1 %")``.
+    """
+    values = {dotted(changed.path): document.entry(changed.path) for changed in document.overrides}
+    texts = (f"{path}={'null' if entry is None else _on_one_line(entry)}" for path, entry in values.items())
+    given = [part for text in texts for part in ("--set", text)]
+    return (*given, *(() if tolerance is None else ("--tolerance", tolerance)))
 
 
 def yaml_of(entry: MappingEntry) -> str:
@@ -47,9 +58,8 @@ def _on_one_line(entry: Entry) -> str:
         bare = f"{{{', '.join(members)}}}"
     else:
         bare = _text(entry.text) if isinstance(entry.value, str) else entry.text
-    if entry.annotation is None:
-        return bare
-    return f"{{value: {bare}{_beside(entry.annotation.given())}}}"
+    said = {} if entry.annotation is None else entry.annotation.given()
+    return f"{{value: {bare}{_beside(said)}}}" if said else bare
 
 
 def _beside(said: Mapping[str, str | dict[str, str]]) -> str:
