@@ -201,13 +201,12 @@ class StudyDefinition:
     @cached_property
     def data_files(self) -> Mapping[str, Path]:
         """Files named by calibrations and the scene, also under readings, by the paths of their names."""
-        found = self._own_files()
-        for name, reading in self.readings.items():
-            found |= {f"{name}: {path}": file for path, file in reading._own_files().items()}
-        return found
-
-    def _own_files(self) -> dict[str, Path]:
-        return {dotted(path): file for path, file in self.named_files().items()}
+        forms = {"": self} | {f"{name}: ": reading for name, reading in self.readings.items()}
+        return {
+            f"{before}{dotted(path)}": file
+            for before, form in forms.items()
+            for path, file in form.named_files().items()
+        }
 
     def named_files(self) -> dict[tuple[str | int, ...], Path]:
         """Files named by calibrations, measurements and the scene as declared, by the paths of their names."""
@@ -283,29 +282,20 @@ def _designs(document: Document, file: StudyFile, known: Mapping[str, Camera]) -
     StudyError
         With every camera that cannot be built or calibrated.
     """
-    scene = file.scene
-    what = "is derived from the picture, but scene.picture (texture, window, light, sensor) is missing"
-    problems = [
-        document.problem(("cameras", name, "depth", "disparity_error"), what)
-        for name, part in file.cameras.items()
-        if isinstance(part, DepthCameraDeclaration)
-        and part.depth.declared_error_px is None
-        and (scene is None or scene.picture is None)
-    ]
-    if problems:
-        raise StudyError(problems)
     cameras: dict[str, Camera] = {}
+    problems: list[Problem] = []
     for name, part in file.cameras.items():
         if name in known:
             cameras[name] = known[name]
             continue
         try:
-            cameras[name] = camera_of(part, scene)
+            cameras[name] = camera_of(part, file.scene)
+            mistakes = _mistakes_of_calibration(document, name, part, cameras[name])
+        except MistakeAt as mistake:
+            mistakes = [mistake]
         except TradestudyError as error:
-            problems.append(document.problem(("cameras", name), str(error)))
-            continue
-        mistakes = _mistakes_of_calibration(document, name, part, cameras[name])
-        problems += [document.problem(("cameras", name, "calibration", *one.tail), one.what) for one in mistakes]
+            mistakes = [MistakeAt((), str(error))]
+        problems += [document.problem(("cameras", name, *one.tail), one.what) for one in mistakes]
     if problems:
         raise StudyError(problems)
     return cameras
@@ -318,6 +308,8 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None, distance: FloatA
     ------
     OutOfRangeError
         If no camera can have the declared values.
+    MistakeAt
+        If its disparity error is to be derived without a picture.
     """
     if not isinstance(part, DepthCameraDeclaration):
         return part.design(None)
@@ -329,8 +321,11 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None, distance: FloatA
 
 def _picture_law(scene: ScenePart | None, part: DepthCameraDeclaration) -> PictureDisparityError | None:
     """The law of a derived disparity error; the camera's own matcher and sensor override those of the scene."""
-    if scene is None or scene.picture is None or part.depth.declared_error_px is not None:
+    if part.depth.declared_error_px is not None:
         return None
+    if scene is None or scene.picture is None:
+        what = "is derived from the picture, but scene.picture (texture, window, light, sensor) is missing"
+        raise MistakeAt(("depth", "disparity_error"), what)
     own, settings = part.depth.matcher, scene.picture.settings(scene.wavelength, part.sensor.sensor())
     given = {
         key: value for part in (scene.picture.matcher, own) if part is not None for key, value in part.given().items()
@@ -343,7 +338,7 @@ def _picture_law(scene: ScenePart | None, part: DepthCameraDeclaration) -> Pictu
 
 
 def _mistakes_of_calibration(document: Document, name: str, part: CameraDeclaration, design: Camera) -> list[MistakeAt]:
-    """Mistakes in a camera's calibration files."""
+    """Mistakes in the files that a camera's calibration names."""
     if not (isinstance(part, DepthCameraDeclaration) and isinstance(design, DepthCamera)):
         return []
     mistakes = mistakes_of_files(part.calibration, calibration_folder(document, name))
@@ -353,7 +348,7 @@ def _mistakes_of_calibration(document: Document, name: str, part: CameraDeclarat
             mistakes += given_twice(part.calibration, saved)
         except TradestudyError as error:
             mistakes.append(MistakeAt(("posterior", "file"), str(error)))
-    return mistakes
+    return [MistakeAt(("calibration", *one.tail), one.what) for one in mistakes]
 
 
 def saved_posterior(document: Document, name: str, file: str, design: DepthCamera) -> Calibration:

@@ -265,9 +265,8 @@ def _propagation(file: StudyFile, distance: FloatArray) -> Propagation:
 
 def _some(distance: FloatArray, count: int) -> FloatArray:
     """At most so many of the distances [m], evenly spread and with both ends."""
-    return (
-        distance[np.unique(np.linspace(0, distance.size - 1, count).round().astype(int))] if distance.size else distance
-    )
+    places = np.linspace(0, distance.size - 1, count if distance.size else 0)
+    return distance.take(np.unique(places.round().astype(int)))
 
 
 def _sharp(file: StudyFile, models: Models) -> dict[str, BlurCriterion]:
