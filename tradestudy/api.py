@@ -206,7 +206,7 @@ def asked_of_camera(path: Path) -> dict[str, str]:
 
     It is empty if the study has mistakes, which `load` reports.
     """
-    from tradestudy.study.reader import read
+    from tradestudy.study.loading import read
     from tradestudy.study.schema.root import StudyFile
     from tradestudy.study.schema.validation import asked_values
 
@@ -219,7 +219,7 @@ def refocuses(path: Path) -> bool:
     """Whether the camera in the study of one imported camera is of a kind that can be refocused."""
     from tradestudy.cameras.kinds import KINDS
     from tradestudy.study.document import ScalarEntry
-    from tradestudy.study.reader import read
+    from tradestudy.study.loading import read
 
     kind = read(path).entry(("cameras", "rig", "kind"))
     kinds = [name for one in KINDS if one.camera.refocuses for name in get_args(one.model_fields["kind"].annotation)]

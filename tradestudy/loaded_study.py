@@ -18,11 +18,11 @@ from tradestudy.models import DEFAULT_BUDGET
 from tradestudy.result import Result
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import DICTIONARY, OF_PYTHON, Document, Value, plain
-from tradestudy.study.loading import checked, with_questions_checked
+from tradestudy.study.edits import overridden
+from tradestudy.study.loading import checked, read, read_text, read_values, with_questions_checked
 from tradestudy.study.plausibility import implausible, warn
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.python_values import new_value, plain_value
-from tradestudy.study.reader import overridden, read, read_text, read_values
 from tradestudy.study.schema.root import FORMAT
 from tradestudy.study.writing import options, standalone, yaml_of
 from tradestudy.wording import counted

@@ -12,9 +12,10 @@ from tradestudy.api import Study, load
 from tradestudy.errors import Problem, StudyError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Override
+from tradestudy.study.edits import with_values
 from tradestudy.study.prepared import PreparedStudy
-from tradestudy.study.reader import validate, with_values
 from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.validation import validate
 from tradestudy.study.varying import sweep_axes, sweep_points
 
 

@@ -19,7 +19,9 @@ from tradestudy.declarations.part import MistakeAt
 from tradestudy.declarations.quantities import Fraction, PositiveLength
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.study.document import Annotation, Document
-from tradestudy.study.reader import read, validate, with_values
+from tradestudy.study.edits import with_values
+from tradestudy.study.loading import read
+from tradestudy.study.schema.validation import validate
 from tradestudy.study.shared_cameras import load_entries
 
 STUDIES = Path(__file__).parents[2] / "studies"

@@ -16,9 +16,9 @@ from tradestudy.errors import OutOfRangeError, Problem, StudyError, nearest
 from tradestudy.study import document as tree
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import MappingEntry, ScalarEntry, child, walk
+from tradestudy.study.loading import read_text
 from tradestudy.study.plausibility import contradictions
 from tradestudy.study.prepared import PreparedStudy
-from tradestudy.study.reader import read_text
 from tradestudy.study.shared_cameras import load_entries
 from tradestudy.study.source import UnreadableError
 from tradestudy.units import ANGLE, PIXELS, pretty

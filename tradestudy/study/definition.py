@@ -21,7 +21,7 @@ from tradestudy.imaging.models import Matcher, closed_form_models
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
-from tradestudy.study.reader import in_si, with_values
+from tradestudy.study.edits import in_si, with_values
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.validation import validate, validate_changes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +10,13 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.study.camera_files.importing import ONE_CAMERA
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import OUTSIDE, Document, Entry, Place, Value, dotted
+from tradestudy.study.document import DICTIONARY, OUTSIDE, Document, Entry, MappingEntry, Place, Value, dotted
+from tradestudy.study.edits import in_si, overridden
 from tradestudy.study.prepared import PreparedStudy
-from tradestudy.study.reader import read
 from tradestudy.study.schema.claims import expectation_bounds
 from tradestudy.study.schema.questions import AssumptionPart, SolvePart
+from tradestudy.study.shared_cameras import SharedCameras, kind_of, load_entries
+from tradestudy.study.source import UnreadableError, compose, entry_of_value
 from tradestudy.study.varying import Varying, sweep_axes
 
 _FREE_TEXT = ("title", "note", "says", "question")
@@ -34,6 +36,76 @@ def load_prepared(path: Path, overrides: tuple[str, ...] = ()) -> PreparedStudy:
         With every mistake found, at its place.
     """
     return PreparedStudy(checked(read(path, overrides)))
+
+
+def read(path: Path, overrides: Sequence[str] = ()) -> Document:
+    """Read a study file and everything that it refers to.
+
+    Parameters
+    ----------
+    path
+        A YAML 1.2 file.
+    overrides
+        ``path=value`` texts; the path is dotted, ``cameras.`` may be omitted, and the value is YAML. They are applied
+        after ``from`` and ``like``, so that only the named camera changes; overrides name those that keep the replaced
+        value.
+
+    Returns
+    -------
+    Document
+        It contains mistakes that still leave a tree; `validate` reports them together with its own.
+
+    Raises
+    ------
+    StudyError
+        If there is no tree: the file is missing, larger than 1 MB, binary, empty, or broken YAML.
+    """
+    place = Place(str(path), 1, 1)
+    document = _document(lambda: load_entries(path), place, path.parent)
+    return overridden(document, overrides)
+
+
+def read_text(text: str, name: str) -> Document:
+    """Read the text of a study; ``name`` is that of its file, from whose folder other files are read.
+
+    Raises
+    ------
+    StudyError
+        If there is no tree.
+    """
+    place = Place(name, 1, 1)
+    return _document(lambda: compose(text, place), place, Path(name).parent)
+
+
+def read_values(values: Mapping[str, Value]) -> Document:
+    """Read a study given as a dictionary: its numbers are in SI, and files are read from the current folder.
+
+    Raises
+    ------
+    StudyError
+        If there are too many or too deeply nested values.
+    """
+    return in_si(_document(lambda: entry_of_value(values, DICTIONARY), DICTIONARY, Path()))
+
+
+def _document(entries: Callable[[], tuple[Entry, list[Problem]]], place: Place, folder: Path) -> Document:
+    """Assemble a study from its entries, with files from a folder."""
+    try:
+        entry, problems = entries()
+    except UnreadableError as error:
+        raise StudyError(error.problems) from None
+    if not isinstance(entry, MappingEntry):
+        problems.append(entry.place.problem((), f"a study is a mapping of keys to values, not {kind_of(entry)}"))
+        raise StudyError(problems)
+    cameras = SharedCameras(folder=folder, root=replace(entry, place=place))
+    root = cameras.resolved()
+    return Document(
+        root=root,
+        problems=(*problems, *cameras.problems),
+        broken=frozenset(cameras.broken),
+        imported=tuple(cameras.imported),
+        like=cameras.like,
+    )
 
 
 def checked(document: Document) -> StudyDefinition:

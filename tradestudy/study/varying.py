@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from tradestudy.declarations.quantities import common_dimension
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.study.document import Entry, ScalarEntry, overlap, text_of
 from tradestudy.study.prepared import PreparedStudy
-from tradestudy.study.schema.questions import AssumptionPart, SweepRangePart
+from tradestudy.study.schema.questions import AssumptionPart, SolvePart, SweepRangePart
 from tradestudy.units import Dimension, UnitError, parse
 
 if TYPE_CHECKING:
@@ -152,23 +152,7 @@ def _axis(path: str, values: tuple[ScalarEntry, ...], study: PreparedStudy) -> S
     )
 
 
-class Varied(Protocol):
-    """An inverse question or an assumption, which varies values between two ends."""
-
-    @property
-    def paths(self) -> tuple[str, ...]:
-        """Paths of the varied values."""
-
-    @property
-    def low(self) -> str:
-        """Lower end, with its unit."""
-
-    @property
-    def high(self) -> str:
-        """Upper end, with its unit."""
-
-
-def question_ends(question: Varied) -> tuple[Dimension, float, float]:
+def question_ends(question: SolvePart | AssumptionPart) -> tuple[Dimension, float, float]:
     """The dimension of the values that an inverse question or an assumption varies, and the ends of their range in SI.
 
     Raises
@@ -208,7 +192,7 @@ class Varying:
     is_counted: bool
 
     @classmethod
-    def of(cls, study: PreparedStudy, question: Varied) -> Varying:
+    def of(cls, study: PreparedStudy, question: SolvePart | AssumptionPart) -> Varying:
         """The inputs that a question varies.
 
         Raises

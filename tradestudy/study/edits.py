@@ -1,16 +1,14 @@
-"""Read a study into a document: cameras from their own files or like others, and values set from outside."""
+"""The document of a study with other values: set from outside, or with the units of numbers from Python."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import cast
 
-from tradestudy.errors import Problem, StudyError
+from tradestudy.errors import Problem
 from tradestudy.study import document as tree
 from tradestudy.study.document import (
-    DICTIONARY,
     OUTSIDE,
     Document,
     Entry,
@@ -26,47 +24,15 @@ from tradestudy.study.document import (
     text_of,
 )
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.schema.validation import is_of_python, units_missing, validate
+from tradestudy.study.schema.validation import is_of_python, units_missing
 from tradestudy.study.shared_cameras import (
     OF_IMPORTS,
     SHARING,
-    SharedCameras,
-    kind_of,
-    load_entries,
     nothing_to_remove,
     problems_of_removals,
     refused,
 )
 from tradestudy.study.source import UnreadableError, comment_after, compose, entry_of_value
-
-__all__ = ["Document", "read", "validate", "with_values"]
-
-
-def read(path: Path, overrides: Sequence[str] = ()) -> Document:
-    """Read a study file and everything that it refers to.
-
-    Parameters
-    ----------
-    path
-        A YAML 1.2 file.
-    overrides
-        ``path=value`` texts; the path is dotted, ``cameras.`` may be omitted, and the value is YAML. They are applied
-        after ``from`` and ``like``, so that only the named camera changes; overrides name those that keep the replaced
-        value.
-
-    Returns
-    -------
-    Document
-        It contains mistakes that still leave a tree; `validate` reports them together with its own.
-
-    Raises
-    ------
-    StudyError
-        If there is no tree: the file is missing, larger than 1 MB, binary, empty, or broken YAML.
-    """
-    place = Place(str(path), 1, 1)
-    document = _document(lambda: load_entries(path), place, path.parent)
-    return overridden(document, overrides)
 
 
 def overridden(document: Document, overrides: Sequence[str]) -> Document:
@@ -74,29 +40,6 @@ def overridden(document: Document, overrides: Sequence[str]) -> Document:
     for number, override in enumerate(overrides, start=1):
         document = _overridden(document, override, number)
     return document
-
-
-def read_text(text: str, name: str) -> Document:
-    """Read the text of a study; ``name`` is that of its file, from whose folder other files are read.
-
-    Raises
-    ------
-    StudyError
-        If there is no tree.
-    """
-    place = Place(name, 1, 1)
-    return _document(lambda: compose(text, place), place, Path(name).parent)
-
-
-def read_values(values: Mapping[str, Value]) -> Document:
-    """Read a study given as a dictionary: its numbers are in SI, and files are read from the current folder.
-
-    Raises
-    ------
-    StudyError
-        If there are too many or too deeply nested values.
-    """
-    return in_si(_document(lambda: entry_of_value(values, DICTIONARY), DICTIONARY, Path()))
 
 
 def in_si(document: Document, given_as_text: Sequence[tree.Path] = ()) -> Document:
@@ -149,26 +92,6 @@ def _unit_at(document: Document, path: str, number: ScalarEntry) -> str:
     changed = _with_units(_with_value(document, path, number.value, OUTSIDE, OUTSIDE))
     entry = changed.entry(path)
     return entry.text.partition(" ")[2] if isinstance(entry, ScalarEntry) else ""
-
-
-def _document(entries: Callable[[], tuple[Entry, list[Problem]]], place: Place, folder: Path) -> Document:
-    """Assemble a study from its entries, with files from a folder."""
-    try:
-        entry, problems = entries()
-    except UnreadableError as error:
-        raise StudyError(error.problems) from None
-    if not isinstance(entry, MappingEntry):
-        problems.append(entry.place.problem((), f"a study is a mapping of keys to values, not {kind_of(entry)}"))
-        raise StudyError(problems)
-    cameras = SharedCameras(folder=folder, root=replace(entry, place=place))
-    root = cameras.resolved()
-    return Document(
-        root=root,
-        problems=(*problems, *cameras.problems),
-        broken=frozenset(cameras.broken),
-        imported=tuple(cameras.imported),
-        like=cameras.like,
-    )
 
 
 def with_values(
