@@ -13,7 +13,7 @@ from tradestudy.units import LENGTH, pretty, rounded, significant
 NO_MICROLENSES: Final = "the camera has no microlenses"
 """Why a camera has neither diffraction at microlenses nor crosstalk; reports take this for granted."""
 _MOST_DIGITS: Final = 6
-_BRACKETS: Final = re.compile(r"\([^()]*\)")
+_BRACKETS: Final = re.compile(r"\([^()]*\)|“[^”]*”")
 _SIZE_OF_DEVICE: Final = re.compile(r"\d[\d.]* (mm|cm|m|px|µm) (?=(.* )?(camera|head|rig|webcam)s?$)", re.IGNORECASE)
 _DESIGNATION: Final = re.compile(r"[A-Za-z]|\d+")
 _DEVICE: Final = re.compile("(camera|head|rig|webcam)s?", re.IGNORECASE)
@@ -59,7 +59,7 @@ def with_article(title: str) -> str:
 
 
 def listed(items: Sequence[str], last: str = "and") -> str:
-    """Join items for a sentence: "a", "a and b", "a, b and c"; items with commas outside brackets as "a, x; and b"."""
+    """Join items for a sentence: "a", "a and b", "a, b and c"; items with bare commas as "a, x; and b"."""
     has_commas = len(items) > 1 and any(", " in _BRACKETS.sub("", one) for one in items)
     mark, word = ("; ", f"; {last} ") if has_commas else (", ", f" {last} ")
     return word.join(part for part in (mark.join(items[:-1]), *items[-1:]) if part)

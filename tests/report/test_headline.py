@@ -13,7 +13,7 @@ import xarray as xr
 from tradestudy import load
 from tradestudy.results.views import headline as views_headline
 from tradestudy.results.views.conclusions import measure_first, never_best, other_words, rests_on
-from tradestudy.results.views.headline import headline
+from tradestudy.results.views.headline import answers, headline
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -95,6 +95,18 @@ def test_an_unknown_uncertainty_of_the_best_camera_leaves_the_comparison_of_othe
     assert min(found.values()) == 1.0  # the better one of them, somewhere
     assert np.isfinite(list(found.values())).all()
     assert all("is best nowhere" in words for words in other_words(tree))
+
+
+@pytest.mark.parametrize("baselines", ["60 mm, 100 mm, 140 mm", "100 mm, 140 mm, 180 mm"])
+def test_a_sweep_names_the_number_that_decides(baselines: str) -> None:
+    """At 1 m, a yaw of 0.2° moves depth by a² φ/b = 34.9 mm with a baseline of 100 mm, whatever the focal length.
+
+    The declared baseline is named, also if it is the first of the sweep.
+    """
+    swept = [f"sweep.stereo.baseline=[{baselines}]", "sweep.stereo.lenses.focal_length=[8 mm, 16 mm]"]
+    study = load(STUDIES / "stereo_design.yaml", ["scene.distances={from: 0.5 m, to: 2 m, points: 7}", *swept])
+    said = "For depth at 1 m, baseline decides and focal length hardly matters: ±35 mm with 100 mm."
+    assert answers(study.run().data)[1] == said
 
 
 def test_a_camera_that_is_usable_nowhere_is_not_compared() -> None:

@@ -10,7 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from tradestudy.results import judged_uncertainty
 from tradestudy.results.views.decision import answer_title
+from tradestudy.results.views.depth import declared_place, swept
 from tradestudy.results.views.groups import FloatArray, camera_titles, dotted_path, group, has
 from tradestudy.units import (
     ANGLE,
@@ -36,6 +38,7 @@ _MANY_TIMES: Final = 1.0
 _NEARLY_ONE: Final = 1.1  # a smaller factor reads better as a percentage
 _SAME: Final = 1e-3  # of a distance
 _BOTH: Final = 2
+_HARDLY, _CLEARLY = 1.1, 1.5  # factors of the depth uncertainty over the values of a swept number
 _SHORTEST_SPREAD: Final = 3  # parts of a path such as calibration.errors.yaw.standard_deviation
 
 
@@ -288,6 +291,36 @@ def feasible_words(tree: xr.DataTree) -> str:
     return (
         f"take {found.region}: {counts}" if found.fills_region else f"{counts}: {found.region} (not every combination)"
     )
+
+
+def deciding_words(tree: xr.DataTree) -> str:
+    """Which swept number decides a camera's depth uncertainty and which hardly matters, if one of several does."""
+    if not has(tree, "decision", "design_best_camera"):
+        return ""
+    depth = group(tree, "depth")
+    axes = [axis for axis in swept(depth) if depth[axis].dtype.kind in "fiu" and depth[axis].size > 1]
+    if len(axes) < _BOTH:
+        return ""
+    owner = dotted_path(tree, axes[0]).removeprefix("cameras.").partition(".")[0]
+    if owner not in depth["camera"].values:
+        return ""
+    place = float(group(tree, "decision")["design_place"].values[-1])
+    at = depth.sel(camera=owner).sel(distance=place, method="nearest")
+    uncertainty = judged_uncertainty(at).transpose(*axes, ...)
+    factor = {axis: float((uncertainty.max(axis) / uncertainty.min(axis)).median()) for axis in axes}
+    idle = [axis for axis in axes if factor[axis] < _HARDLY]
+    busy = [axis for axis in axes if factor[axis] > _CLEARLY]
+    if not idle or len(idle) + len(busy) < len(axes):
+        return ""
+    declared = {axis: declared_place(depth[axis]) for axis in busy}
+    held_at = {axis: depth[axis].size // 2 if k is None else k for axis, k in declared.items()}
+    along = uncertainty.isel(held_at).values
+    low, high = (pretty(float(end), LENGTH, digits=2) for end in (np.nanmin(along), np.nanmax(along)))
+    held = listed([value_words(depth[axis], depth[axis].values[k]) for axis, k in held_at.items()])
+    names = [listed([path_words(tree, axis).partition(" of ")[0] for axis in some]) for some in (busy, idle)]
+    spread = low if low == high else f"{low} to {high}"
+    verbs = ["decides" if len(busy) == 1 else "decide", "hardly matters" if len(idle) == 1 else "hardly matter"]
+    return f"for depth at {distance(place)}, {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: ±{spread} with {held}"
 
 
 def design_details(tree: xr.DataTree) -> str:

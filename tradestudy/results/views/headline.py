@@ -28,7 +28,7 @@ from tradestudy.results.views.depth import (
     sharp_cameras,
     spreads_over_predicted,
 )
-from tradestudy.results.views.designs import all_requirements, feasible_words
+from tradestudy.results.views.designs import all_requirements, deciding_words, feasible_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.results.views.measured import measured_tables
 from tradestudy.results.views.refocusing import refocusing_words
@@ -62,7 +62,7 @@ def answers(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({
     if not any(found):
         words = _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
         found = [words or _of_requirements(requirements) or next(_questions(tree), "")]
-    found += measured if asked else []
+    found += [deciding_words(tree), *(measured if asked else [])]
     found += list(refocusing_words(tree))[:_NAMED]
     plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in found if words)
     return [f"{words[0].upper()}{words[1:]}." for words in plain]
