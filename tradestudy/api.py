@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from tradestudy import provenance
 from tradestudy.loaded_study import Study, load
 from tradestudy.models import DEFAULT_BUDGET
-from tradestudy.result import Result, open_result, shown, write_parts
+from tradestudy.result import Result, open_result, report, shown, tables_left_out, write_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,6 +45,7 @@ __all__ = [
     "report",
     "run",
     "schema",
+    "tables_left_out",
 ]
 
 
@@ -288,36 +289,6 @@ def _finished(study: Study, directory: Path) -> Result | None:
     of = result.data.attrs
     same = of.get("study_hash") == study.hash and of.get("code_hash") == provenance.code_hash()
     return result if same else None
-
-
-def report(directory: str | Path, *, pdf: bool = True, large_tables: bool = False) -> Result:
-    """Write the report of a finished run again, with identical bytes; its tables above 50 MB only if ``large_tables``.
-
-    Returns
-    -------
-    Result
-        The result of that run.
-
-    Raises
-    ------
-    ResultsError
-        If the folder contains no readable run, or one of another version that lacks data.
-    """
-    from tradestudy import report as renderer
-
-    result = open_result(directory)
-    with shown({str(directory): result}):
-        renderer.write(result.data, result.run_record, Path(directory), pdf=pdf, large_tables=large_tables)
-    return result
-
-
-def tables_left_out(result: Result) -> list[str]:
-    """A line on the tables that are not written unless large ones are requested; none where all are written."""
-    from tradestudy.report.csv_tables import large_tables
-    from tradestudy.units import DATA, pretty
-
-    found = [f"{name} ({pretty(8.0 * size, DATA, digits=2)})" for name, size in large_tables(result.data).items()]
-    return [f"Tables above 50 MB, written only with --large-tables: {', '.join(found)}"] * bool(found)
 
 
 def cost(

@@ -421,10 +421,10 @@ def report(
 ) -> None:
     """Write the report of a finished run again, from its results."""
     with reporting_errors(debug=debug):
-        from tradestudy import api
+        from tradestudy import result  # no study is read
 
-        result = api.report(directory, pdf=not no_pdf, large_tables=large_tables)
-        say(*([] if large_tables else api.tables_left_out(result)), str(directory / "report.html"))
+        reported = result.report(directory, pdf=not no_pdf, large_tables=large_tables)
+        say(*([] if large_tables else result.tables_left_out(reported)), str(directory / "report.html"))
 
 
 @app.command()

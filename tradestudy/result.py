@@ -368,6 +368,36 @@ def shown(results: Mapping[str, Result]) -> Iterator[None]:
         ) from error
 
 
+def report(directory: str | Path, *, pdf: bool = True, large_tables: bool = False) -> Result:
+    """Write the report of a finished run again, with identical bytes; its tables above 50 MB only if ``large_tables``.
+
+    Returns
+    -------
+    Result
+        The result of that run.
+
+    Raises
+    ------
+    ResultsError
+        If the folder contains no readable run, or one of another version that lacks data.
+    """
+    from tradestudy import report as renderer
+
+    result = open_result(directory)
+    with shown({str(directory): result}):
+        renderer.write(result.data, result.run_record, Path(directory), pdf=pdf, large_tables=large_tables)
+    return result
+
+
+def tables_left_out(result: Result) -> list[str]:
+    """A line on the tables that are not written unless large ones are requested; none where all are written."""
+    from tradestudy.report.csv_tables import large_tables
+    from tradestudy.units import DATA, pretty
+
+    found = [f"{name} ({pretty(8.0 * size, DATA, digits=2)})" for name, size in large_tables(result.data).items()]
+    return [f"Tables above 50 MB, written only with --large-tables: {', '.join(found)}"] * bool(found)
+
+
 def write_parts(tree: xr.DataTree, directory: Path) -> None:
     """Write fitted calibrations and matchers; remove those of an earlier run, its pictures, and other studies' costs.
 

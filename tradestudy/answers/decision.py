@@ -307,8 +307,10 @@ def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Cr
     stretches = list(zip(decided[turns], decided[turns + 1], strict=True))
     if not stretches:
         return ()
-    # The lead does not change from the end of one stretch to the beginning of the next, so they are searched together.
-    between = np.unique(np.concatenate([np.arange(before, after + 1) for before, after in stretches]))
+    # The lead does not change from the end of one stretch to the beginning of the next, so they are searched together,
+    # with one more distance on either side, which shows how the ratio bends.
+    sides = [np.arange(max(before - 1, 0), min(after + 2, distance.size)) for before, after in stretches]
+    between = np.unique(np.concatenate(sides))
     ends = boundaries(
         lambda places: _below_one(*_depths(cameras, places, error_source)),
         distance[between],

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.calibration import ONE_SIGMA
+from tradestudy.depth.brackets import between, falling, stencil
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 
@@ -173,10 +174,8 @@ def standard_error(values: FloatArray) -> FloatArray:
 _FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
 _RADIUS_TO: Final = 3e-5  # standard deviations, with linear interpolation within
 _ROUNDING: Final = 1e-12  # of a distance, by which depth misses it without any error
-_SECTIONS: Final = 16  # of a bracket in one round
-_WIDENING: Final = 2.0  # ratio of the distances of scores from a first estimate
-_OFF: Final = 0.1  # error of a cubic's zero, relative to the difference of the parabolas that it combines
-_NEAREST: Final = (1e-7, 0.1)  # of a bracket: limits of the smallest distance from an estimate
+_SECTIONS: Final = 8  # of a bracket in one round
+_WIDENING: Final = 3.0  # ratio of the distances of scores from a first estimate
 
 
 def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray, share: float) -> FloatArray:
@@ -237,9 +236,7 @@ def last_score(
 ) -> tuple[FloatArray, FloatArray]:
     """Brackets of the scores (distances,) at which a falling margin ceases to be positive, and what is read there.
 
-    Each round reads scores on both sides of an estimate, from far to near: first of 0, then of the zero of the cubic
-    through two margins on either side, down to the likely error of that zero. A round that narrows a bracket too little
-    is followed by one of equal sections, so that a margin of any shape costs only more rounds.
+    The first round reads scores on both sides of 0, the others those `between` the ends of the brackets.
 
     Parameters
     ----------
@@ -256,9 +253,10 @@ def last_score(
     tuple of arrays
         Scores, shape (2, distances), and values, shape (2, values, distances), at both ends.
     """
-    columns, even = np.arange(reach.size), np.linspace(0.0, 1.0, _SECTIONS + 1)[1:-1, np.newaxis]
-    scores = reach * (2.0 * np.vstack([0.0, _around(np.array([0.5]), np.array([_WIDENING])), 1.0]) - 1.0)
-    values, before = read(scores), np.inf * reach
+    columns = np.arange(reach.size)
+    first = falling(np.array([0.5]), np.array([_WIDENING]), _SECTIONS)
+    scores = reach * (2.0 * np.vstack([0.0, first, 1.0]) - 1.0)
+    values, before = read(scores), np.full(reach.shape, np.inf)
     while True:
         positive = np.sum(np.logical_and.accumulate(values[:, 0] > 0.0, axis=0), axis=0)
         ends = np.clip([positive - 1, positive], 0, len(scores) - 1)
@@ -266,30 +264,7 @@ def last_score(
         values_at_ends = values[ends, :, columns].swapaxes(1, 2)
         if not np.any(high - low > to):
             return np.stack([low, high]), values_at_ends
-        four = np.clip(positive - 2, 0, len(scores) - 4) + np.arange(4)[:, np.newaxis]
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # equal or infinite margins, or no bracket
-            zero, apart = _zero(scores[four, columns], values[four, 0, columns])
-            share, off = (zero - low) / (high - low), _OFF * apart / (high - low)
-        known = (share > 0.0) & (share < 1.0) & ((high - low) * (_SECTIONS - 1) < before)
-        ratio = np.clip(np.where(known, off, 1.0), *_NEAREST) ** (-2.0 / (_SECTIONS - 2))
-        inner = low + np.where(known, _around(np.where(known, share, 0.5), ratio), even) * (high - low)
+        four = stencil(positive - 1, len(scores))
+        inner = between((low, high), (scores[four, columns], values[four, 0, columns]), before, _SECTIONS)
         scores = np.concatenate([[low], inner, [high]])
         values, before = np.concatenate([values_at_ends[:1], read(inner), values_at_ends[1:]]), high - low
-
-
-def _around(share: FloatArray, ratio: FloatArray) -> FloatArray:
-    """Given shares of brackets, and seven on each side at distances that fall by a ratio, shape (15, brackets)."""
-    reach = 1.0 - ratio ** -np.arange(1.0, _SECTIONS // 2)[:, np.newaxis]
-    return np.concatenate([share * reach, [share], 1.0 - (1.0 - share) * reach[::-1]])
-
-
-def _zero(places: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The place of value 0 on a cubic through four places and values (4, …), and how far its parabolas differ."""
-    through = list(places)
-    for order in range(1, len(places)):  # Neville's scheme
-        apart = np.abs(through[0] - through[1])
-        through = [
-            (values[k + order] * through[k] - values[k] * through[k + 1]) / (values[k + order] - values[k])
-            for k in range(len(through) - 1)
-        ]
-    return through[0], apart

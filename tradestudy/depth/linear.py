@@ -149,21 +149,22 @@ def scaled_noise(
     from scipy.special import ndtr, ndtri
 
     probabilities = camera.propagation.probabilities
-    scores = -ndtri(np.array(probabilities))[:, None] * scale
-    depths = depth_from_inverse(_under_noise(camera, distance, field, scores))
+    under_noise = _under_noise(camera, distance, field)
+    depths = depth_from_inverse(under_noise(-ndtri(np.array(probabilities))[:, None] * scale))
     seen = ~np.isnan(depths).any(axis=0)
 
     def failures() -> FloatArray:
-        score = _score_of_infinity(camera, distance, field, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
+        score = _score_of_infinity(under_noise, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
         shares = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
         failed = np.where(shares > _NEVER, shares, 0.0)
         return np.where(seen, failed, np.nan)[None]
 
     def radii() -> FloatArray:
-        def read(scores: FloatArray) -> FloatArray:
-            return depth_from_inverse(_under_noise(camera, distance, field, scores * scale))
-
-        found = error_radius(read, distance, share_of_true_matches(false_matches))
+        found = error_radius(
+            lambda scores: depth_from_inverse(under_noise(scores * scale)),
+            distance,
+            share_of_true_matches(false_matches),
+        )
         return np.where(seen, found, np.nan)[None]
 
     return DepthDistribution(
@@ -175,26 +176,22 @@ def scaled_noise(
     )
 
 
-def _under_noise(camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, scores: FloatArray) -> FloatArray:
-    """Inverse depth [1/m] measured with the noise at given scores, shape (scores, distances)."""
-    errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
-    return read_draws(camera, errors, distance, field, camera.noise(distance, field))
+def _under_noise(
+    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition
+) -> Callable[[FloatArray], FloatArray]:
+    """Gives the inverse depth [1/m] measured with the noise at given scores, shape (scores, distances)."""
+    fixed, noise = fixed_errors(camera, "noise"), camera.noise(distance, field)
+    return lambda scores: read_draws(camera, {**fixed, PIXEL_NOISE: scores}, distance, field, noise)
 
 
-def _score_of_infinity(
-    camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, reach: FloatArray
-) -> FloatArray:
+def _score_of_infinity(under_noise: Callable[[FloatArray], FloatArray], reach: FloatArray) -> FloatArray:
     """The score of the noise at which depth reads infinity, by subdivision; ∓reach (distances,) if it lies beyond."""
-    beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
+    beyond = under_noise(np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)
-    open_ = np.flatnonzero(beyond[0] & ~beyond[1])
-    if open_.size:
-        ends, _ = last_score(
-            reach[open_],
-            lambda scores: -_under_noise(camera, distance[open_], field, scores)[:, np.newaxis],
-            to=_INFINITY_TO,
-        )
-        found[open_] = np.mean(ends, axis=0)
+    open_ = beyond[0] & ~beyond[1]
+    if open_.any():
+        ends, _ = last_score(reach, lambda scores: -under_noise(scores)[:, np.newaxis], to=_INFINITY_TO)
+        found[open_] = np.mean(ends, axis=0)[open_]
     return np.asarray(found)
 
 

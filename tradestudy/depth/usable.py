@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
+from tradestudy.depth.brackets import between, stencil
 from tradestudy.depth.evaluation import Reading
 from tradestudy.depth.remembered import remembered
 from tradestudy.depth.table import NODES_PER_FACTOR, distribution_between, narrow_features
@@ -126,30 +127,24 @@ def boundaries(
     to
         Relative accuracy that suffices, if the last digits do not matter.
     """
-    known = condition(distance) if known is None else known
-    held = _holds(known)
+    known = _margins(condition(distance) if known is None else known)
+    held = known >= 0.0
     change = np.flatnonzero(held[1:] != held[:-1])
     low, high, begins = distance[change], distance[change + 1], held[change + 1]
-    if change.size == 0:
-        return ()
-    needed = float(np.max((high - low) / low)) / to if to > 0.0 else math.inf
-    shares = _even(change.size, max(2, math.ceil(min(needed, SUBDIVISIONS))))
-    ends = np.full((2, change.size), np.nan)  # margin of the condition at low and high
-    if known.dtype != np.bool_:
-        ends = np.stack([known[change], known[change + 1]])
-        shares = _towards_zero(*ends)
+    ends, before = np.stack([known[change], known[change + 1]]), np.full(change.size, np.inf)
+    four = stencil(change, distance.size)
+    around = np.stack([distance[four], known[four]])
     while (wide := np.flatnonzero(high - low > np.maximum(2.0 * np.spacing(high), to * high))).size:
-        before, columns = high[wide] - low[wide], np.arange(wide.size)
-        points = np.vstack([low[wide], low[wide] + shares[:, wide] * before, high[wide]])
-        found = condition(points[1:-1].ravel()).reshape(-1, wide.size)
-        first = np.argmax(np.vstack([_holds(found) == begins[wide], columns >= 0]), axis=0)
+        columns, kept, least = np.arange(wide.size), ends[:, wide], to * high[wide]
+        inner = between((low[wide], high[wide]), around[..., wide], before[wide], SUBDIVISIONS, least)
+        points = np.vstack([low[wide], inner, high[wide]])
+        found = np.vstack([kept[0], _margins(condition(inner.ravel())).reshape(inner.shape), kept[1]])
+        first = np.argmax((found[1:] >= 0.0) == begins[wide], axis=0)
+        before[wide] = high[wide] - low[wide]
         low[wide], high[wide] = points[first, columns], points[first + 1, columns]
-        if found.dtype != np.bool_:
-            kept = np.vstack([ends[0, wide], found, ends[1, wide]])
-            ends[:, wide] = kept[first, columns], kept[first + 1, columns]
-            narrowed = high[wide] - low[wide] < before / SUBDIVISIONS
-            shares = _even(change.size)
-            shares[:, wide] = np.where(narrowed, _towards_zero(*ends[:, wide]), shares[:, wide])
+        ends[:, wide] = found[first, columns], found[first + 1, columns]
+        four = stencil(first, len(points))
+        around[..., wide] = points[four, columns], found[four, columns]
     return tuple(
         Boundary(distance=float(where), begins=bool(begin))
         for where, begin in zip(np.where(begins, high, low), begins, strict=True)
@@ -162,22 +157,8 @@ def margin(met: BoolArray, difference: FloatArray) -> FloatArray:
     return np.where(met, size, -size)
 
 
-def _holds(found: BoolArray | FloatArray) -> BoolArray:
-    return np.asarray(found if found.dtype == np.bool_ else found >= 0.0)
-
-
-def _even(count: int, divisions: int = SUBDIVISIONS) -> FloatArray:
-    """Shares that divide each of a number of brackets evenly; shape (divisions − 1, brackets)."""
-    return np.repeat(np.linspace(0.0, 1.0, divisions + 1)[1:-1, np.newaxis], count, axis=1)
-
-
-def _towards_zero(at_low: FloatArray, at_high: FloatArray) -> FloatArray:
-    """The same number of shares, concentrated around the zero of a straight line through both ends of each bracket."""
-    with np.errstate(invalid="ignore"):  # without a finite value at both ends: the middle
-        zero = at_low / (at_low - at_high)
-    zero = np.where(np.isfinite(zero), zero, 0.5)
-    reach = 1.0 - 4.0 ** -np.arange(1.0, SUBDIVISIONS // 2)[:, np.newaxis]
-    return np.vstack([zero * reach, zero, (1.0 - (1.0 - zero) * reach)[::-1]])
+def _margins(found: BoolArray | FloatArray) -> FloatArray:
+    return np.where(found, 1.0, -1.0) if found.dtype == np.bool_ else np.asarray(found, dtype=np.float64)
 
 
 def usable_ends(

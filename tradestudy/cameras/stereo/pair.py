@@ -29,6 +29,7 @@ from tradestudy.optics.lens_model import IDEAL, LensModel
 from tradestudy.optics.triangulation import inverse_depth_on_ray, midpoint_depth
 
 SIDES: Final = ("left", "right")
+_ROTATIONS: Final = ("roll", "pitch", "yaw")
 Ray = tuple[FloatArray, FloatArray, FloatArray]
 RotationRows = tuple[Ray, ...]
 """Rows of a matrix."""
@@ -86,10 +87,8 @@ def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: 
         (x + sign * half * direction[0], y + sign * half * direction[1], z + sign * half * direction[2])
         for sign in (1.0, -1.0)
     )
-    # The transpose of the rotation of a camera's rays turns the frame of the pair into that of the camera.
-    rotation = tuple(zip(*_right_rotation(errors, t), strict=True))
     image = []
-    for side, (a, b, c) in zip(SIDES, (_yaw(towards_left, t), _turn(rotation, towards_right)), strict=True):
+    for side, (a, b, c) in zip(SIDES, (_yaw(towards_left, t), _into_right(errors, t, towards_right)), strict=True):
         u, v = _distortion(pair, errors, side).image(a, b, c)
         seen = pair.distortion.sees(a, b, c)
         u, v = np.where(seen, u, np.nan), np.where(seen, v, np.nan)
@@ -132,9 +131,10 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
         inverse_distance = 1.0 / np.where(principal_distance > 0.0, principal_distance, np.nan)
         x, y = (u - on_x + moved) * inverse_distance, (v - on_y) * inverse_distance
         ray = _distortion(pair, errors, side).ray(x, y)
-        valid = valid & ~(np.isnan(ray[0]) & np.isfinite(x) & np.isfinite(y))
+        if (lost := np.isnan(ray[0])).any():
+            valid = valid & ~(lost & np.isfinite(x) & np.isfinite(y))
         rays.append(ray)
-    left, right = _yaw(rays[0], -t), _turn(_right_rotation(errors, t), rays[1])
+    left, right = _yaw(rays[0], -t), _out_of_right(errors, t, rays[1])
     if pair.triangulation == "midpoint":
         return _midpoint_inverse(left, right, half, direction), valid
     # The right camera sees the left one at twice half the baseline, in the opposite direction.
@@ -200,6 +200,20 @@ def _yaw(ray: Ray, angle: float) -> Ray:
     return c * x - s * z, y, s * x + c * z
 
 
+def _out_of_right(errors: Errors, convergence: float, ray: Ray) -> Ray:
+    """A ray of the right camera in the frame of the pair."""
+    if errors.keys().isdisjoint(_ROTATIONS):  # as for noise alone; a shortcut saves time in every measurement
+        return _yaw(ray, convergence)
+    return _turn(_right_rotation(errors, convergence), ray)
+
+
+def _into_right(errors: Errors, convergence: float, ray: Ray) -> Ray:
+    """A ray of the frame of the pair in that of the right camera."""
+    if errors.keys().isdisjoint(_ROTATIONS):
+        return _yaw(ray, -convergence)
+    return _turn(tuple(zip(*_right_rotation(errors, convergence), strict=True)), ray)
+
+
 def _turn(rotation: RotationRows, ray: Ray) -> Ray:
     """The rotated ray."""
     x, y, z = ray
@@ -212,7 +226,7 @@ def _right_rotation(errors: Errors, convergence: float) -> RotationRows:
 
     Roll rotates about z, pitch about x and yaw as `_yaw` does. There is one matrix per draw, for all distances.
     """
-    (cr, sr), (cp, sp), (cy, sy) = (_cos_sin(value_of(errors, name)) for name in ("roll", "pitch", "yaw"))
+    (cr, sr), (cp, sp), (cy, sy) = (_cos_sin(value_of(errors, name)) for name in _ROTATIONS)
     rows = (
         (cy * cr - sy * sp * sr, -cy * sr - sy * sp * cr, -sy * cp),
         (cp * sr, cp * cr, -sp),
