@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,8 +23,8 @@ from tradestudy.answers.solutions import (
     with_declared_value,
 )
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.depth.brackets import cubic_zero, stencil
 from tradestudy.depth.evaluation import distribution
-from tradestudy.errors import NotConvergedError
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
@@ -44,6 +43,8 @@ from tradestudy.units import (
 from tradestudy.wording import listed, with_article
 
 _ROOT_TOLERANCE: Final = 1e-10
+_PARABOLAS: Final = 10.0  # times the error of a cubic's zero, by which those of its two parabolas differ at least
+_TRUSTED: Final = 0.25  # of a bracket, by which these may differ; otherwise the bracket is halved
 _ROUNDING: Final = 1e-12
 _PLACES: Final = 9  # values tried between the ends of a question
 _EXTRAPOLATED: Final = 2.0  # lengths of the interval, on a logarithmic scale, by which a solution may lie beyond it
@@ -54,17 +55,15 @@ def solve(study: PreparedStudy, question: SolvePart) -> Solved:
     """Find the values of an input that make two depth uncertainties equal at a distance, or give one a required value.
 
     The ratio of the uncertainties is computed at nine values between the declared ends. Wherever it passes one between
-    two of them, Brent's method finds the crossing on a logarithmic scale, in each scramble of the draws. Two crossings
-    between neighbouring values are not seen. For whole numbers, such as a number of views, the answer is the first that
-    is certain enough. If the question varies the target of a calibration, the calibration is planned for eight
-    arrangements of the views, and the error is that of their mean.
+    two of them, cubics through the values around it find the crossing on a logarithmic scale, in each scramble. Two
+    crossings between neighbouring values are not seen. For whole numbers, such as a number of views, the answer is the
+    first that is certain enough. If the question varies the target of a calibration, the calibration is planned for
+    eight arrangements of the views, and the error is that of their mean.
 
     Raises
     ------
     OutOfRangeError
         The ends do not share a unit, or the varied path does not exist.
-    NotConvergedError
-        The root finder fails.
     """
     varying = Varying.of(study, question)
     dimension, low, high = varying.dimension, varying.low, varying.high
@@ -124,18 +123,28 @@ class _Ratios:
     def crossing(self, logs: tuple[float, float]) -> Solution:
         """Where the ratio passes one between two values: mean and standard error over the scrambles or plans."""
         count = max(len(self._all(log)) for log in logs)
-        roots = np.exp(
-            [_root(partial(self._one, k), self._nearest(k, logs), self._question.says) for k in range(count)]
-        )
+        roots = np.exp([self._root(k, logs) for k in range(count)])
         return Solution(value=float(np.mean(roots)), error=_error_of_mean(roots))
 
-    def _nearest(self, number: int, logs: tuple[float, float]) -> tuple[float, float]:
-        """The closest values, tried for other scrambles, between which this one passes one."""
+    def _root(self, number: int, logs: tuple[float, float]) -> float:
+        """Where the ratio in one scramble or plan passes one between two values; the nearer of these if nowhere."""
         own = number if self.plans > 1 else 0
-        tried = sorted(log for log, plan in self._known if plan == own and logs[0] <= log <= logs[1])
-        ratios = [self._one(number, log) for log in tried]
-        passed = [k for k, (one, other) in enumerate(itertools.pairwise(ratios)) if one * other <= 0.0]
-        return (tried[passed[0]], tried[passed[0] + 1]) if passed else logs
+        while True:
+            tried = np.array(sorted(log for log, plan in self._known if plan == own))  # for other scrambles, too
+            ratios = np.array([self._one(number, log) for log in tried])
+            within = (logs[0] <= tried[:-1]) & (tried[1:] <= logs[1])
+            passed = np.flatnonzero(within & (ratios[:-1] * ratios[1:] <= 0.0))[:1]
+            if not passed.size:
+                return min(logs, key=lambda log: abs(self._one(number, log)))
+            low, high = tried[passed[0]], tried[passed[0] + 1]
+            around = stencil(passed, tried.size)[:, 0]
+            with np.errstate(invalid="ignore", divide="ignore"):  # equal ratios
+                zero, apart = cubic_zero(tried[around], ratios[around])
+            trusted = low <= zero <= high and apart < _TRUSTED * (high - low)
+            best = float(zero if trusted else 0.5 * (low + high))
+            if high - low <= _ROOT_TOLERANCE or (trusted and apart <= _PARABOLAS * _ROOT_TOLERANCE) or best in tried:
+                return best
+            self._one(number, best)
 
     def whole_number(self, logs: tuple[float, float]) -> Solution:
         """The whole number next to the crossing on the side that meets the limit; error over scrambles or plans."""
@@ -179,18 +188,6 @@ class _Ratios:
 
 def _error_of_mean(values: FloatArray) -> float:
     return float(np.std(values, ddof=1) / math.sqrt(len(values))) if len(values) > 1 else 0.0
-
-
-def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: str) -> float:
-    ends = [log_ratio(log) for log in logs]
-    if ends[0] * ends[1] > 0.0:  # in this scramble the root lies beyond an end
-        return logs[int(abs(ends[1]) < abs(ends[0]))]
-    from scipy.optimize import brentq  # takes half a second to load, and only `solve` needs it
-
-    root, report = brentq(log_ratio, *logs, xtol=_ROOT_TOLERANCE, full_output=True)
-    if not report.converged:
-        raise NotConvergedError("no root found for an inverse question", value=says, remedy="narrow its range")
-    return float(root)
 
 
 def _log_ratios(study: PreparedStudy, question: SolvePart) -> FloatArray:

@@ -46,7 +46,7 @@ def between(
     """
     low, width = ends[0], ends[1] - ends[0]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # equal or infinite margins, or no bracket
-        zero, apart = _zero(*around)
+        zero, apart = cubic_zero(*around)
         share, off = (zero - low) / width, np.maximum(_OFF * apart, least) / width
     known = (share > 0.0) & (share < 1.0) & (width * (sections - 1) < before)
     ratio = np.clip(np.where(known, off, 1.0), *_NEAREST) ** (-2.0 / (sections - 2))
@@ -60,7 +60,7 @@ def falling(share: FloatArray, ratio: FloatArray, sections: int) -> FloatArray:
     return np.concatenate([share * reach, [share], 1.0 - (1.0 - share) * reach[::-1]])
 
 
-def _zero(places: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def cubic_zero(places: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The place of value 0 on a cubic through four places and values (4, …), and how far its parabolas differ."""
     through = list(places)
     for order in range(1, len(places)):  # Neville's scheme
