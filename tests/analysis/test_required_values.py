@@ -31,6 +31,7 @@ def asked(requirement: dict[str, Any], question: dict[str, Any] | None = None) -
             "requirements": {"needed": needed},
             "solve": {"which": {**(question or BASELINE), "requirement": "needed"}},
             "usable_range": None,
+            "scene.distances.points": 20,
         }
     )
     definition = study.plan().study

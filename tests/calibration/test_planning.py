@@ -38,6 +38,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.report.document import Paragraph, plain_text
 from tradestudy.report.sections.answer import describe_answer
 from tradestudy.results.views.conclusions import rests_on
+from tradestudy.study.definition import StudyDefinition
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.units import FRACTION, pretty
 
@@ -135,6 +136,12 @@ def loaded(folder: Path, views: str = SPREAD, more: Mapping[str, Any] | None = N
     return tradestudy.load(file).with_values(more or {})
 
 
+def inferred_width(definition: StudyDefinition) -> float:
+    """Half the interval of depth at 1 m of the rig under its sampled calibration [m]."""
+    known, *_ = infer_calibrations(definition.with_values({"rig.calibration.target.max_steps": 250}), Steps())
+    return float(distribution(known.case.cameras["rig"], np.array([1.0]), "calibration").half_widths(ONE_SIGMA)[0, 0])
+
+
 def test_the_number_of_views_for_a_certainty_is_that_of_an_inferred_calibration(tmp_path: Path) -> None:
     """The number is planned; posteriors of one board shown to three rigs are sampled, and vary by 9 % between rigs."""
     study = loaded(tmp_path, more={"solve": {"views": {**VIEWS, "camera": "rig", "uncertainty": "0.6 mm"}}})
@@ -144,17 +151,10 @@ def test_the_number_of_views_for_a_certainty_is_that_of_an_inferred_calibration(
     assert one.value == round(one.value)
     assert solved.answer.startswith(f"{one.value:.0f} ± {math.ceil(one.error)};")
     assert 0.0 < one.error < 0.1 * one.value
-    values = {"rig.calibration.target.views": int(one.value)}
-    swept = definition.with_values({"solve": None, "sweep": {"rig.calibration.target.views": list(values.values())}})
-    found = []
-    for seed in range(3):
-        known, *_ = infer_calibrations(swept.with_values({"propagation.seed": seed}), Steps())
-        few, enough = (
-            distribution(design.case.cameras["rig"], np.array([1.0]), "calibration").half_widths(ONE_SIGMA)[0, 0]
-            for design in (known, known.with_values(values))
-        )
-        assert few > 1.5 * enough
-        found.append(enough)
+    enough = definition.with_values({"solve": None, "rig.calibration.target.views": int(one.value)})
+    few = inferred_width(enough.with_values({"rig.calibration.target.views": 8}))
+    found = [inferred_width(enough.with_values({"propagation.seed": seed})) for seed in range(3)]
+    assert few > 1.5 * max(found)
     assert np.mean(found) == pytest.approx(0.6e-3, rel=0.12)
 
 
@@ -279,7 +279,8 @@ def test_views_are_either_spread_or_given(tmp_path: Path, views: str, key: str) 
 
 def test_a_calibration_that_only_a_design_leaves_unconverged_is_reported(tmp_path: Path) -> None:
     steps = "rig.calibration.target.max_steps"
-    result = loaded(tmp_path, more={steps: 4000, "sweep": {steps: [100]}}).run()
+    fifth = {"rig.calibration.errors.pitch.standard_deviation": "0.2 deg"}  # chains of five parameters soon converge
+    result = loaded(tmp_path, more={**fifth, steps: 4000, "sweep": {steps: [100]}}).run()
     assert result.data["calibration"]["posterior_converged"].values.tolist() == [True]
     (unmet,) = result.unmet_requirements
     assert unmet.startswith("calibrations did not converge for Rig under 1 of 1 other sets of values (")
