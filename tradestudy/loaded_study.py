@@ -412,11 +412,17 @@ class Study:
     def _plan(self, corners: Corners) -> Plan:
         """The plan; a run fits corners itself."""
         from tradestudy.answers.trade_criteria import refuse_words
-        from tradestudy.models.plan import plan_of
 
         refuse_words(self.prepared)
         self._refuse_pictures()
         self._refuse_calibrations(corners)
+        return self._chosen
+
+    @cached_property
+    def _chosen(self) -> Plan:
+        """The plan, chosen once for all who ask."""
+        from tradestudy.models.plan import plan_of
+
         return plan_of(self.prepared)
 
     def _refuse_calibrations(self, corners: Corners) -> None:
