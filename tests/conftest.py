@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import gc
+import hashlib
 import os
 import pickle
 import subprocess
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 import pytest
 
 if TYPE_CHECKING:
+    from tradestudy.api import Result
     from tradestudy.calibration.posteriors import InferredCalibration
 
 Made = TypeVar("Made")
@@ -107,3 +109,18 @@ def calibrated_webcams(tmp_path_factory: pytest.TempPathFactory) -> InferredCali
         return infer(corners(webcams(), MEASURED))
 
     return made_once(tmp_path_factory, "webcams", calibrate)
+
+
+@pytest.fixture(scope="session")
+def run_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Result]:
+    """Runs a shipped study, by its name and changes, once for all that ask for the same."""
+
+    def run(name: str, *changes: str) -> Result:
+        def compute(_shared: Path) -> Result:
+            from tradestudy import load
+
+            return load(Path(__file__).parents[1] / "studies" / f"{name}.yaml", changes).run()
+
+        return made_once(tmp_path_factory, f"{name}-{hashlib.sha1(repr(changes).encode()).hexdigest()}", compute)
+
+    return run

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +25,8 @@ STUDIES = Path(__file__).parents[2] / "studies"
 
 
 @pytest.fixture(scope="module")
-def result() -> Result:
-    return load(STUDIES / "hand_lens.yaml", ["scene.distances.points=93"]).run()
+def result(run_of: Callable[..., Result]) -> Result:
+    return run_of("hand_lens", "scene.distances.points=93")
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ import xarray as xr
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-import tradestudy
 from tests.report.layout import unreadable
 from tradestudy import figures
+from tradestudy.api import Result
 from tradestudy.figures.curves import beneath, spread
 from tradestudy.figures.style import letters_on, line_style, readable
 from tradestudy.report.pdf import template
@@ -30,21 +30,23 @@ _STUDIES = {
     "stereo_design": [
         "scene.distances.points=40",
         "accuracy.tolerance=5 %",
-        "sweep={stereo.baseline: {from: 10 mm, to: 200 mm, points: 6, spacing: log}, "
-        "stereo.lenses.focal_length: {from: 4 mm, to: 32 mm, points: 5, spacing: log}}",
+        "sweep={stereo.baseline: {from: 10 mm, to: 200 mm, points: 4, spacing: log}, "
+        "stereo.lenses.focal_length: {from: 4 mm, to: 32 mm, points: 3, spacing: log}}",
     ],
 }
 
 
 @pytest.fixture(scope="module", params=["synthetic", "swept", "example", *_STUDIES])
-def study(request: pytest.FixtureRequest, make_tree: Callable[..., xr.DataTree]) -> xr.DataTree:
+def study(
+    request: pytest.FixtureRequest, make_tree: Callable[..., xr.DataTree], run_of: Callable[..., Result]
+) -> xr.DataTree:
     if request.param == "synthetic":
         return make_tree()
     if request.param == "swept":
         return make_tree(sweep={"b": [0.05, 0.1, 0.2]}, declared={"b": 0.1})
     if request.param == "example":
         return read_finished(ROOT / "reports" / "examples" / "plenoptic-vs-stereo")[0]
-    return tradestudy.load(ROOT / "studies" / f"{request.param}.yaml", _STUDIES[request.param]).run().data
+    return run_of(request.param, *_STUDIES[request.param]).data
 
 
 def test_no_text_lies_on_another_or_leaves_the_canvas(study: xr.DataTree) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +31,8 @@ DEPTH_CAMERAS = {
 
 
 @pytest.fixture(scope="module")
-def result() -> Result:
-    return load(STUDIES / "hand_lens.yaml", ["scene.distances.points=93"]).run()
+def result(run_of: Callable[..., Result]) -> Result:
+    return run_of("hand_lens", "scene.distances.points=93")
 
 
 @pytest.fixture(scope="module")
