@@ -39,7 +39,8 @@ def new(folder: Path, monkeypatch: pytest.MonkeyPatch, *files: str, **said: str)
 
 def sigma_at_1m(path: Path) -> float:
     """Depth uncertainty at 1 m of the camera in a study that ``new`` wrote [m]."""
-    depth = tradestudy.load(path, ["scene.distances.from=0.9 m", "scene.distances.to=1 m"]).run().data["depth"]
+    near = "scene.distances={from: 0.9 m, to: 1 m, points: 2, spacing: log}"
+    depth = tradestudy.load(path, [near, "solve=null", "requirements=null"]).run().data["depth"]
     return float(depth["depth_uncertainty"].values.ravel()[-1])
 
 

@@ -124,17 +124,20 @@ def _share_inside(seen: FloatArray, pixels: tuple[int, int]) -> FloatArray:
     low, high = seen + 0.5, np.array(pixels) - 0.5 - seen
     inside = np.nan_to_num(np.minimum(low, high).min(axis=-1), nan=_OUTSIDE).reshape(-1, *_NODES[::-1])
     a, b, c, d = inside[:, :-1, :-1], inside[:, :-1, 1:], inside[:, 1:, :-1], inside[:, 1:, 1:]
-    triangles = np.stack([np.stack([a, b, d]), np.stack([a, c, d])])
-    return np.asarray(_positive_part(np.sort(triangles, axis=1)).mean(axis=(0, 2, 3)))
+    triangles = np.stack([np.stack([a, a]), np.stack([b, c]), np.stack([d, d])])
+    shares = (triangles.min(axis=0) >= 0.0).astype(np.float64)
+    cut = (shares == 0.0) & (triangles.max(axis=0) > 0.0)  # few, on the edge of the other picture
+    shares[cut] = _positive_part(np.sort(triangles[:, cut], axis=0))
+    return np.asarray(shares.mean(axis=(0, 2, 3)))
 
 
 def _positive_part(corners: FloatArray) -> FloatArray:
-    """Share of triangles in which a linear function is positive, from ascending values (2, 3, ...) at their corners."""
-    low, middle, high = np.moveaxis(corners, 1, 0)
+    """Share of triangles in which a linear function is positive, from ascending values (3, N) of both signs."""
+    low, middle, high = corners
     with np.errstate(divide="ignore", invalid="ignore"):
         one = high**2 / ((high - low) * (high - middle))
         two = 1.0 - low**2 / ((middle - low) * (high - low))
-    return np.where(low >= 0.0, 1.0, np.where(high <= 0.0, 0.0, np.where(middle <= 0.0, one, two)))
+    return np.asarray(np.where(middle <= 0.0, one, two))
 
 
 LENGTH_LIMIT = 0.05  # of a declared focal length or baseline
