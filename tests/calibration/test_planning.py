@@ -38,7 +38,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.report.document import Paragraph, plain_text
 from tradestudy.report.sections.answer import describe_answer
 from tradestudy.results.views.conclusions import rests_on
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.prepared import PreparedStudy
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.units import FRACTION, pretty
 
@@ -136,9 +136,9 @@ def loaded(folder: Path, views: str = SPREAD, more: Mapping[str, Any] | None = N
     return tradestudy.load(file).with_values(more or {})
 
 
-def inferred_width(definition: StudyDefinition) -> float:
+def inferred_width(study: PreparedStudy) -> float:
     """Half the interval of depth at 1 m of the rig under its sampled calibration [m]."""
-    known, *_ = infer_calibrations(definition.with_values({"rig.calibration.target.max_steps": 250}), Steps())
+    known, *_ = infer_calibrations(study.with_values({"rig.calibration.target.max_steps": 250}), Steps())
     return float(distribution(known.case.cameras["rig"], np.array([1.0]), "calibration").half_widths(ONE_SIGMA)[0, 0])
 
 

@@ -85,7 +85,7 @@ cameras:
         focal_length: {standard_deviation: 2 um}
         microlens_gap: {standard_deviation: 0.2 um}
       correlations: {mla_distance: {focal_length: 0.9}}
-scene: {distances: {from: 0.3 m, to: 10 m, points: 11, spacing: log}, wavelength: 550 nm}
+scene: {distances: {from: 0.3 m, to: 10 m, points: 5, spacing: log}, wavelength: 550 nm}
 accuracy: {tolerance: 5 %}
 effects: {calibration: exact}
 propagation: {field_places: [50 %], max_draws: 4096}

@@ -473,7 +473,8 @@ def test_the_readings_that_change_a_verdict_are_named() -> None:
     """As runs with the values of each reading say; a reading that changes nothing goes without mention."""
     bound = {"below": "2.6 mm", "over": ["0.4 m", "1 m"]}
     needed = {"says": "2.6 mm", "camera": "stereo-75mm", "depth_uncertainty": bound}
-    small = {"requirements": {"near-and-mid": needed}, "scene.distances.points": 8, "trade_off": None}
+    others = dict.fromkeys(("trade_off", "decision", "stereo-50mm", "raytrix-r5"))
+    small = {"requirements": {"near-and-mid": needed}, "scene.distances.points": 8, **others}
     sets: dict[str, dict[str, Any]] = {
         "dim": {"scene.picture.light.electrons": "400 electrons"},
         "dull": {"scene.picture.texture.contrast": "12 %"},
