@@ -59,6 +59,7 @@ def test_a_focus_stack_counts_for_any_camera() -> None:
     assert (worst.met, worst.camera) == (False, "s")
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_the_answer_names_the_conventional_camera_everywhere(tmp_path: Path) -> None:
     result = tradestudy.load(ANY_CAMERA).run()
     line = next(line for line in result.lines() if line.startswith("Met"))

@@ -108,7 +108,8 @@ def coverage_verdict(covered: BoolArray, *, nominal: float = 0.95, level: float 
 
     _require_trials(len(covered), 1)
     counts = covered.sum(axis=0)
-    p_values = np.array([binomtest(int(count), len(covered), nominal).pvalue for count in counts])
+    distinct, cells = np.unique(counts, return_inverse=True)
+    p_values = np.array([binomtest(int(count), len(covered), nominal).pvalue for count in distinct])[cells]
     return CoverageVerdict(
         trials=len(covered),
         covered=counts,

@@ -252,6 +252,7 @@ scene: {distances: {from: 0.2 m, to: 2 m, points: 5}, wavelength: 550 nm}
 """
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_a_study_declares_them_and_page_one_says_where_they_do_not_act(tmp_path: Path) -> None:
     cameras = Path("studies/cameras").resolve()
     text = STUDY.replace("R5", f"{cameras}/raytrix-r5.yaml").replace("STEREO", f"{cameras}/stereo-100mm.yaml")

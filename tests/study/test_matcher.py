@@ -250,9 +250,8 @@ def test_an_implausible_value_causes_a_warning() -> None:
 
 def test_both_places_can_be_swept() -> None:
     sweep = {"scene.picture.matcher.factor": ["1", "2"], "raytrix-r5.depth.matcher.floor": ["0 px", "0.1 px"]}
-    changed = tradestudy.load(
-        ROBOT, [FEW, "scene.distances.to=1.5 m", "decision=null", "requirements=null"]
-    ).with_values({"sweep": sweep})
+    only_depth = [f"{name}=null" for name in ("decision", "requirements", "trade_off", "stereo-50mm")]
+    changed = tradestudy.load(ROBOT, [FEW, "scene.distances.to=1.5 m", *only_depth]).with_values({"sweep": sweep})
     depth = changed.run().data["depth"]["disparity_error_px"]
     factors, floors = "factor", "floor"
     head, r5 = (depth.sel(camera=name) for name in (HEAD, "raytrix-r5"))
@@ -341,7 +340,7 @@ def test_without_a_matcher_the_report_says_that_the_error_is_the_bound(ideal: Re
 
 
 def test_one_matcher_of_several_cameras_leaves_the_others_at_the_bound() -> None:
-    result = tradestudy.load(ROBOT, [FEW, "raytrix-r5.depth.matcher.factor=2"]).run()
+    result = tradestudy.load(ROBOT, [FEW, "raytrix-r5.depth.matcher.factor=2", "trade_off=null"]).run()
     causes = result.data["disparity_causes"].to_dataset()
     assert causes["matcher"].values.tolist() == ["", "", "noise 2 times the bound"]
     heads = ["stereo-50mm", HEAD]

@@ -161,6 +161,7 @@ def test_a_main_lens_faster_or_much_slower_than_its_microlenses_is_said_in_check
     assert said
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_the_first_page_says_that_micro_images_overlap(tmp_path: Path) -> None:
     tradestudy.load(FAST, ["spc.main_lens.f_number=4"]).run().write(tmp_path, pdf=False)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -185,6 +185,7 @@ def test_rays_are_the_same_at_every_wavelength(tmp_path: Path) -> None:
     assert np.array_equal(spot_image(many, "geometric").pixels, spot_image(one, "geometric").pixels)
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_a_coherent_disc_is_one_wave(tmp_path: Path) -> None:
     coherent = ("distance: 150 mm}", "distance: 150 mm, coherent: true}")
     loaded = study(tmp_path, MEAN_ALONE, ONE_LINE, coherent)
@@ -223,6 +224,7 @@ def test_a_point_lands_behind_every_microlens_where_thin_lenses_put_it(tmp_path:
         assert light.sum(axis=1) @ across / light.sum() == pytest.approx(place[1], abs=0.5e-6)
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_a_point_is_simulated_as_a_point(tmp_path: Path) -> None:
     loaded = study(
         tmp_path, MEAN_ALONE, ONE_LINE, (", source_extent: disc", ""), ("diameter: 0.1 mm", "diameter: 0 mm")

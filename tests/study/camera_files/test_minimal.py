@@ -34,6 +34,7 @@ def test_a_field_of_view_is_that_across_the_width_unless_it_says_so(tmp_path: Pa
     assert camera.field_of_view == pytest.approx(math.radians(60.0), rel=1e-14)
 
 
+@pytest.mark.usefixtures("empty_figures")
 def test_the_register_lists_every_default_and_the_first_page_perfect_calibrations(tmp_path: Path) -> None:
     path = study(tmp_path, rig=f"kind: stereo, lenses: {{field_of_view: 60 deg}}, {SENSOR}, baseline: 60 mm")
     result = tradestudy.load(path).run()
