@@ -45,10 +45,10 @@ def test_the_first_page_says_which_camera_at_what_resolution_exposures_and_movin
     # camera, scene sharp, from – to, resolution, diffraction spot, exposures, moving parts
     # Resolution at 160 mm: Airy radius 1.22 · 0.55 µm · 160 mm · 9.8/18.3 mm = 57.5 µm.
     assert re.search(r"MAHLI focus stack\s+all\s+0\.14 to 0\.161 m\s+57\.5 µm\s+[\d.]+ µm\s+3\s+1\b", first_page)
-    row = r"Multi-focus\s+R5\s+at\s+135\s+mm\s+all\s+0\.135 to [\d.]+ m\s+154 µm\s+[\d.]+ µm\s+1\s+0\b"
+    row = r"Multi-focus\s+R5\s+sharp\s+from\s+135\s+mm\s+all\s+0\.135 to [\d.]+ m\s+154 µm\s+[\d.]+ µm\s+1\s+0\b"
     assert re.search(row, first_page)
     assert re.search(r"R5 without microlenses\s+27\.6 %", first_page)
-    either = r"\s+or\s+".join(rf"the\s+{kind}-focus\s+R5\s+at\s+135\s+mm" for kind in ("multi", "single"))
+    either = r"\s+or\s+".join(rf"the\s+{kind}\S\s*focus\s+R5\s+sharp\s+from\s+135\s+mm" for kind in ("multi", "single"))
     assert re.search(rf"take\s+{either}\s+\(154\s+µm,\s+1\s+exposure", first_page)
     assert "Figure 1" in first_page
 

@@ -105,7 +105,7 @@ def test_a_sweep_names_the_number_that_decides(baselines: str) -> None:
     """
     swept = [f"sweep.stereo.baseline=[{baselines}]", "sweep.stereo.lenses.focal_length=[8 mm, 16 mm]"]
     study = load(STUDIES / "stereo_design.yaml", ["scene.distances={from: 0.5 m, to: 2 m, points: 7}", *swept])
-    said = "For depth at 1 m, baseline decides and focal length hardly matters: ±35 mm with 100 mm."
+    said = "For depth at 1 m, baseline decides and focal length hardly matters: ±35 mm with baseline 100 mm."
     assert answers(study.run().data)[1] == said
 
 
@@ -147,8 +147,8 @@ def test_pictures_of_a_light_spot_have_their_times(monkeypatch: pytest.MonkeyPat
 def test_a_trade_off_that_ranks_another_camera_first_replaces_the_requirement() -> None:
     said = headline(load(STUDIES / "robot.yaml", ["scene.distances.points=20"]).run().data)
     assert re.fullmatch(
-        r"For depth alone, take the 75 mm stereo head; every other camera is at least 1\.4 times as uncertain; if all "
-        r"criteria count, the 50 mm stereo head ranks first for 6\d % of the possible weights\.",
+        r"For depth alone, take the 75 mm stereo head; every other camera is at least 1\.4 times as uncertain; if "
+        r"accuracy, mass and power all count, the 50 mm stereo head ranks first for 6\d % of the possible weights\.",
         said,
     )
 
@@ -174,6 +174,6 @@ def test_a_ranking_rests_on_a_drawn_bias_that_alone_decides_it(
     """Head A is off by 1.3 mm in all, and Head B spreads by 1.1 mm."""
     tree = measured(("Head A", 1.2, error, 0.5, 0.1), ("Head B", 1.1, error, bias, drawn))
     assert headline(tree).startswith(f"Head {'A' if bias > 1.0 else 'B'} measures the scene best")
-    said = f"bias of Head B, one random draw of its calibration errors (without it, it would measure {without})"
+    said = f"bias of Head B, one random draw of its calibration errors (without it, the camera would measure {without})"
     assert rests_on(tree) == ((said,) if without else ())
     assert measure_first(tree) == ("Measure first: the calibration of Head B" if without else "")

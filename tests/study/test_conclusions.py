@@ -544,8 +544,8 @@ def test_few_distances_do_not_hide_that_a_camera_is_usable_between_them(tmp_path
     result = between(tmp_path, 4, {"pair": ("2", "60 mm")})
     answer, *others = result.lines()
     assert answer == (
-        "Depth by the pair is usable from 0.628 to 0.685 m, with ±268 µm to ±320 µm; the largest part comes "
-        "from matching noise, declared 0.1 px."
+        "Depth by the pair is usable from 0.628 to 0.685 m, with ±268 µm to ±320 µm; on average over distance, the "
+        "largest part comes from matching noise, declared 0.1 px."
     )
     assert not any("0.628" in line for line in others), "the first line says it"
     sections = str(compose_report(result.data, {}, {}).blocks)

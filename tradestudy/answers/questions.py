@@ -40,7 +40,7 @@ from tradestudy.units import (
     pretty_with_error,
     significant,
 )
-from tradestudy.wording import listed, with_article
+from tradestudy.wording import counted, listed, with_article
 
 _ROOT_TOLERANCE: Final = 1e-10
 _PARABOLAS: Final = 10.0  # times the error of a cubic's zero, by which those of its two parabolas differ at least
@@ -213,9 +213,11 @@ def _larger_noise(study: PreparedStudy, question: SolvePart) -> str:
     """The matching noise, if it alone exceeds what a question requires of the calibration."""
     noise = question.model_copy(update={"errors": "noise"})
     width = float(np.mean(_widths(study.case.cameras[question.camera or ""], noise)))
+    if width <= question.goal:
+        return ""
+    enough = counted(math.ceil((width / question.goal) ** 2), "measurement")
     both = f"the matching noise of one measurement, {pretty(width, LENGTH)}, exceeds the goal"
-    enough = f"of {pretty(question.goal, LENGTH)}, so average at least {math.ceil((width / question.goal) ** 2)}"
-    return f"; {both} {enough}" if width > question.goal else ""
+    return f"; {both} of {pretty(question.goal, LENGTH)}, so average at least {enough}"
 
 
 _NOISE_STEP: Final = 1.01  # factor of the corner noise on both sides of the declared one

@@ -26,6 +26,7 @@ from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import FloatArray, group, has
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place, where_fresnel
 from tradestudy.units import significant
+from tradestudy.wording import listed
 
 _METRICS = {"peak": "Peak", "l1": "L1", "largest": "Largest"}
 
@@ -82,8 +83,7 @@ def _range(values: FloatArray) -> str:
 def _findings(data: xr.Dataset) -> Iterator[Spans]:
     used = data.sel(metric="l1", window=middle_window(data))
     yield say(
-        "**On the axis**, at the f-numbers of the camera and wavelengths from {start} to {end}, take (with Fresnel's "
-        "error): {each}.",
+        "**On the axis**, at the f-numbers of the camera and wavelengths from {start} to {end}, take: {each}.",
         start=length(float(data["wavelength"].values[0])),
         end=length(float(data["wavelength"].values[-1])),
         each=_advice(used, "camera_point_error"),
@@ -100,19 +100,23 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
 
 def _advice(used: xr.Dataset, errors: str, curves: str = "") -> str:
     """Which method to take behind each lens, by its phase; with `curves`, also from which f-number Fresnel suffices."""
-    sentences = []
+    limit, phases, sentences = float(used.attrs["error_limit"]), list(map(str, used["lens_phase"].values)), []
     for element in used["element"].values:
-        parts, one = [], used.sel(element=element)
-        for phase in map(str, used["lens_phase"].values):
-            found = np.asarray(one[errors].sel(lens_phase=phase).values)
-            limit = float(used.attrs["error_limit"])
-            method = "Fresnel" if np.all(found <= limit) else "Kirchhoff"
-            more = (
-                "; Fresnel " + where_fresnel(_from_f_number(one[curves].sel(lens_phase=phase), limit)) if curves else ""
-            )
-            parts.append(f"{method} if {phase} ({_range(found)}{more})")
-        f_number = significant(float(one["camera_f_number"]))
-        sentences.append(f"{element_title(used, str(element)).lower()}, f/{f_number}: {', '.join(parts)}")
+        of_element, advice = used.sel(element=element), []
+        found = {phase: np.ravel(of_element[errors].sel(lens_phase=phase).values) for phase in phases}
+        for method in ("Kirchhoff", "Fresnel"):
+            alike = [phase for phase in phases if bool(np.all(found[phase] <= limit)) == (method == "Fresnel")]
+            if not alike:
+                continue
+            detail = f"Fresnel errs by {_range(np.concatenate([found[phase] for phase in alike]))}"
+            if curves:
+                curve = of_element[curves]
+                from_here = max(_from_f_number(curve.sel(lens_phase=phase), limit) for phase in alike)
+                detail += f" and suffices {where_fresnel(from_here)}"
+            which = f"if {listed(alike, 'or')}" if len(alike) < len(phases) else "whatever the phase"
+            advice.append(f"{method} {which} ({detail})")
+        f_number = significant(float(of_element["camera_f_number"]))
+        sentences.append(f"{element_title(used, str(element)).lower()}, f/{f_number}: {', '.join(advice)}")
     return "; ".join(sentences)
 
 

@@ -100,7 +100,7 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
     if not found and (ranked := ranked_by_bias(tree)) is not None:
         biased, instead = ranked
         drawn = f"bias of {with_article(biased)}, one random draw of its calibration errors"
-        return (f"{drawn} (without it, it would measure {instead})",)
+        return (f"{drawn} (without it, the camera would measure {instead})",)
     if not found and has(tree, "decision", "cause"):
         titles = camera_titles(tree)
         best = {name for one in best_ranges(tree) for name in one.cameras}

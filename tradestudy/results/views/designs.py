@@ -316,8 +316,9 @@ def deciding_words(tree: xr.DataTree) -> str:
     held_at = {axis: depth[axis].size // 2 if k is None else k for axis, k in declared.items()}
     along = uncertainty.isel(held_at).values
     low, high = (pretty(float(end), LENGTH, digits=2) for end in (np.nanmin(along), np.nanmax(along)))
-    held = listed([value_words(depth[axis], depth[axis].values[k]) for axis, k in held_at.items()])
-    names = [listed([path_words(tree, axis).partition(" of ")[0] for axis in some]) for some in (busy, idle)]
+    of = {axis: path_words(tree, axis).partition(" of ")[0] for axis in axes}
+    held = listed([f"{of[axis]} {value_words(depth[axis], depth[axis].values[k])}" for axis, k in held_at.items()])
+    names = [listed([of[axis] for axis in some]) for some in (busy, idle)]
     spread = low if low == high else f"{low} to {high}"
     verbs = ["decides" if len(busy) == 1 else "decide", "hardly matters" if len(idle) == 1 else "hardly matter"]
     return f"for depth at {distance(place)}, {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: ±{spread} with {held}"

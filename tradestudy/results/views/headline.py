@@ -36,7 +36,7 @@ from tradestudy.results.views.requirement_conclusions import RequirementConclusi
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers, where_fresnel
 from tradestudy.units import DURATION, FRACTION, LENGTH, pretty, significant
-from tradestudy.wording import DECLARED_VALUE, counted, few, listed, plain_span, with_article
+from tradestudy.wording import DECLARED_VALUE, counted, few, in_words, listed, plain_span, with_article
 
 _MOST_STRETCHES, _CHANGES = 5, "the best camera changes"
 _HARDLY: Final = 1.1  # times the depth uncertainty on the axis
@@ -239,7 +239,9 @@ def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
         return ""
     most = ranked[0].ranks[0]
     weights = f" for {pretty(most, FRACTION, 2)} of the possible weights" if most < 1.0 else ""
-    return f"; if all criteria count, {with_article(ranked[0].title)} ranks first{weights}"
+    criteria = [in_words(str(one)) for one in group(tree, "criteria")["weighed"].values]
+    weighed = f"{listed(criteria)} all" if 1 < len(criteria) <= _MEASURED else "all criteria"
+    return f"; if {weighed} count, {with_article(ranked[0].title)} ranks first{weights}"
 
 
 def says_stretches(tree: xr.DataTree, said: str) -> bool:
@@ -286,7 +288,9 @@ def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     is_worse = _HARDLY < ratio < math.inf
     off = f" on the axis, and up to {significant(ratio, 2)} times as much off it" if is_worse else ""
     known = has(tree, "decision", "cause") and str(group(tree, "decision")["cause"].values[0])
-    cause = f"; the largest part comes from {known.replace(f' of {title}', '')}" if known else ""
+    cause = (
+        f"; on average over distance, the largest part comes from {known.replace(f' of {title}', '')}" if known else ""
+    )
     return f"depth by {title} is usable {where}, with ±{' to ±'.join(uncertainty_at_ends(tree, taken))}{off}{cause}"
 
 
