@@ -87,7 +87,8 @@ class DepthDistribution:
 
         The means over scrambles decide which it is, so that the larger of two noisy values is not taken in each.
         """
-        return judged_by_larger(self.half_width, self.error_radius, self.half_widths(ONE_SIGMA), self.error_radii)
+        widths = self.half_widths(ONE_SIGMA)
+        return judged_by_larger(_mean(widths), self.error_radius, widths, self.error_radii)
 
     @property
     def judged(self) -> FloatArray:
@@ -158,6 +159,8 @@ def share_of_true_matches(false_matches: float) -> float:
 
 def _mean(values: FloatArray) -> FloatArray:
     """Mean over scrambles; +inf if any of them is infinite."""
+    if len(values) == 1:  # as without draws, in thousands of small arrays
+        return np.asarray(values[0])
     with np.errstate(invalid="ignore"):
         return np.asarray(np.mean(values, axis=0))
 

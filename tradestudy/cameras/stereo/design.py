@@ -329,7 +329,7 @@ class StereoRig(DepthCamera):
         """Images in both pictures [m], shape (..., 2), of a point midway between the cameras."""
         slope = stereo_disparity(distance, self.baseline, 1.0, convergence_angle=self.convergence_angle) / 2.0
         angle = np.arctan(slope)
-        left, right = (self.principal_distance * place_across(self.distortion, side * angle) for side in (1.0, -1.0))
+        left, right = self.principal_distance * place_across(self.distortion, np.stack([angle, -angle]))
         return left, right
 
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
