@@ -87,8 +87,10 @@ def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: 
         (x + sign * half * direction[0], y + sign * half * direction[1], z + sign * half * direction[2])
         for sign in (1.0, -1.0)
     )
+    # The transpose of the rotation of a camera's rays turns the frame of the pair into that of the camera.
+    rotation = tuple(zip(*_right_rotation(errors, t), strict=True))
     image = []
-    for side, (a, b, c) in zip(SIDES, (_yaw(towards_left, t), _into_right(errors, t, towards_right)), strict=True):
+    for side, (a, b, c) in zip(SIDES, (_yaw(towards_left, t), _turn(rotation, towards_right)), strict=True):
         u, v = _distortion(pair, errors, side).image(a, b, c)
         seen = pair.distortion.sees(a, b, c)
         u, v = np.where(seen, u, np.nan), np.where(seen, v, np.nan)
@@ -134,7 +136,8 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
         if (lost := np.isnan(ray[0])).any():
             valid = valid & ~(lost & np.isfinite(x) & np.isfinite(y))
         rays.append(ray)
-    left, right = _yaw(rays[0], -t), _out_of_right(errors, t, rays[1])
+    turned = not errors.keys().isdisjoint(_ROTATIONS)  # by noise alone, not; this saves time in every measurement
+    left, right = _yaw(rays[0], -t), _turn(_right_rotation(errors, t), rays[1]) if turned else _yaw(rays[1], t)
     if pair.triangulation == "midpoint":
         return _midpoint_inverse(left, right, half, direction), valid
     # The right camera sees the left one at twice half the baseline, in the opposite direction.
@@ -198,20 +201,6 @@ def _yaw(ray: Ray, angle: float) -> Ray:
     x, y, z = ray
     c, s = math.cos(angle), math.sin(angle)
     return c * x - s * z, y, s * x + c * z
-
-
-def _out_of_right(errors: Errors, convergence: float, ray: Ray) -> Ray:
-    """A ray of the right camera in the frame of the pair."""
-    if errors.keys().isdisjoint(_ROTATIONS):  # as for noise alone; a shortcut saves time in every measurement
-        return _yaw(ray, convergence)
-    return _turn(_right_rotation(errors, convergence), ray)
-
-
-def _into_right(errors: Errors, convergence: float, ray: Ray) -> Ray:
-    """A ray of the frame of the pair in that of the right camera."""
-    if errors.keys().isdisjoint(_ROTATIONS):
-        return _yaw(ray, -convergence)
-    return _turn(tuple(zip(*_right_rotation(errors, convergence), strict=True)), ray)
 
 
 def _turn(rotation: RotationRows, ray: Ray) -> Ray:
