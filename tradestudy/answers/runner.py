@@ -60,7 +60,6 @@ def compute(
     steps = Steps() if steps is None else steps
     study, inferred, failed = infer_calibrations(plan.study, steps)
     asked = _Asked(
-        plan=plan,
         study=study,
         designs=sweep_points(study, sweep_axes(study)),
         readings={NOMINAL: study, **study.readings},
@@ -98,7 +97,6 @@ def compute(
 class _Asked:
     """The study being computed, its designs and readings, and how to compute it."""
 
-    plan: Plan
     study: PreparedStudy
     designs: Sequence[PreparedStudy]
     readings: Mapping[str, PreparedStudy]
@@ -141,7 +139,7 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
 
 def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
     """Groups that few studies ask for; their modules are imported on demand."""
-    plan, study, file = asked.plan, asked.study, asked.study.file
+    study, file, models = asked.study, asked.study.file, asked.study.choices.models
     progress, seconds = asked.steps.progress, asked.seconds
     groups: dict[str, xr.Dataset] = {}
     if file.value_of_information is not None:
@@ -186,12 +184,12 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.answers.light import images_group
         from tradestudy.models import light_spot
 
-        groups["/images"] = images_group(file.light_spot, asked.steps, seconds, plan.models(light_spot.NAME))
+        groups["/images"] = images_group(file.light_spot, asked.steps, seconds, models[light_spot.NAME])
     if file.point_spread is not None:
         from tradestudy.answers.light import point_spread_group
         from tradestudy.models import sharpness as point_spread
 
-        laws = plan.models(point_spread.NAME)
+        laws = models[point_spread.NAME]
         groups["/point_spread"] = point_spread_group(file.point_spread, asked.steps, seconds, laws)
     if file.hard_cases is not None:
         from tradestudy.answers.hard_cases import hard_cases_group
