@@ -213,8 +213,8 @@ def test_a_stack_measures_nothing_in_noise_that_differs_over_the_picture(
     """Noise of four times the standard deviation has sixteen times the energy, and no more texture."""
     path = tmp_path / "maps.yaml"
     path.write_text(study_text("stack", PLANE.format(150)), encoding="utf-8")
-    definition = api.load(path).prepared
-    camera, reader = definition.case.all_cameras["stack"], definition.file.cameras["stack"].reader
+    study = api.load(path).prepared
+    camera, reader = study.case.all_cameras["stack"], study.file.cameras["stack"].reader
     assert reader is not None
     sensor = camera.sensor
     noise = np.broadcast_to(np.float32(0.01 * across(sensor.columns)), (sensor.rows, sensor.columns))

@@ -131,9 +131,9 @@ def test_a_depth_loop_uses_the_imported_calibration(tmp_path: Path) -> None:
     loop = "depth_loop: {distances: [0.8 m, 1.2 m], fitted_at: [1.2 m], windows: 200}\n"
     (tmp_path / "loop.yaml").write_text(text[: text.index("  image:")] + loop, encoding="utf-8")
     (tmp_path / "raw.yml").write_bytes((CASES / "raw.yml").read_bytes())
-    definition = api.load(tmp_path / "loop.yaml").prepared
-    assert definition.file.depth_loop is not None
-    first = next(iter(loop_points(definition, definition.file.depth_loop).values()))
+    study = api.load(tmp_path / "loop.yaml").prepared
+    assert study.file.depth_loop is not None
+    first = next(iter(loop_points(study, study.file.depth_loop).values()))
     found = measure_on_plane(first)
     assert found.score is not None, found.reason
     assert found.score.filled > 0.95

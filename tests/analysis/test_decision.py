@@ -131,9 +131,9 @@ def test_an_inverse_question_gives_the_closed_form_of_the_baseline(tmp_path: Pat
     )
     text = STUDY.replace("ERRORS", "baseline: {standard_deviation: 1 mm}").replace("0.001 px", "1 px")
     file.write_text(text + asked, encoding="utf-8")
-    definition = load_prepared(file)
-    definition = replace(definition, choices=Choices(models={"rig": {"calibration": model}}))
-    found = solve(definition, definition.file.solve["stretch"])
+    study = load_prepared(file)
+    study = replace(study, choices=Choices(models={"rig": {"calibration": model}}))
+    found = solve(study, study.file.solve["stretch"])
     truth = brentq(lambda s: half_width(2.0, noise=PIXEL, baseline=s) - 0.1, 1e-4, 2e-2)
     if model == "exact":
         assert 0.0 < found.error < 0.01 * truth
@@ -155,11 +155,9 @@ def test_two_cameras_are_equally_certain_at_the_solution(tmp_path: Path) -> None
         "equal: [rig, other], at: 2 m, low: 0.5 mm, high: 20 mm}\n"
     )
     file.write_text(text + asked, encoding="utf-8")
-    definition = load_prepared(file)
-    definition = replace(
-        definition, choices=Choices(models={"rig": {"calibration": "exact"}, "other": {"calibration": "exact"}})
-    )
-    found = solve(definition, definition.file.solve["stretch"])
+    study = load_prepared(file)
+    study = replace(study, choices=Choices(models={"rig": {"calibration": "exact"}, "other": {"calibration": "exact"}}))
+    found = solve(study, study.file.solve["stretch"])
     target = half_width(2.0, noise=2.0 * PIXEL, baseline=0.0)
     truth = brentq(lambda s: half_width(2.0, noise=PIXEL, baseline=s) - target, 1e-4, 2e-2)
     assert 0.0 < found.error < 0.01 * truth

@@ -41,8 +41,8 @@ def study() -> PreparedStudy:
     return load_prepared(STUDIES / "close_range.yaml", ("scene.distances.points=39",))
 
 
-def uncertainty(definition: PreparedStudy, camera: str, distance: np.ndarray) -> np.ndarray:
-    return evaluate_depth(definition.case.cameras[camera], distance).uncertainty
+def uncertainty(study: PreparedStudy, camera: str, distance: np.ndarray) -> np.ndarray:
+    return evaluate_depth(study.case.cameras[camera], distance).uncertainty
 
 
 def test_stopping_down_at_fixed_light_raises_depth_uncertainty_in_focus(study: PreparedStudy) -> None:

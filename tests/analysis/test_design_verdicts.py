@@ -68,9 +68,9 @@ def test_an_unbounded_uncertainty_causes_no_warning_and_is_never_best() -> None:
 
 def test_curves_agree_with_a_full_evaluation() -> None:
     """Crossover and winners of the shipped sweep as declared, against the root finder on the exact curves."""
-    definition = tradestudy.load(STUDIES / "stereo_design.yaml", ["sweep=null"]).plan().study
-    case, pair = definition.case, ("raytrix-r5", "stereo")
-    places = np.array(definition.file.decision.at)  # type: ignore[union-attr]  # the study has one
+    study = tradestudy.load(STUDIES / "stereo_design.yaml", ["sweep=null"]).plan().study
+    case, pair = study.case, ("raytrix-r5", "stereo")
+    places = np.array(study.file.decision.at)  # type: ignore[union-attr]  # the study has one
     curves = {
         name: Curve.of(camera, depth_table(DepthPoint(camera=camera, criteria=case.criteria, distance=case.distance)))
         for name, camera in case.cameras.items()

@@ -55,9 +55,9 @@ def answer(folder: Path, errors: str, model: str) -> Solved:
         "scene:", R5.replace("INCLUDED", errors)
     )
     file.write_text(text, encoding="utf-8")
-    definition = load_prepared(file)
-    definition = replace(definition, choices=Choices(models={"r5": {"calibration": model}}))
-    return solve(definition, definition.file.solve["array"])
+    study = load_prepared(file)
+    study = replace(study, choices=Choices(models={"r5": {"calibration": model}}))
+    return solve(study, study.file.solve["array"])
 
 
 @pytest.mark.parametrize("model", ["exact", "linear"])

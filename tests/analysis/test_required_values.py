@@ -52,8 +52,8 @@ def test_a_requirement_can_be_met_between_two_values() -> None:
     """A longer baseline measures better at 3 m; from Z W/f on the views share nothing at 0.4 m."""
     needed = {"depth_uncertainty": {"below_relative": "1 %", "over": ["0.4 m", "3 m"]}}
     begins, ends = asked(needed, {**BASELINE, "high": "1 m"}).solutions
-    definition = tradestudy.load(STUDIES / "robot.yaml").plan().study
-    case = definition.with_values({"stereo-75mm.baseline": f"{begins.value} m"}).case
+    study = tradestudy.load(STUDIES / "robot.yaml").plan().study
+    case = study.with_values({"stereo-75mm.baseline": f"{begins.value} m"}).case
     relative = depth_uncertainty(case.cameras["stereo-75mm"], np.array([3.0]))[0] / 3.0
     assert relative == pytest.approx(0.01, rel=0.005)
     assert ends.value == pytest.approx(0.4 * WIDTH / 2.65e-3, rel=2e-4)

@@ -164,10 +164,10 @@ def test_an_answer_rests_on_corner_noise_by_its_share_of_the_planned_variance(
 ) -> None:
     """A covariance C of priors P and views contains C P⁻¹ C from the priors; the rest is from the corner noise."""
     asked = {"solve": {"views": {**VIEWS, "camera": "rig", "uncertainty": goal}}}
-    definition = loaded(tmp_path, more=asked).plan().study
-    data = questions_group(definition, lambda _step, _share: None)
+    study = loaded(tmp_path, more=asked).plan().study
+    data = questions_group(study, lambda _step, _share: None)
     views = int(data["solved_value"].item())
-    rig = planned(definition.with_values({"rig.calibration.target.views": views})).case.cameras["rig"]
+    rig = planned(study.with_values({"rig.calibration.target.views": views})).case.cameras["rig"]
     line = linearised_depth(rig, np.array([1.0]), 0.0, "calibration")
     weighted = line.covariance @ line.sensitivity[:, 0]
     priors = np.array([np.radians(0.2) if name == "yaw" else 20e-6 for name in line.parameters])
@@ -187,8 +187,8 @@ def test_views_for_a_requirement_are_planned(tmp_path: Path) -> None:
     needed = {"says": "n", "camera": "rig", "depth_uncertainty": {"below": "1.5 mm", "over": ["0.5 m", "1 m"]}}
     question = {key: VIEWS[key] for key in ("says", "vary", "low", "high")} | {"requirement": "needed"}
     asked = {"requirements": {"needed": needed}, "solve": {"views": question}}
-    definition = loaded(tmp_path, more=asked).plan().study
-    (one,) = solve_requirement(definition, definition.file.solve["views"]).solutions
+    study = loaded(tmp_path, more=asked).plan().study
+    (one,) = solve_requirement(study, study.file.solve["views"]).solutions
     assert one.value == round(one.value)
     assert 3 < one.value < 200
 
@@ -200,8 +200,8 @@ def test_views_for_a_requirement_are_planned(tmp_path: Path) -> None:
 def test_tilt_and_distance_for_a_certainty(tmp_path: Path, vary: str, low: str, high: str, goal: str) -> None:
     path = f"rig.calibration.target.{vary}"
     question = {**VIEWS, "vary": path, "low": low, "high": high, "camera": "rig", "uncertainty": goal}
-    definition = loaded(tmp_path, more={"solve": {"one": question}}).plan().study
-    (one,) = solve(definition, definition.file.solve["one"]).solutions
+    study = loaded(tmp_path, more={"solve": {"one": question}}).plan().study
+    (one,) = solve(study, study.file.solve["one"]).solutions
     assert 0.0 < one.error < 0.15 * one.value
 
 

@@ -92,23 +92,23 @@ def run(cases: range, seed: int) -> Iterator[Case]:
             yield found
 
 
-def judge(name: str, definition: PreparedStudy, tolerance: float) -> Case | None:
+def judge(name: str, study: PreparedStudy, tolerance: float) -> Case | None:
     """Choose, hold the choice against the most expensive set, and look for the cheapest that suffices."""
-    case = definition.case
-    truth = _Answer.of(definition, tolerance)
+    case = study.case
+    truth = _Answer.of(study, tolerance)
     if truth is None:
         return None
-    chosen = choose_models(definition)[0].models
-    seconds = _least(lambda: _choose_and_compute(definition))
-    change = truth.change(definition, chosen, tolerance)
-    if change > tolerance and (finer := _Answer.of(definition, tolerance, _FINER_DRAWS)) is not None:
-        change = finer.change(definition, chosen, tolerance)
+    chosen = choose_models(study)[0].models
+    seconds = _least(lambda: _choose_and_compute(study))
+    change = truth.change(study, chosen, tolerance)
+    if change > tolerance and (finer := _Answer.of(study, tolerance, _FINER_DRAWS)) is not None:
+        change = finer.change(study, chosen, tolerance)
     sufficient: list[Models] = []
     for stage in _stages(case.cameras["one"]):
-        sufficient = [one for one in stage if truth.change(definition, one, tolerance) <= tolerance]
+        sufficient = [one for one in stage if truth.change(study, one, tolerance) <= tolerance]
         if sufficient:
             break
-    timed = {str(_words(one)): _least(lambda one=one: _compute(definition, one)) for one in sufficient[:TIMED]}  # type: ignore[misc]
+    timed = {str(_words(one)): _least(lambda one=one: _compute(study, one)) for one in sufficient[:TIMED]}  # type: ignore[misc]
     cheapest = min(timed, key=lambda words: timed[words])
     return Case(
         name=name,
@@ -177,9 +177,9 @@ class _Answer:
     draws: int
 
     @classmethod
-    def of(cls, definition: PreparedStudy, tolerance: float, draws: int = _MOST_DRAWS) -> _Answer | None:
-        case = definition.case
-        camera = _camera(definition, complete(case.cameras["one"]), tolerance, draws)
+    def of(cls, study: PreparedStudy, tolerance: float, draws: int = _MOST_DRAWS) -> _Answer | None:
+        case = study.case
+        camera = _camera(study, complete(case.cameras["one"]), tolerance, draws)
         criteria, distance = case.criteria, case.distance
         usable = all_met(evaluate_limits(camera, criteria, distance), distance.shape)
         if not usable.any():
@@ -188,11 +188,11 @@ class _Answer:
         focus = focus[all_met(evaluate_limits(camera, criteria, focus), focus.shape)] if focus.size else focus
         places = np.concatenate([distance[usable], focus])
         uncertainty = depth_uncertainty(camera, places)
-        return cls(places=places, uncertainty=uncertainty, ends=_ends(camera, definition), draws=draws)
+        return cls(places=places, uncertainty=uncertainty, ends=_ends(camera, study), draws=draws)
 
-    def change(self, definition: PreparedStudy, models: Models, tolerance: float) -> float:
+    def change(self, study: PreparedStudy, models: Models, tolerance: float) -> float:
         """The largest relative change by other models: of the uncertainty, or the shift of an end of a usable range."""
-        camera = _camera(definition, models, tolerance, self.draws)
+        camera = _camera(study, models, tolerance, self.draws)
         found = depth_uncertainty(camera, self.places)
         if np.any(np.isfinite(found) != np.isfinite(self.uncertainty)):
             return float(np.inf)
@@ -200,8 +200,8 @@ class _Answer:
             by_depth = np.nan_to_num(np.abs(found / self.uncertainty - 1.0))
         if by_depth.max() > 2.0 * tolerance:
             return float(by_depth.max())
-        distance = definition.case.distance
-        shift = shift_of_ends(self.ends, _ends(camera, definition), (float(distance[0]), float(distance[-1])))
+        distance = study.case.distance
+        shift = shift_of_ends(self.ends, _ends(camera, study), (float(distance[0]), float(distance[-1])))
         return max(float(by_depth.max()), shift)
 
 
@@ -213,8 +213,8 @@ def _in_focus(camera: DepthCamera, distance: np.ndarray) -> np.ndarray:
     return fine[1:-1][(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
 
 
-def _ends(camera: DepthCamera, definition: PreparedStudy) -> np.ndarray:
-    found = usable_intervals(camera, definition.case.criteria, definition.case.distance)
+def _ends(camera: DepthCamera, study: PreparedStudy) -> np.ndarray:
+    found = usable_intervals(camera, study.case.criteria, study.case.distance)
     return np.array([(one.near, one.far) for one in found]).ravel()
 
 
@@ -245,19 +245,19 @@ def _meeting(near: float, far: float, study: tuple[float, float]) -> float:
     return width / (far + near)
 
 
-def _camera(definition: PreparedStudy, models: Models, tolerance: float, draws: int) -> DepthCamera:
+def _camera(study: PreparedStudy, models: Models, tolerance: float, draws: int) -> DepthCamera:
     """The camera, whose draws are known to a share of the tolerance, or as well as so many of them allow."""
-    camera = replace(definition, choices=Choices(models={"one": models})).case.cameras["one"]
+    camera = replace(study, choices=Choices(models={"one": models})).case.cameras["one"]
     known_to = max(_FINEST, _TRUTH_SHARE * tolerance)
     return replace(camera, propagation=replace(camera.propagation, tolerance=known_to, max_draws=draws))
 
 
-def _choose_and_compute(definition: PreparedStudy) -> None:
-    _compute(definition, choose_models(definition)[0].models)
+def _choose_and_compute(study: PreparedStudy) -> None:
+    _compute(study, choose_models(study)[0].models)
 
 
-def _compute(definition: PreparedStudy, models: Models) -> None:
-    case = replace(definition, choices=Choices(models={"one": models})).case
+def _compute(study: PreparedStudy, models: Models) -> None:
+    case = replace(study, choices=Choices(models={"one": models})).case
     depth_table(DepthPoint(camera=case.cameras["one"], criteria=case.criteria, distance=case.distance))
 
 

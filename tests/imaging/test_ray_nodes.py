@@ -44,11 +44,11 @@ def test_few_rays_do_not_coincide_at_any_depth(count: int, blend: float) -> None
 def whole() -> dict[str, Tile]:
     """The first picture of every camera, of the whole sensor, by rays."""
     loaded = api.load(STUDY).with_values({"r5-unfocused.sensor.pixels": [2048, 2048]})
-    definition = loaded.prepared
-    image, picture = declared_image(definition)
-    scene, cameras = set_up(definition, rig="as-designed")
+    study = loaded.prepared
+    image, picture = declared_image(study)
+    scene, cameras = set_up(study, rig="as-designed")
     return {
-        one.name: whole_pictures(definition, image, scene, one, recording_of(image, picture, one.camera.sensor))[0]
+        one.name: whole_pictures(study, image, scene, one, recording_of(image, picture, one.camera.sensor))[0]
         for one in cameras
     }
 

@@ -72,9 +72,9 @@ def test_scaling_the_law_scales_the_depth_of_a_posterior(scaled: Any) -> None:
 
 def test_inverse_questions_follow_the_scaled_law(scaled: Any) -> None:
     """All depths of the rig shrink, so a yaw larger by as much makes it as uncertain as the other camera."""
-    definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").prepared
-    question = definition.file.solve["yaw-at-half-metre"]
-    before = solve(definition, question).value
+    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").prepared
+    question = study.file.solve["yaw-at-half-metre"]
+    before = solve(study, question).value
     scaled()
     # Uncertainty is hardly noise there: σ ∝ yaw, to the share of the variance that noise has, a few per mille.
-    assert solve(definition, question).value / before - 1.0 == pytest.approx(SCALE - 1.0, rel=0.05)
+    assert solve(study, question).value / before - 1.0 == pytest.approx(SCALE - 1.0, rel=0.05)

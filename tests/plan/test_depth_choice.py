@@ -177,13 +177,13 @@ def test_a_forced_model_is_applied_and_its_change_reported(model: str) -> None:
 def test_without_diffraction_at_microlenses_their_crosstalk_still_counts() -> None:
     """Without crosstalk, the depth uncertainty of the R5 changes by 3.1 %, though no diffraction spreads the light."""
     changes = ("effects.microlens_diffraction=off", "accuracy.tolerance=0.3 %")
-    definition = load_prepared(STUDIES / "robot.yaml", changes)
-    found = next(one for one in choose_models(definition) if one.name == "raytrix-r5")
-    distance = definition.case.distance[:60]
+    study = load_prepared(STUDIES / "robot.yaml", changes)
+    found = next(one for one in choose_models(study) if one.name == "raytrix-r5")
+    distance = study.case.distance[:60]
 
     def uncertainty(models: Models) -> np.ndarray:
         return depth_uncertainty(
-            replace(definition, choices=Choices(models={found.name: models})).case.cameras[found.name],
+            replace(study, choices=Choices(models={found.name: models})).case.cameras[found.name],
             distance,
         )
 
@@ -210,18 +210,18 @@ def test_exact_paths_are_tried_on_both_sides_of_the_focus() -> None:
         "scene.picture.full_well": "2e5 electrons",
         "accuracy.tolerance": "0.18 %",
     }
-    definition = load_prepared(STUDIES / "robot.yaml").with_values(changes)
-    found = next(one for one in choose_models(definition) if one.name == head)
+    study = load_prepared(STUDIES / "robot.yaml").with_values(changes)
+    found = next(one for one in choose_models(study) if one.name == head)
 
     def uncertainty(diffraction: str) -> np.ndarray:
         models: Models = {**found.models, "main_lens_diffraction": diffraction}
         return depth_uncertainty(
-            replace(definition, choices=Choices(models={head: models})).case.cameras[head],
-            definition.case.distance,
+            replace(study, choices=Choices(models={head: models})).case.cameras[head],
+            study.case.distance,
         )
 
     change = np.abs(uncertainty("fresnel") / uncertainty("kirchhoff") - 1.0)
-    assert change[definition.case.distance < 1.0].max() < 0.0019 < 0.0022 < change.max()
+    assert change[study.case.distance < 1.0].max() < 0.0019 < 0.0022 < change.max()
     told = found.problem.changes({**found.problem.complete, "main_lens_diffraction": "fresnel"})
     assert told["depth_uncertainty"].relative >= change.max()
     assert found.models["main_lens_diffraction"] == "kirchhoff"
@@ -246,12 +246,12 @@ def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
 
 def test_no_clock_moves_the_choice(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine that is busy, or slow, chooses the same."""
-    definition = load_prepared(STUDIES / "robot.yaml", ())
-    before = {one.name: dict(one.models) for one in choose_models(definition)}
+    study = load_prepared(STUDIES / "robot.yaml", ())
+    before = {one.name: dict(one.models) for one in choose_models(study)}
     ticks = itertools.accumulate(itertools.count(1))
     monkeypatch.setattr(time, "perf_counter", lambda: float(next(ticks)))
     monkeypatch.setattr(time, "monotonic", lambda: float(next(ticks)))
-    assert {one.name: dict(one.models) for one in choose_models(definition)} == before
+    assert {one.name: dict(one.models) for one in choose_models(study)} == before
 
 
 # Distances end [mm] ever closer to where the far end of depth is lost: points in place of pixels double the disparity
@@ -305,8 +305,8 @@ def test_axes_of_other_cameras_do_not_crowd_out_designs_of_a_camera() -> None:
     }
 
     def f_numbers(sweep: dict[str, Any]) -> set[float]:
-        definition = load_prepared(STUDIES / "robot.yaml").with_values({"sweep": sweep})
-        problem = depth_problems(definition, {})[0]
+        study = load_prepared(STUDIES / "robot.yaml").with_values({"sweep": sweep})
+        problem = depth_problems(study, {})[0]
         assert problem.name in head
         return {variant.camera.lens.f_number for variant in problem._variants}
 
@@ -375,22 +375,22 @@ def test_a_nonlinear_reading_or_question_uses_draws_of_its_own() -> None:
     """The one takes the yaw for a uniform one, the other tries yaws of up to 5°."""
     plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").plan()
     assert plan.models("stereo-65-across")["calibration"] == "linear"
-    definition = plan.study
+    study = plan.study
 
     def model(one: PreparedStudy) -> str:
         return one.case.cameras["stereo-65-across"].propagation.model
 
-    drawn = {name for name, one in definition.readings.items() if model(one) == "exact"}
+    drawn = {name for name, one in study.readings.items() if model(one) == "exact"}
     assert drawn == {"yaw-uniform"}
-    assert model(definition.under("yaw-at-half-metre")) == "exact"
-    assert {model(definition), model(definition.readings["yaw-tenth"])} == {"linear"}
+    assert model(study.under("yaw-at-half-metre")) == "exact"
+    assert {model(study), model(study.readings["yaw-tenth"])} == {"linear"}
     assert re.search(r"\(exact for \W*yaw-uniform\W.*\Wyaw-at-half-metre\W*\)", plan.text())
 
 
 def test_forced_models_apply_under_every_reading() -> None:
     override = ["effects.calibration=linear"]
-    definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", override).plan().study
-    cases = [definition, *definition.readings.values(), definition.under("yaw-at-half-metre")]
+    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", override).plan().study
+    cases = [study, *study.readings.values(), study.under("yaw-at-half-metre")]
     assert {one.case.cameras["stereo-65-across"].propagation.model for one in cases} == {"linear"}
 
 
@@ -437,8 +437,8 @@ def test_models_are_judged_in_the_light_that_is_left_off_the_axis() -> None:
         "scene.distances.points=9",
         "scene.picture.light.electrons=100 electrons",
     )
-    definition = load_prepared(STUDIES / "close_range.yaml", picture)
-    problem = next(one for one in depth_problems(definition, {}) if one.name == "pair-f9.8")
+    study = load_prepared(STUDIES / "close_range.yaml", picture)
+    problem = next(one for one in depth_problems(study, {}) if one.name == "pair-f9.8")
     (variant,) = problem._variants
     bare = {"main_lens_diffraction": "off"}
     without = apply_models(variant.reference, bare)

@@ -106,8 +106,8 @@ def test_false_matches_add_to_failures_beyond_infinity(model: str) -> None:
     )
 
 
-def _without_false(definition: PreparedStudy, model: str) -> object:
-    found = definition.with_values({"scene.picture.matcher.false_matches": "0 %"})
+def _without_false(study: PreparedStudy, model: str) -> object:
+    found = study.with_values({"scene.picture.matcher.false_matches": "0 %"})
     return plan_of(found).study.case.cameras[HEAD]
 
 

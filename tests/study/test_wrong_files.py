@@ -47,9 +47,9 @@ def test_every_wrong_file_is_listed() -> None:
 
 
 def test_the_files_contain_no_other_mistakes() -> None:
-    definition = load(HERE / "right.yaml").prepared
-    assert list(definition.case.cameras) == ["rig", "array", "near"]
-    assert definition.file.cameras["near"].baseline == 0.02  # type: ignore[union-attr]  # a stereo rig
+    study = load(HERE / "right.yaml").prepared
+    assert list(study.case.cameras) == ["rig", "array", "near"]
+    assert study.file.cameras["near"].baseline == 0.02  # type: ignore[union-attr]  # a stereo rig
 
 
 @pytest.mark.parametrize("name", MISTAKES)
