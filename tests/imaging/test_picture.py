@@ -28,7 +28,13 @@ from tradestudy.imaging.models import (
 )
 from tradestudy.imaging.optical_transfer import LensTransfers, kirchhoff_correction, kirchhoff_points
 from tradestudy.imaging.passed_texture import band_nodes, matched_window, matching_bound_px
-from tradestudy.imaging.picture import PictureDisparityError, WeighedPicture, disparity_bound_px, disparity_error_px
+from tradestudy.imaging.picture import (
+    PictureDisparityError,
+    WeighedPicture,
+    disparity_bound_px,
+    disparity_error_px,
+    filled_share,
+)
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
 
 SETTINGS = PictureSettings(
@@ -349,12 +355,13 @@ def test_conditions_are_named(change: dict, words: str) -> None:
 
 
 def test_saturated_pixels_are_distinguished_from_bad_matching() -> None:
-    usual = error_of(hand_lens(), 55e-3)
-    bright = error_of(hand_lens(), 55e-3, replace(SETTINGS, light=Light(electrons=5e5, f_number=9.8)))
-    assert usual.filled_share[0] < 1.0 < bright.filled_share[0]
-    assert bright.applies.all()
+    lit = replace(SETTINGS, light=Light(electrons=5e5, f_number=9.8))
+    assert error_of(hand_lens(), 55e-3, lit).applies.all()
+    geometry = hand_lens().picture_geometry(np.array([55e-3]))
+    usual, bright = (filled_share(geometry, settings, CLOSED)[0] for settings in (SETTINGS, lit))
+    assert usual < 1.0 < bright
     # In proportion to the light that a pixel collects.
-    assert bright.filled_share[0] / usual.filled_share[0] == pytest.approx(5e5 / SETTINGS.light.electrons)
+    assert bright / usual == pytest.approx(5e5 / SETTINGS.light.electrons)
 
 
 def test_blur_wider_than_the_window_and_no_noise_at_all_are_outside() -> None:

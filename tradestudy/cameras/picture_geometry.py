@@ -245,15 +245,6 @@ class PictureGeometry:
         stages = [stage for stage in (self.main_lens, self.microlens) if stage is not None]
         return np.asarray(sum(stage.blur_diameter * stage.relay for stage in stages) / self.sample_pitch)
 
-    def in_focus(self) -> PictureGeometry:
-        """The same without geometric blur."""
-        main_lens, microlens = (
-            None if stage is None else replace(stage, blur_diameter=np.zeros_like(stage.blur_diameter))
-            for stage in (self.main_lens, self.microlens)
-        )
-        assert main_lens is not None  # every camera has one
-        return replace(self, main_lens=main_lens, microlens=microlens)
-
     def at(self, index: NDArray[np.intp]) -> PictureGeometry:
         """Select some of the distances, by index."""
         return replace(

@@ -73,15 +73,11 @@ class DerivedDisparityError:
         coarser rules), of aliased power beyond the summed replicas, and of Kirchhoff's transfer function.
     violated
         For each condition, where it is violated and a matcher cannot reach the bound.
-    filled_share
-        Electrons of the brightest texture relative to the full well; above 1 the picture is clipped and the bound is
-        invalid.
     """
 
     value: FloatArray
     error: FloatArray
     violated: Mapping[str, BoolArray]
-    filled_share: FloatArray
 
     @property
     def applies(self) -> BoolArray:
@@ -104,7 +100,6 @@ def disparity_error_px(
         value=value,
         error=error,
         violated=violated_conditions(geometry, settings, models, value),
-        filled_share=filled_share(geometry, settings, models),
     )
 
 

@@ -348,30 +348,16 @@ def limit_f_number(error_at: Callable[[float], float], f_numbers: Sequence[float
     float
         0 if the error is below the limit at all of them, infinity if it exceeds the limit at the largest.
     """
+    from scipy.optimize import brentq  # heavy, and few studies ask
+
     if error_at(f_numbers[-1]) > limit:
         return math.inf
     for below, above in zip(f_numbers[-2::-1], f_numbers[:0:-1], strict=True):
-        if error_at(below) > limit:
-            return _crossing(error_at, below, above, limit)
+        if error_at(below) > limit:  # its logarithm is nearly a straight line over that of the f-number
+            ends = math.log(below), math.log(above)
+            root = brentq(lambda x: math.log(error_at(math.exp(x)) / limit), *ends, xtol=_ROOT_TOLERANCE)
+            return math.exp(root)
     return 0.0
-
-
-def _crossing(error_at: Callable[[float], float], low: float, high: float, limit: float) -> float:
-    """Root by regula falsi (Illinois) on logarithms, where the error is nearly a straight line."""
-    target = math.log(limit)
-    x, y = [math.log(low), math.log(high)], [math.log(error_at(end)) - target for end in (low, high)]
-    kept = -1
-    while x[1] - x[0] > _ROOT_TOLERANCE:
-        at = x[0] - y[0] * (x[1] - x[0]) / (y[1] - y[0])
-        value = math.log(error_at(math.exp(at))) - target
-        if abs(value) < _ROOT_TOLERANCE:
-            return math.exp(at)
-        side = 0 if value > 0 else 1
-        x[side], y[side] = at, value
-        if kept == side:
-            y[1 - side] /= 2
-        kept = side
-    return math.exp((x[0] + x[1]) / 2)
 
 
 def paper_zeros(element: ElementPart, wavelengths: Sequence[float]) -> tuple[FloatArray, FloatArray]:

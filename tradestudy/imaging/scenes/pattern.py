@@ -334,13 +334,32 @@ class Pattern:
         first += row
         first += _starts(self.columns, self.rows)[level]
         first += start
-        values = self.values.reshape(-1)
-        a, b = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
-        first += columns
-        c, d = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
-        a += x * (b - a)
-        c += x * (d - c)
-        return np.asarray(a + y * (c - a))
+        return between_samples(self.values, first, columns, x, y)
+
+
+def between_samples(
+    values: NDArray[np.float32], first: NDArray[np.intp], columns: NDArray[np.intp] | int, x: FloatArray, y: FloatArray
+) -> FloatArray:
+    """Interpolate bilinearly in a flattened grid.
+
+    Parameters
+    ----------
+    values
+        The grid, of any shape.
+    first
+        Index of the sample before each place in both directions; changed in place.
+    columns
+        Samples in a row.
+    x, y
+        Place between this sample and the next one along a row and a column, from 0 to 1.
+    """
+    values = values.reshape(-1)
+    a, b = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
+    first += columns
+    c, d = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
+    a += x * (b - a)
+    c += x * (d - c)
+    return np.asarray(a + y * (c - a))
 
 
 @lru_cache(maxsize=64)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern
+from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern, between_samples
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 PatternSource = RandomPattern | PicturePattern
@@ -356,13 +356,7 @@ class HeightField:
             row &= rows - 1
         row *= columns + 1
         first += row
-        values = self.padded.reshape(-1)
-        a, b = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
-        first += columns + 1
-        c, d = values.take(first, mode="clip"), values.take(first + 1, mode="clip")
-        a += i * (b - a)
-        c += i * (d - c)
-        return np.asarray(a + j * (c - a) - z)
+        return between_samples(self.padded, first, columns + 1, i, j) - z
 
     def _march(
         self, start: FloatArray, slope: FloatArray, begin: FloatArray, margin: float
