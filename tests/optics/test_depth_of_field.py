@@ -21,7 +21,6 @@ from tradestudy.optics.depth_of_field import (
     images_needed,
     intersection,
     object_distance_of_magnification,
-    object_distance_of_working_distance,
     plan_focus_stack,
     union,
 )
@@ -135,8 +134,7 @@ def test_the_mahli_camera_given_by_its_scale_on_the_object():
     assert a == pytest.approx(55.4e-3, abs=0.05e-3)
     extent = depth_of_field(a, 18.3e-3, 18.3e-3 / 9.8, np.array([1.0, 2.0]) * 7.4e-6).extent
     np.testing.assert_allclose(extent, [0.89e-3, 1.78e-3], atol=5e-6)
-    nearer = object_distance_of_working_distance(22.5e-3, reference_working_distance=25e-3, reference_object_distance=a)
-    assert a - nearer == pytest.approx(2.5e-3, rel=1e-12)
+    nearer = a - (25e-3 - 22.5e-3)  # another working distance; the principal plane stays where it is in the lens
     assert 0.75e-3 < depth_of_field(nearer, 18.3e-3, 18.3e-3 / 9.8, 7.4e-6).extent < 0.89e-3
 
 
@@ -294,9 +292,6 @@ def test_blur_given_per_image_stays_with_its_image():
         lambda: plan_focus_stack(0.1, 0.2, images=0, **R5_LENS, blur_diameter=PIXEL),
         lambda: plan_focus_stack(0.1, 0.2, images=2, **R5_LENS, blur_diameter=1.0),
         lambda: object_distance_of_magnification(18.3e-3, 0.0),
-        lambda: object_distance_of_working_distance(
-            -1.0, reference_working_distance=0.02, reference_object_distance=0.05
-        ),
     ],
 )
 def test_impossible_lenses_and_criteria_are_refused_with_a_remedy(call):

@@ -1,4 +1,4 @@
-"""Equations 3 to 8 against an ABCD ray trace written here, 40-digit arithmetic, and published numbers."""
+"""Equations 3 to 6 and 8 against an ABCD ray trace written here, 40-digit arithmetic, and published numbers."""
 
 from __future__ import annotations
 
@@ -12,16 +12,13 @@ from hypothesis import strategies as st
 
 from tradestudy.optics.thin_lens import (
     main_lens_image_coordinate,
-    microlens_object_distance,
     object_distance_of_virtual_depth,
     project_to_detector,
-    project_to_object,
     virtual_depth,
 )
 from tradestudy.optics.triangulation import (
     midpoint_depth,
     plenoptic_depth,
-    plenoptic_disparity,
     stereo_depth,
     stereo_disparity,
 )
@@ -112,7 +109,7 @@ def test_projection_and_disparity_to_1e_12(relay: dict[str, float], a: float) ->
     tolerance = max(1e-12, 10 * condition * EPSILON)
     assert tolerance <= 1e-12
     assert float(project_to_detector(xi, a, center, **relay)) == pytest.approx(float(sigma), rel=tolerance)
-    assert float(plenoptic_disparity(a, center, **relay)) == pytest.approx(float(disparity), rel=tolerance)
+    assert center / float(virtual_depth(a, **relay)) == pytest.approx(float(disparity), rel=tolerance)
     x_image = float(-mpmath.mpf(xi) * f / (a - f))
     assert float(main_lens_image_coordinate(xi, a, relay["focal_length"])) == pytest.approx(x_image, rel=1e-12)
 
@@ -131,7 +128,7 @@ def test_forward_then_backward_is_the_identity_within_the_condition_number(
     relay = {"mla_distance": f * (1 + share), "microlens_gap": gap, "focal_length": f}
     assume(abs(float(virtual_depth(a, **relay))) > 1e-6)
     condition = plenoptic_depth_condition(a, **relay)
-    back = float(plenoptic_depth(plenoptic_disparity(a, 126.5e-6, **relay), 126.5e-6, **relay))
+    back = float(plenoptic_depth(126.5e-6 / virtual_depth(a, **relay), 126.5e-6, **relay))
     bound = 10 * condition * EPSILON
     # Where the bound reaches the pole, infinity is as near as rounding allows.
     assert abs(back / a - 1) <= bound or (bound > 0.1 and math.isinf(back))
@@ -156,32 +153,6 @@ def test_condition_number_is_the_measured_sensitivity(relay: dict[str, float], a
         inputs["disparity"] = inputs["microlens_gap"] / (inputs["mla_distance"] - f - f * f / (exact - f))
         total = sum(abs(depth(inputs | {name: inputs[name] * (1 + step)}) / exact - 1) / step for name in names)
     assert plenoptic_depth_condition(a, **relay) == pytest.approx(float(total), rel=1e-4)
-
-
-def test_back_projection_is_the_line_of_sight() -> None:
-    """Equation 7 as printed, at 40 digits, against the form that does not cancel."""
-    for a in (0.1, 0.3, 5.0, 1e4):
-        sigma, center = 37e-6, 126.5e-6
-        with mpmath.workdps(40):
-            f, z, gap = (mpmath.mpf(KEPLERIAN[k]) for k in ("focal_length", "mla_distance", "microlens_gap"))
-            printed = (
-                mpmath.mpf(center)
-                - sigma * z / gap
-                + a * (sigma * z / (f * gap) - sigma / gap - mpmath.mpf(center) / f)
-            )
-        assert float(project_to_object(sigma, a, center, **KEPLERIAN)) == pytest.approx(float(printed), rel=1e-12)
-
-
-@given(xi=st.floats(-0.05, 0.05), a=st.floats(0.09, 1e3), center=st.floats(-5e-3, 5e-3))
-def test_projection_round_trip(xi: float, a: float, center: float) -> None:
-    there = project_to_detector(xi, a, center, **KEPLERIAN)
-    back = float(project_to_object(there, a, center, **KEPLERIAN))
-    # ξ = −x' f/s with x' = x_off − v σ: the difference is the condition.
-    image = abs(float(main_lens_image_coordinate(xi, a, 12.5e-3)))
-    scale = (abs(center) + image) * (a - 12.5e-3) / 12.5e-3
-    a_L = abs(float(microlens_object_distance(a, 14.773e-3, 12.5e-3)))
-    smallest = 1e-300  # below it a number has fewer digits
-    assert back == pytest.approx(xi, abs=40 * EPSILON * scale * (1 + 14.773e-3 / a_L) + smallest)
 
 
 def test_poles_are_outcomes() -> None:

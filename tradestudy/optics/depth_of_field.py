@@ -291,35 +291,6 @@ def object_distance_of_magnification(focal_length: ArrayLike, magnification: Arr
     return np.asarray(f * (1 + 1 / m))
 
 
-def object_distance_of_working_distance(
-    working_distance: ArrayLike, *, reference_working_distance: ArrayLike, reference_object_distance: ArrayLike
-) -> FloatArray:
-    """Distance from object to principal plane for another working distance: a = w + (a_ref − w_ref).
-
-    This assumes that the principal plane keeps its distance from the front of the lens; with internal focusing, it
-    holds only near the reference.
-
-    Parameters
-    ----------
-    working_distance
-        w > 0, from the front of the lens [m].
-    reference_working_distance, reference_object_distance
-        A pair known at one focus [m], the latter from `object_distance_of_magnification`.
-
-    Returns
-    -------
-    a [m], broadcast.
-
-    Raises
-    ------
-    OutOfRangeError
-        For a working distance that is not positive.
-    """
-    w, w_ref, a_ref = as_floats(working_distance, reference_working_distance, reference_object_distance)
-    require(w > 0, "working distance", w, limit="> 0 m", remedy="count from the front of the lens")
-    return np.asarray(w + (a_ref - w_ref))
-
-
 # Limits closer than this, relative to their distance, count as touching, so that rounding opens no gaps.
 TOUCHING: Final = 1e-9
 

@@ -202,38 +202,6 @@ def project_to_detector(
         )
 
 
-def project_to_object(
-    local_image_coordinate: ArrayLike,
-    object_distance: ArrayLike,
-    microlens_center: ArrayLike,
-    *,
-    mla_distance: ArrayLike,
-    microlens_gap: ArrayLike,
-    focal_length: ArrayLike,
-) -> FloatArray:
-    """Eq. 7: the object coordinate ξ [m] at distance a_M that microlens i images to σ_i.
-
-    All points that a pixel can show lie on one straight line ``ξ = c₁ + a_M c₂``; this is its value at one distance,
-    computed as ``x' = x_off − v σ`` and ``ξ = −x' f / s`` instead of the paper's expanded sum, whose terms cancel.
-
-    Parameters
-    ----------
-    local_image_coordinate
-        σ_i [m].
-    object_distance, microlens_center, mla_distance, microlens_gap, focal_length
-        As in `project_to_detector`.
-
-    Returns
-    -------
-    FloatArray
-        ξ [m]; grows without bound with a_M, along the line of sight.
-    """
-    f = np.asarray(focal_length, dtype=np.float64)
-    v = virtual_depth(object_distance, mla_distance, microlens_gap, f)
-    x_image = np.asarray(microlens_center, dtype=np.float64) - v * np.asarray(local_image_coordinate, dtype=np.float64)
-    return np.asarray(-x_image * ((np.asarray(object_distance, dtype=np.float64) - f) / f))
-
-
 STANDARD_TEMPERATURE = 288.15  # K
 STANDARD_PRESSURE = 101_325.0  # Pa
 

@@ -10,36 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.optics.arrays import FloatArray, as_floats, require
-from tradestudy.optics.thin_lens import virtual_depth
-
-
-def plenoptic_disparity(
-    object_distance: ArrayLike,
-    microlens_baseline: ArrayLike,
-    *,
-    mla_distance: ArrayLike,
-    microlens_gap: ArrayLike,
-    focal_length: ArrayLike,
-) -> FloatArray:
-    """The disparity of a point under two microlenses: ``Δσ = Δx b_L / a_L = Δx / v`` [m], signed like a_L.
-
-    Parameters
-    ----------
-    object_distance
-        a_M [m].
-    microlens_baseline
-        Δx = x_off,1 − x_off,2 [m], the distance between the two microlens centres.
-    mla_distance, microlens_gap, focal_length
-        z, b_L and f_M [m].
-
-    Returns
-    -------
-    FloatArray
-        Infinite where the main lens images onto the array.
-    """
-    v = virtual_depth(object_distance, mla_distance, microlens_gap, focal_length)
-    with np.errstate(divide="ignore"):  # a_L = 0 is a pole of the law
-        return np.asarray(np.asarray(microlens_baseline, dtype=np.float64) / v)
 
 
 def plenoptic_focus_shift(
