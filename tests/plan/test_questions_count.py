@@ -9,9 +9,21 @@ import numpy as np
 import pytest
 
 import tradestudy
+from tradestudy.depth.evaluation import distribution
 
 STUDIES = Path(__file__).parents[2] / "studies"
 NONE = {"yaw": None, "pitch": None, "roll": None, "baseline": None, "focal_length": None}
+CLAIM = {
+    "says": "the pair is more certain", "source": "nobody", "tolerance_reason": "none", "under": "all",
+    "quantity": "uncertainty_ratio", "camera": "pair", "against": "bare", "over": ["19 m", "20 m"],
+    "expect": {"below": "3.4"},
+}  # fmt: skip
+QUESTION = {
+    "says": "which yaw?", "vary": "pair.calibration.errors.yaw.half_width", "low": "0.005 deg", "high": "0.02 deg",
+    "camera": "pair", "relative": "3 %", "at": "20 m",
+}  # fmt: skip
+RANGE = ("vary", "low", "high")
+WEIGHED = {"quantity": "depth_uncertainty", "at": "20 m", "worst": "1 m", "best": "1 mm"}
 STUDY = """\
 format: 2
 study: questions
@@ -55,39 +67,46 @@ def test_at_close_range_the_linear_model_is_enough(tmp_path: Path) -> None:
 
 
 def test_a_claim_far_beyond_the_scene_counts(tmp_path: Path) -> None:
-    claim = {
-        "says": "the pair is more certain", "source": "nobody", "tolerance_reason": "none", "under": "all",
-        "quantity": "uncertainty_ratio", "camera": "pair", "against": "bare", "over": ["19 m", "20 m"],
-        "expect": {"below": "3.4"},
-    }  # fmt: skip
-    asked = study(tmp_path, FAR, claims={"far": claim})
+    asked = study(tmp_path, FAR, claims={"far": CLAIM})
     assert propagation(asked) == "exact"
     assert asked.run().data["claims"]["met"].values[0, 0] == 0  # 3.69 by draws; a line makes it 3.22
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"decision": {"between": ["pair", "bare"], "at": ["20 m"]}},
+        {"sensitivity": {"at": ["20 m"]}},
+        {"value_of_information": {"assumptions": {"yaw": {k: QUESTION[k] for k in RANGE}}, "at": ["20 m"]}},
+        {"solve": {"far": QUESTION}},
+        {"trade_off": {"criteria": {"far": WEIGHED}}},
+        {"requirements": {"far": {"says": "far", "camera": "any", "usable": {"at": "20 m"}}}},
+        {"claims": {"far": CLAIM}},
+        {"claims": {"far": CLAIM | {"quantity": "share_better", "expect": {"below": "5 %"}}}},
+    ],
+)
+def test_draws_converge_at_the_distances_of_every_question(tmp_path: Path, asked: dict[str, Any]) -> None:
+    forced = {"effects.calibration": "exact", "accuracy.tolerance": "1 %"}
+    pair = study(tmp_path, FAR, **asked, **forced).plan().study.case.cameras["pair"]
+    assert distribution(pair, np.array([20.0]), "both").sampling_error()[0] <= 0.01  # 1.7 % with the scene's draws
+
+
 def test_the_farthest_of_many_questions_counts(tmp_path: Path) -> None:
-    question = {
-        "says": "which yaw?", "vary": "pair.calibration.errors.yaw.half_width", "low": "0.005 deg",
-        "high": "0.02 deg", "camera": "pair", "relative": "3 %", "at": "20 m",
-    }  # fmt: skip
     near = {
         f"r{k}": {"says": "near", "camera": "any", AT: {"below_relative": "2 %", "over": [f"0.{k} m", f"0.{k}1 m"]}}
         for k in range(31, 36)
     }
-    asked = study(tmp_path, FAR, solve={"far": question}, requirements=near)
+    asked = study(tmp_path, FAR, solve={"far": QUESTION}, requirements=near)
     definition = asked.plan().study.under("far")
     assert definition.case.cameras["pair"].propagation.model == "exact"
 
 
 def test_a_question_about_calibration_alone_is_judged_by_it(tmp_path: Path) -> None:
     """Noise hides what a line makes of a uniform yaw; asked for calibration alone it is 18 % off."""
-    question = {
-        "says": "which yaw?", "vary": "pair.calibration.errors.yaw.half_width", "low": "0.0001 deg",
-        "high": "0.0006 deg", "camera": "pair", "relative": "0.005 %", "at": "0.4 m", "errors": "calibration",
-    }  # fmt: skip
+    question = QUESTION | {"low": "0.0001 deg", "high": "0.0006 deg", "relative": "0.005 %", "at": "0.4 m"}
     narrow = {"yaw": {"standard_deviation": None, "half_width": "0.0004 deg"}}
     assert propagation(study(tmp_path, narrow)) != "exact"
-    assert propagation(study(tmp_path, narrow, solve={"own": question})) == "exact"
+    assert propagation(study(tmp_path, narrow, solve={"own": question | {"errors": "calibration"}})) == "exact"
 
 
 @pytest.mark.parametrize("tolerance", ["5 %", "10 %"])

@@ -348,22 +348,11 @@ def _variant(study: PreparedStudy, name: str, forced: Models) -> DepthVariant | 
         camera=camera,
         criteria=study.case.criteria,
         distance=np.unique(np.append(distance[::step], distance[-1:])),
-        asked=np.unique(list(_distances_asked(file))),
+        asked=np.array(file.depth_distances),
         error_sources=_error_sources_asked(file),
         fields=tuple(place for share in file.propagation.field_places for place in towards_corners(share)),
         forced=applicable(camera, forced),
     )
-
-
-def _distances_asked(file: StudyFile) -> Iterator[float]:
-    """All distances [m] at which the study asks something."""
-    yield from () if file.decision is None else file.decision.at
-    yield from () if file.sensitivity is None else file.sensitivity.at
-    yield from (one.at for one in file.solve.values() if one.at is not None)
-    for requirement in file.requirements.values():
-        yield from requirement.over if requirement.needs_usable_range else ()
-    for claim in file.claims.values():
-        yield from getattr(claim, "over", None) or ()
 
 
 def _error_sources_asked(file: StudyFile) -> tuple[str, ...]:

@@ -254,12 +254,10 @@ def _with_calibration(
 
 
 def _propagation(file: StudyFile, distance: FloatArray) -> Propagation:
-    """How errors are propagated; draws must converge at some distances [m] and at those that the study names."""
-    asked = {*_some(distance, _JUDGED).tolist(), *(() if file.decision is None else file.decision.at)}
-    asked |= {end for one in file.requirements.values() if one.needs_usable_range for end in one.over}
+    """How errors are propagated; draws must converge at some distances [m] and at those of all questions."""
     return replace(
         file.propagation.propagation(file.accuracy.asked().tolerances["depth_uncertainty"]),
-        judged=tuple(sorted(asked)),
+        judged=tuple(sorted({*_some(distance, _JUDGED).tolist(), *file.depth_distances})),
     )
 
 

@@ -13,7 +13,7 @@ from tradestudy.cameras.kinds import CameraPart
 from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.declarations.quantities import Text
 from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart, PropagationPart, SensitivityPart
-from tradestudy.study.schema.claims import ClaimPart, wave_claim_mistakes
+from tradestudy.study.schema.claims import ClaimPart, ShareBetterClaim, UncertaintyRatioClaim, wave_claim_mistakes
 from tradestudy.study.schema.questions import (
     DecisionPart,
     DepthOfFieldPart,
@@ -249,6 +249,17 @@ class StudyFile(Part):
             return ()
         among = None if self.decision is None else self.decision.candidates
         return self.trade_off.candidates or among or tuple(self.cameras)
+
+    @property
+    def depth_distances(self) -> tuple[float, ...]:
+        """All distances [m] at which the study asks about the depth that cameras measure, in ascending order."""
+        parts = (self.decision, self.sensitivity, self.value_of_information)
+        found = {place for part in parts if part is not None for place in part.at or ()}
+        weighed = () if self.trade_off is None else self.trade_off.criteria.values()
+        found |= {one.at for one in (*self.solve.values(), *weighed) if one.at is not None}
+        found |= {end for one in self.requirements.values() if one.needs_usable_range for end in one.over}
+        claims = (one for one in self.claims.values() if isinstance(one, UncertaintyRatioClaim | ShareBetterClaim))
+        return tuple(sorted(found.union(*(one.over for one in claims))))
 
     def with_parts(self, parts: Mapping[str, Any]) -> Self:
         """The same study with other parts, each valid by itself.
