@@ -142,7 +142,7 @@ class Result:
         """
         from tradestudy.results.views.terminal import conclusions_as_json
 
-        found = conclusions_as_json(self.data)
+        found = conclusions_as_json(self.data, self.run_record.get("seconds", {}))
         return found if directory is None else {**found, "report": str(Path(directory) / "report.html")}
 
     @property

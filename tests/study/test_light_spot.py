@@ -228,6 +228,7 @@ def case(**changes: float | str) -> LensAndPoint:
 
 
 def test_the_conclusion_is_the_summed_difference_from_the_reference(result: Result) -> None:
+    assert result.conclusions()["headline"] == result.lines()[0]
     pictures = result.conclusions()["light_spot"]
     assert [one["method"] for one in pictures] == list(result.data["images"]["propagator"].values)
     whole = image(result, "kirchhoff")

@@ -65,12 +65,12 @@ def terminal_lines(
 JSON_FORMAT: Final = 1
 
 
-def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
-    """The conclusions of a run with numbers in SI; see `Result.conclusions` for the keys."""
+def conclusions_as_json(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({})) -> dict[str, Any]:
+    """The conclusions of a run with numbers in SI; see `Result.conclusions` for the keys, `headline` for `seconds`."""
     return {
         "format": JSON_FORMAT,
         **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
-        "headline": headline(tree),
+        "headline": headline(tree, seconds),
         "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_ranges(tree)],
         "best_nowhere": [{"camera": title, "at_least": ratio} for title, ratio in never_best(tree)],
         "lower_bounds": list(lower_bounds(tree)),
