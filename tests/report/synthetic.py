@@ -263,6 +263,7 @@ def _registers(keys: list[str]) -> dict[str, xr.Dataset]:
                 "reason": ["not usable at 0.1 m", "worst 3.5 % at 1 m"],
                 "limited_by": ["overlap", ""],
                 "rests_on": ["yaw of a rig, assumed 0.2 deg", ""],
+                "rests_on_basis": ["assumed", ""],
                 "rests_on_share": [0.9, np.nan],
             },
             {"requirement": ["close", "mid"]},

@@ -283,6 +283,39 @@ def test_the_inputs_that_the_answer_rests_on_have_their_basis(swept: Result) -> 
     assert [one.words for one in best_ranges(swept.data)] == ["75 mm stereo head from 0.3 to 4 m"]
 
 
+@pytest.mark.parametrize("title", ["Rig, assumed stiff", "Rig; left"])
+@pytest.mark.parametrize(
+    ("basis", "words"), [("datasheet", "0.01 deg from the data sheet"), ("assumed", "assumed 0.01 deg")]
+)
+@pytest.mark.parametrize("asked", [True, False])
+def test_only_an_input_with_an_assumed_basis_is_to_be_measured(title: str, basis: str, words: str, asked: bool) -> None:
+    """Whatever the title of its camera says."""
+    yaw = {"value": "0.01 deg", "basis": basis}
+    wish = {
+        "says": "fine",
+        "camera": "stereo-75mm",
+        "depth_uncertainty": {"below_relative": "1 %", "over": ["1 m", "3 m"]},
+    }
+    changes = {"stereo-75mm.title": title, "stereo-75mm.calibration.errors.yaw.standard_deviation": yaw}
+    requirements = {"near-and-mid": None, **({"fine": wish} if asked else {})}
+    result = ran(changes, {"requirements": requirements, "scene.distances": ["1 m", "2 m", "3 m"]})
+    (said,) = rests_on(result.data)
+    assert said.startswith(f"yaw of the {title}, {words} (")
+    assert measure_first(result.data) == (f"Measure first: {said}" if basis == "assumed" else "")
+
+
+def test_results_without_stored_bases_name_no_assumption_to_measure(swept: Result) -> None:
+    old = {
+        name: node.to_dataset().drop_vars(("cause_basis", "rests_on_basis"), errors="ignore")
+        for name, node in swept.data.children.items()
+    }
+    tree = xr.DataTree.from_dict(old)
+    assert set(rests_on(tree)) == set(rests_on(swept.data))
+    assert measure_first(swept.data).startswith("Measure first: yaw of the 75 mm stereo head, assumed 0.01 deg")
+    assert measure_first(tree) == ""
+    assert not any("measure first" in one.lower() for one in terminal_lines(tree))
+
+
 def test_where_a_limit_decides_the_answer_rests_on_it() -> None:
     """At 0.1 m pictures are blurred beyond what windows of this size can match, however well the rig is calibrated."""
     near = {"says": "close", "camera": "stereo-75mm", "usable": {"over": ["0.05 m", "1 m"]}}

@@ -32,7 +32,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.bases import input_words
+from tradestudy.study.bases import NamedInput, uncertain_input
 from tradestudy.study.prepared import Case, PreparedStudy
 
 NOISE: Final = "noise"
@@ -365,7 +365,11 @@ def decision_group(
         grids = (case.distance, sought(camera, case.distance))  # the denser one where the study's shows no usable place
         used = (one[_within(intervals, one)] for one in grids)
         causes[name] = largest_cause(camera, next((one for one in used if one.size), case.distance))
-    values["cause"] = ["" if one is None else input_words(study, name, one.parameter) for name, one in causes.items()]
+    inputs = [
+        NamedInput() if one is None else uncertain_input(study, name, one.parameter) for name, one in causes.items()
+    ]
+    values["cause"] = [one.words for one in inputs]
+    values["cause_basis"] = [one.basis for one in inputs]
     values["cause_share"] = [math.nan if one is None else one.share for one in causes.values()]
     coordinates["camera"] = list(case.cameras)
     if file.decision is not None:

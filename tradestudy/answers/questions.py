@@ -28,7 +28,7 @@ from tradestudy.depth.evaluation import distribution
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.bases import rests_in_words
+from tradestudy.study.bases import NamedInput, declared_input
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying, quantity_entry, question_ends
@@ -96,7 +96,7 @@ def solve(study: PreparedStudy, question: SolvePart) -> Solved:
     answer = _answer(study, question, found, is_counted=varying.is_counted)
     if ratios.plans > 1:
         answer += f"; mean over {ratios.plans} arrangements of the calibration views"
-    rests, share = "", math.nan
+    rests, share = NamedInput(), math.nan
     if question.errors == "calibration" and question.equal is None:
         answer += _larger_noise(study.with_values(varying.changes(found[0].value)), question)
         rests, share = _corner_noise(ratios.changed(math.log(found[0].value)), question)
@@ -224,8 +224,8 @@ _NOISE_STEP: Final = 1.01  # factor of the corner noise on both sides of the dec
 _MOST: Final = 0.5  # of the variance
 
 
-def _corner_noise(study: PreparedStudy, question: SolvePart) -> tuple[str, float]:
-    """The corner noise of a calibration to be planned, in words, and its share of the variance of depth.
+def _corner_noise(study: PreparedStudy, question: SolvePart) -> tuple[NamedInput, float]:
+    """The corner noise of a calibration to be planned, and its share of the variance of depth.
 
     The planned covariance combines the corners with the errors before the calibration: its logarithmic derivative with
     respect to the variance of the corners is their share. Empty and NaN where this is not most of it.
@@ -233,7 +233,7 @@ def _corner_noise(study: PreparedStudy, question: SolvePart) -> tuple[str, float
     name = question.camera or ""
     asked = {one.name: one for one in to_plan(study).values()}
     if name not in asked:
-        return "", math.nan
+        return NamedInput(), math.nan
     path = ("cameras", name, "calibration", "target", "corner_noise")
     changes = [
         {".".join(path): quantity_entry(asked[name].part.corner_noise * factor, PIXELS)}
@@ -242,9 +242,9 @@ def _corner_noise(study: PreparedStudy, question: SolvePart) -> tuple[str, float
     low, high = (_log_ratios(planned(study.with_values(one)), question)[0] for one in changes)
     share = float(high - low) / (2.0 * math.log(_NOISE_STEP))
     if not share > _MOST:
-        return "", math.nan
+        return NamedInput(), math.nan
     title = with_article(study.file.cameras[name].title)
-    return f"corner noise of {title}{rests_in_words(study, path)}", share
+    return declared_input(study, f"corner noise of {title}", path), share
 
 
 def _undecided(question: SolvePart) -> str:
@@ -322,7 +322,8 @@ def questions_group(study: PreparedStudy, progress: Progress) -> xr.Dataset:
             "solved_units": [answer.dimension.unit for answer in solved],
             "solved_says": [question.says for question in questions.values()],
             "solved_answer": [answer.answer for answer in solved],
-            "solved_rests_on": [answer.rests_on for answer in solved],
+            "solved_rests_on": [answer.rests_on.words for answer in solved],
+            "solved_rests_on_basis": [answer.rests_on.basis for answer in solved],
             "solved_rests_on_share": [answer.share for answer in solved],
         },
         {"question": list(questions)},

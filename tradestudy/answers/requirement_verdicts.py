@@ -19,7 +19,7 @@ from tradestudy.answers.solutions import bracketed, planned
 from tradestudy.errors import TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import at_bound
-from tradestudy.study.bases import input_words
+from tradestudy.study.bases import NamedInput, uncertain_input
 from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.requirements import (
     BoundOverPart,
@@ -153,7 +153,7 @@ def _bound_words(required: Required) -> str:
 
 def _rests_on(study: PreparedStudy, deciding: Sequence[RequirementAnswer]) -> dict[str, Any]:
     """The limit that decides or, if errors do, the largest cause of the camera's uncertainty at the worst distance."""
-    words, shares = [], []
+    inputs, shares = [], []
     for requirement, answer in zip(study.file.requirements.values(), deciding, strict=True):
         cause, limit = None, ""
         if answer.limit:
@@ -162,9 +162,15 @@ def _rests_on(study: PreparedStudy, deciding: Sequence[RequirementAnswer]) -> di
         uncertain = requirement.quantity in _OF_ERRORS and answer.value > 0.0
         if math.isfinite(answer.place) and (answer.limit in _OF_ERRORS or (uncertain and not answer.limit)):
             cause = largest_cause(study.case.cameras[answer.camera], np.array([answer.place]), answer.field)
-        words.append(limit if cause is None else input_words(study, answer.camera, cause.parameter))
+        inputs.append(
+            NamedInput(words=limit) if cause is None else uncertain_input(study, answer.camera, cause.parameter)
+        )
         shares.append(math.nan if cause is None else cause.share)
-    return {"rests_on": words, "rests_on_share": shares}
+    return {
+        "rests_on": [one.words for one in inputs],
+        "rests_on_basis": [one.basis for one in inputs],
+        "rests_on_share": shares,
+    }
 
 
 def _with_matching_at_its_bound(study: PreparedStudy, judge: Judge) -> dict[str, Any]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from tradestudy.study.bases import NamedInput
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
@@ -123,7 +124,7 @@ class Solved:
     dimension: Dimension
     answer: str
     tried: tuple[tuple[float, float], ...] = ()
-    rests_on: str = ""
+    rests_on: NamedInput = field(default_factory=NamedInput)
     share: float = math.nan
 
     @property

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.imaging.models import AT_BOUND
 from tradestudy.imaging.picture import PictureDisparityError
@@ -12,7 +14,15 @@ from tradestudy.wording import with_article
 Path = tuple[str | int, ...]
 
 
-def input_words(study: PreparedStudy, camera: str, parameter: str) -> str:
+@dataclass(frozen=True, kw_only=True)
+class NamedInput:
+    """What an answer rests on, in words with its value and basis, and that basis alone; empty where it has none."""
+
+    words: str = ""
+    basis: str = ""
+
+
+def uncertain_input(study: PreparedStudy, camera: str, parameter: str) -> NamedInput:
     """An uncertain parameter of a camera with its spread and basis, such as "yaw of Head A, assumed 0.01 deg".
 
     Parameters
@@ -31,13 +41,12 @@ def input_words(study: PreparedStudy, camera: str, parameter: str) -> str:
         if isinstance(part, DepthCameraDeclaration) and part.depth.declared_error_px is None:
             law = study.case.cameras[camera].disparity_error_px
             real = isinstance(law, PictureDisparityError) and law.matcher != AT_BOUND
-            return f"matching noise of {title}, derived from the picture" + (
-                " and the declared matcher" if real else ""
-            )
+            matcher = " and the declared matcher" if real else ""
+            return NamedInput(words=f"matching noise of {title}, derived from the picture{matcher}", basis="derived")
         if not isinstance(declared, ScalarEntry):
             default = next(text for where, text in part.assumed() if where == ("depth", "disparity_error"))
-            return f"matching noise of {title}, assumed {default}"
-        return f"matching noise of {title}{rests_in_words(study, path)}"
+            return NamedInput(words=f"matching noise of {title}, assumed {default}", basis="assumed")
+        return declared_input(study, f"matching noise of {title}", path)
     name = parameter.replace("_", " ")
     for path in (
         ("cameras", camera, "calibration", "errors", parameter),
@@ -45,8 +54,8 @@ def input_words(study: PreparedStudy, camera: str, parameter: str) -> str:
     ):
         entry = study.document.entry(path)
         if entry is not None and (spread := _spread(path, entry)) is not None:
-            return f"{name} of {title}{rests_in_words(study, spread)}"
-    return f"{name} of {title}, as calibrated"
+            return declared_input(study, f"{name} of {title}", spread)
+    return NamedInput(words=f"{name} of {title}, as calibrated", basis="calibrated")
 
 
 def _spread(path: Path, entry: Entry) -> Path | None:
@@ -60,10 +69,11 @@ def _spread(path: Path, entry: Entry) -> Path | None:
     return None
 
 
-def rests_in_words(study: PreparedStudy, path: Path) -> str:
-    """A declared value with its basis, as it follows the name of an input: ", assumed 0.2 px"."""
+def declared_input(study: PreparedStudy, name: str, path: Path) -> NamedInput:
+    """An input of a given name with its declared value and basis: "corner noise of Head A, assumed 0.2 px"."""
     note = study.document.annotations.get(path)
     basis = note.basis if note is not None and note.basis is not None else "declared"
     text = study.document.text_of(path)
     sources = {"paper": "from the paper", "datasheet": "from the data sheet"}
-    return f", {text} {sources[basis]}" if basis in sources else f", {basis} {text}"
+    rests = f"{text} {sources[basis]}" if basis in sources else f"{basis} {text}"
+    return NamedInput(words=f"{name}, {rests}", basis=basis)

@@ -27,11 +27,10 @@ from tradestudy.results.views.requirement_conclusions import (
     requirement_conclusions,
 )
 from tradestudy.units import FRACTION, pretty, rounded, significant
-from tradestudy.wording import distance, limit_words, listed, plain_span, with_article
+from tradestudy.wording import limit_words, listed, plain_span, range_words, with_article
 
-_SEVERAL: Final = 2
 _ROUNDING: Final = 1e-6  # of a ratio of uncertainties
-_ASSUMED: Final = ", assumed "
+_ASSUMED: Final = "assumed"  # a basis
 _CLEAR: Final = 2.0  # standard errors
 
 
@@ -76,14 +75,14 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
     )
 
 
-def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
-    """What decides the requirements most or, without requirements, the depth of the best cameras.
+def rests_on(tree: xr.DataTree, *, only_assumed: bool = False) -> tuple[str, ...]:
+    """What decides the requirements most or, without requirements, the depth of the best cameras; assumptions first.
 
     Either a limit of a camera's range, or an uncertain input with its basis, its share of the variance, and where it
-    has that share.
+    has that share. Results that store no bases of inputs, as earlier versions wrote them, have no known assumptions.
     """
     found = [
-        (one.rests_on, one.rests_on_share, " at " + distance(one.place).replace("\N{NO-BREAK SPACE}", " "))
+        (one.rests_on, one.rests_on_basis, one.rests_on_share, f" {range_words(one.place, one.place)}")
         for one in requirement_conclusions(tree)
         if one.rests_on
     ]
@@ -91,8 +90,9 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
         found += [
             (
                 str(row["solved_rests_on"]),
+                str(row.get("solved_rests_on_basis", "")),
                 float(row["solved_rests_on_share"]),
-                " due to calibration at " + distance(float(row["solved_place"])).replace("\N{NO-BREAK SPACE}", " "),
+                f" due to calibration {range_words(row['solved_place'], row['solved_place'])}",
             )
             for row in records(tree, "decision", "question")
             if row["solved_rests_on"]
@@ -100,22 +100,23 @@ def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
     if not found and (ranked := ranked_by_bias(tree)) is not None:
         biased, instead = ranked
         drawn = f"bias of {with_article(biased)}, one random draw of its calibration errors"
-        return (f"{drawn} (without it, the camera would measure {instead})",)
+        return () if only_assumed else (f"{drawn} (without it, the camera would measure {instead})",)
     if not found and has(tree, "decision", "cause"):
         titles = camera_titles(tree)
         best = {name for one in best_ranges(tree) for name in one.cameras}
-        rows = records(tree, "decision", "camera")
+        where = ", averaged over usable distances"
         found = [
-            (str(row["cause"]), float(row["cause_share"]), ", averaged over usable distances")
-            for row in rows
+            (str(row["cause"]), str(row.get("cause_basis", "")), float(row["cause_share"]), where)
+            for row in records(tree, "decision", "camera")
             if titles[str(row["camera"])] in best and row["cause"]
         ]
-    shares: dict[str, tuple[float, str]] = {}
-    for words, share, where in found:
-        shares[words] = max((share, where), shares.get(words, (0.0, "")))
+    shares: dict[tuple[str, str], tuple[float, str]] = {}
+    for words, basis, share, where in found:
+        shares[words, basis] = max((share, where), shares.get((words, basis), (0.0, "")))
     return tuple(
         words + (f" ({_share_of_variance(share)}{where})" if math.isfinite(share) else "")
-        for words, (share, where) in sorted(shares.items(), key=lambda one: _ASSUMED not in one[0])
+        for (words, basis), (share, where) in sorted(shares.items(), key=lambda one: one[0][1] != _ASSUMED)
+        if basis == _ASSUMED or not only_assumed
     )
 
 
@@ -189,12 +190,12 @@ def measure_first(tree: xr.DataTree) -> str:
     if not found:
         if not requirement_conclusions(tree) and (ranked := ranked_by_bias(tree)) is not None:
             return f"Measure first: the calibration of {with_article(ranked[0])}"
-        assumed = [words for words in rests_on(tree) if _ASSUMED in words]
+        assumed = rests_on(tree, only_assumed=True)
         return f"Measure first: {assumed[0]}" if assumed else ""
     clear = [one for one in found if one.is_clear]
     if not clear:
         data = group(tree, "value_of_information")
-        if data.sizes["candidate"] < _SEVERAL:
+        if data.sizes["candidate"] <= 1:
             return "With only one candidate, no measurement changes the choice"
         whole = float(data.attrs["worth_of_all"])
         if whole <= 0.0:

@@ -101,9 +101,9 @@ class RequirementConclusion:
         The worst value and its distance, in words.
     limited_by
         The limit of the usable or sharp range that decides; empty where the value does.
-    rests_on, rests_on_share
-        That limit and NaN, or the uncertain input that decides the value most, with its basis, and its share of the
-        variance; empty where none does.
+    rests_on, rests_on_basis, rests_on_share
+        That limit, "" and NaN, or the uncertain input that decides the value most, with its basis, that basis alone
+        ("" where the results do not store it), and its share of the variance; empty where none does.
     bound
         The bound in SI; NaN for designs of a sweep.
     met_ranges
@@ -137,6 +137,7 @@ class RequirementConclusion:
     reason: str
     limited_by: str
     rests_on: str
+    rests_on_basis: str
     rests_on_share: float
     bound: float = math.nan
     met_ranges: tuple[MetRange, ...] | None = None
@@ -203,6 +204,7 @@ def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: An
         reason=str(row["reason"]),
         limited_by=str(row["limited_by"]),
         rests_on=str(row["rests_on"]),
+        rests_on_basis=str(row.get("rests_on_basis", "")),
         rests_on_share=float(row["rests_on_share"]),
         bound=float(row.get("bound", math.nan)),
         **further,
