@@ -14,6 +14,7 @@ from tradestudy import load
 from tradestudy.results.views import headline as views_headline
 from tradestudy.results.views.conclusions import measure_first, never_best, other_words, rests_on
 from tradestudy.results.views.headline import answers, headline
+from tradestudy.study.starter import of_catalogue
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -107,6 +108,20 @@ def test_a_sweep_names_the_number_that_decides(baselines: str) -> None:
     study = load(STUDIES / "stereo_design.yaml", ["scene.distances={from: 0.5 m, to: 2 m, points: 7}", *swept])
     said = "For depth at 1 m, baseline decides and focal length hardly matters: ±35 mm with baseline 100 mm."
     assert answers(study.run().data)[1] == said
+
+
+@pytest.mark.parametrize(
+    ("mode", "said"),
+    [
+        ("", "RealSense D455 at 1280x720: it alone meets both requirements."),
+        ("-extended", "OAK-D at 800p-extended: it meets"),
+    ],
+)
+def test_a_camera_that_alone_meets_what_is_required_is_taken(tmp_path: Path, mode: str, said: str) -> None:
+    """By its maker, the OAK-D sees nothing nearer than 70 cm, extended than 35 cm; at 1.5 m it is the more certain."""
+    study = tmp_path / "bins.yaml"
+    study.write_text(of_catalogue("bins", ["realsense-d455", f"oak-d:800p{mode}"]), encoding="utf-8")
+    assert headline(load(study, ["scene.distances.points=20"]).run().data).startswith(f"Take the {said}")
 
 
 def test_a_camera_that_is_usable_nowhere_is_not_compared() -> None:

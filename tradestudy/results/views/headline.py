@@ -15,6 +15,7 @@ from tradestudy.results.views.conclusions import (
     BestRange,
     at_least,
     best_ranges,
+    lower_bounds,
     never_best,
     never_usable,
     question_words,
@@ -32,7 +33,7 @@ from tradestudy.results.views.designs import all_requirements, deciding_words, f
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.results.views.measured import measured_tables
 from tradestudy.results.views.refocusing import refocusing_words
-from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
+from tradestudy.results.views.requirement_conclusions import ANY, RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 from tradestudy.results.views.wave_optics import fresnel_numbers, hard_case_words, light_numbers, where_fresnel
 from tradestudy.units import DURATION, FRACTION, LENGTH, pretty, significant
@@ -183,10 +184,23 @@ def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]
         lead = _lead_words(tree) if {title for one in ranges for title in one.cameras} == deciding else ""
         words = f"{'for depth alone, ' * bool(other)}take {with_article(must[0].camera)}"
         return words + (lead or why) + other if other else words + why + lead
+    if alone := _meets_alone(must):
+        meets = "can meet" if alone in lower_bounds(tree) else "meets"
+        required = f"it alone {meets} {all_requirements(len(must))}"
+        return f"take {with_article(alone)}: {required}{_trade_off_words(tree, alone)}"
     words = _stretch_words(tree, ranges)
     if not words:
         return ""
     return words + _missed_words(must)
+
+
+def _meets_alone(must: Sequence[RequirementConclusion]) -> str:
+    """The only camera that meets several requirements on any camera; empty where none or more than one does."""
+    if len(must) < _NAMED or any(one.of != ANY for one in must):
+        return ""
+    met = [{one.camera: one.met} | {other.camera: other.met for other in one.others} for one in must]
+    meeting = set.intersection(*({camera for camera in one if one[camera]} for one in met))
+    return meeting.pop() if len(meeting) == 1 else ""
 
 
 def _missed_words(must: Sequence[RequirementConclusion]) -> str:

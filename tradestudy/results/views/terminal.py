@@ -140,8 +140,8 @@ def _questions_as_json(tree: xr.DataTree) -> list[dict[str, Any]]:
     return [
         {
             "name": str(row["question"]),
-            "says": str(row["solved_says"]),
-            "answer": str(row["solved_answer"]),
+            "says": with_unit_symbols(str(row["solved_says"])),
+            "answer": with_unit_symbols(str(row["solved_answer"])),
             "value": _number(float(row["solved_value"])),
             "error": _number(float(row["solved_error"])),
             "units": str(row["solved_units"]),
