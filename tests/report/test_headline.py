@@ -106,8 +106,8 @@ def test_a_sweep_names_the_number_that_decides(baselines: str) -> None:
     """
     swept = [f"sweep.stereo.baseline=[{baselines}]", "sweep.stereo.lenses.focal_length=[8 mm, 16 mm]"]
     study = load(STUDIES / "stereo_design.yaml", ["scene.distances={from: 0.5 m, to: 2 m, points: 7}", *swept])
-    said = "For depth at 1 m, baseline decides and focal length hardly matters: ±35 mm with baseline 100 mm."
-    assert answers(study.run().data)[1] == said
+    said = "For depth by the stereo rig at 1 m, baseline decides and focal length hardly matters: ±35 mm"
+    assert answers(study.run().data)[1] == f"{said} with baseline 100 mm."
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from tradestudy.errors import StudyError
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import plain_text
 from tradestudy.report.sections.answer import _stretches
+from tradestudy.results.views.conclusion_list import conclusions
 from tradestudy.results.views.conclusions import best_ranges, measure_first, never_best, rests_on, worths
 from tradestudy.results.views.decision import best_cameras
 from tradestudy.results.views.designs import parameter_words, path_words
@@ -434,6 +435,25 @@ def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:
     data["design_margin_percent"][:] = np.inf
     tree["requirements"] = xr.DataTree(data)
     assert "requirement_margins" not in figures.build(tree)
+
+
+def test_alternatives_that_reverse_a_choice_at_other_distances_name_theirs() -> None:
+    """A looser baseline scales all depths, which counts where yaw does not: near by; yaw grows with the distance."""
+    errors = {"yaw drifts": "yaw.standard_deviation: 0.08 deg", "loose baseline": "baseline.standard_deviation: 1.2 mm"}
+    readings = ", ".join(
+        f"{says.split()[1]}: {{says: {says}, set: {{stereo-75mm.calibration.errors.{error}}}}}"
+        for says, error in errors.items()
+    )
+    given = [
+        *("requirements=null", "trade_off=null", "usable_range.relative_uncertainty=null", "scene.distances.points=9"),
+        "stereo-50mm.calibration.errors.baseline={standard_deviation: 0.6 mm}",
+        "stereo-75mm.calibration.errors.baseline={standard_deviation: 0.01 mm}",
+        *("decision.at=[0.35 m, 4 m]", f"readings={{{readings}}}"),
+    ]
+    data = tradestudy.load(STUDIES / "robot.yaml", given).run().data
+    (said,) = (one.rest().replace("\N{NO-BREAK SPACE}", " ") for one in conclusions(data) if one.kind == "readings")
+    assert "“loose baseline” (at 0.35 m)" in said
+    assert "“yaw drifts” (at 4 m)" in said
 
 
 def test_readings_can_be_unknowns() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 from pathlib import Path
 
@@ -28,6 +29,24 @@ def result() -> Result:
     fewer = ["f_numbers.points=5", "off_axis=null", "windows=[10]", "wavelengths=[450 nm, 550 nm]"]
     phases = "lens_phases=[parabolic, perfect]"
     return tradestudy.load(STUDY, [f"fresnel_validity.{one}" for one in (*fewer, phases)]).run()
+
+
+@pytest.mark.parametrize(
+    ("camera", "tried", "advice"),
+    [("14", "{from: 2, to: 3, points: 2}", "Fresnel"), ("2.5", "{from: 12, to: 16, points: 2}", "Kirchhoff")],
+)
+def test_advice_at_an_f_number_beside_those_tried_speaks_of_the_camera_alone(
+    camera: str, tried: str, advice: str, tmp_path: Path
+) -> None:
+    """Of one phase, and not the parabolic one of the paper; its error at the camera is 10⁴ and 0.1 times the limit."""
+    only = [f"{name}=null" for name in ("claims", "readings", "fresnel_validity.elements.microlens")]
+    own = {"elements.main-lens.f_number": camera, "f_numbers": tried, "lens_phases": "[stigmatic]", "tolerance": "1e-3"}
+    study = tradestudy.load(STUDY, [*only, *(f"fresnel_validity.{key}={value}" for key, value in own.items())])
+    study.run().write(tmp_path, pdf=False)
+    text = html.unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert f"main lens, f/{camera}: {advice} if stigmatic (Fresnel errs by" in text
+    assert "suffices at" not in text
+    assert "(stigmatic phase)" in text
 
 
 def on_axis_intensities(

@@ -40,7 +40,8 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The figures of ``/fresnel_validity``, with what they show in words."""
     data = tree["fresnel_validity"].to_dataset()
     window = plain_number(middle_window(data))
-    waves = _wavelength_words(data)
+    waves, phase = _wavelength_words(data), _first_phase(data)
+    limit = pretty(data.attrs["error_limit"], FRACTION)
     aside = ""
     if "off_axis_error" in data:
         aside = (
@@ -60,9 +61,9 @@ def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     yield Drawing(
         name="fresnel_criteria",
         caption="Minimum f-number for Fresnel's approximation. Bars: ranges over the wavelengths, and for eq. 27 also "
-        "over a quarter wave of path. Blue: the f-number from which the computed error (parabolic phase) stays below "
-        f"{pretty(data.attrs['error_limit'], FRACTION)}; the others are criteria in closed form. Shaded: the paper's "
-        "criterion; diamonds: its values as printed. Dotted: the camera's f-number.",
+        f"over a quarter wave of path. Blue: the f-number from which the computed error ({phase} phase) stays below "
+        f"{limit}; the others are criteria in closed form. Shaded: the paper's criterion; diamonds: its values as "
+        "printed. Dotted: the camera's f-number.",
         alt="Bar chart of minimum f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
         draw=partial(draw_fresnel_criteria, tree),
         values=partial(_criteria_tables, data),
@@ -85,16 +86,20 @@ def _wavelength_words(data: xr.Dataset) -> str:
     return f"wavelengths from {pretty(waves[0], LENGTH)} to {pretty(waves[-1], LENGTH)}"
 
 
+def _first_phase(data: xr.Dataset) -> str:
+    """The phase of which the criteria and the described errors are: parabolic, where the study asks for it."""
+    return str(data["lens_phase"].values[0])
+
+
 def _words(data: xr.Dataset) -> str:
     sentences = []
-    point = data["published_point_error"].sel(metric="l1", window=middle_window(data), lens_phase="parabolic")
+    phase = _first_phase(data)
+    point = data["published_point_error"].sel(metric="l1", window=middle_window(data), lens_phase=phase)
     for element in data["element"].values:
         values = np.asarray(point.sel(element=element).values, dtype=float)
         place = published_place(data, str(element))
         low, high = pretty(float(values.min()), FRACTION), pretty(float(values.max()), FRACTION)
-        sentences.append(
-            f"{element_title(data, element)} at f/{significant(place)}, parabolic phase: {low} to {high}. "
-        )
+        sentences.append(f"{element_title(data, element)} at f/{significant(place)}, {phase} phase: {low} to {high}. ")
     return "".join(sentences)
 
 
@@ -211,7 +216,7 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
         ),
         ("plane wave, bare hole (Southwell)", of("southwell_f_number"), False),
     ]
-    limits = one["limit_f_number"].sel(lens_phase=data["lens_phase"].values[0])
+    limits = one["limit_f_number"].sel(lens_phase=_first_phase(data))
     measured = [("peak", limits.sel(metric="peak").isel(window=0))] + [
         (f"{plain_number(float(window))} Airy radii", limits.sel(metric="l1", window=window))
         for window in data["window"].values

@@ -222,7 +222,7 @@ def _calibrated(
     if problems := [definition.document.problem(path, one) for one in impossible_errors(camera, _some(distance, 3))]:
         raise StudyError(problems)
     if known is None:
-        weakref.finalize(design, _CALIBRATED.pop, id(design))
+        weakref.finalize(design, _CALIBRATED.pop, id(design), None)
     _CALIBRATED[id(design)] = propagation, posterior, camera
     return camera
 

@@ -112,8 +112,9 @@ def _advice(used: xr.Dataset, errors: str, curves: str = "") -> str:
             if curves:
                 curve = of_element[curves]
                 from_here = max(_from_f_number(curve.sel(lens_phase=phase), limit) for phase in alike)
-                detail += f" and suffices {where_fresnel(from_here)}"
-            which = f"if {listed(alike, 'or')}" if len(alike) < len(phases) else "whatever the phase"
+                # Otherwise it suffices at all or none of the f-numbers tried, which may lie beside that of the camera.
+                detail += f" and suffices {where_fresnel(from_here)}" if 0.0 < from_here < np.inf else ""
+            which = "whatever the phase" if 1 < len(phases) == len(alike) else f"if {listed(alike, 'or')}"
             advice.append(f"{method} {which} ({detail})")
         f_number = significant(float(of_element["camera_f_number"]))
         sentences.append(f"{element_title(used, str(element)).lower()}, f/{f_number}: {', '.join(advice)}")

@@ -175,10 +175,14 @@ def _reading_words(tree: xr.DataTree) -> Iterator[str]:
         one.place: [name for name, winner in one.flipped if len(tied(winner)) == len(tied(one.winner)) == 1]
         for one in found
     }
-    says, names = readings_in_words(decision), dict.fromkeys(name for some in turning.values() for name in some)
-    places = [distance(place) for place, some in turning.items() if some]
+    says, where = readings_in_words(decision), dict[str, list[str]]()
+    for place, names in turning.items():
+        for name in names:
+            where.setdefault(name, []).append(distance(place))
+    alike = len(set(map(tuple, where.values()))) <= 1
+    at = f" at {listed(next(iter(where.values()), ['any declared distance']))}" if alike else ""
     pair = " and ".join(with_article(titles[decision.attrs[which]]) for which in ("first", "second"))
-    each = few([f"“{says[name]}”" for name in names], 2)
+    each = few([f"“{says[name]}”" + (not alike) * f" (at {listed(places)})" for name, places in where.items()], 2)
     several = f"The alternatives {each} each reverse"
-    who = {0: "No alternative assumption reverses", 1: f"The alternative {each} reverses"}.get(len(names), several)
-    yield f"{who} the choice between {pair} at {listed(places) or 'any declared distance'}"
+    who = {0: "No alternative assumption reverses", 1: f"The alternative {each} reverses"}.get(len(where), several)
+    yield f"{who} the choice between {pair}{at}"

@@ -299,10 +299,8 @@ def deciding_words(tree: xr.DataTree) -> str:
         return ""
     depth = group(tree, "depth")
     axes = [axis for axis in swept(depth) if depth[axis].dtype.kind in "fiu" and depth[axis].size > 1]
-    if len(axes) < _BOTH:
-        return ""
-    owner = dotted_path(tree, axes[0]).removeprefix("cameras.").partition(".")[0]
-    if owner not in depth["camera"].values:
+    owners = [dotted_path(tree, axis).removeprefix("cameras.").partition(".")[0] for axis in axes]
+    if len(axes) < _BOTH or len(set(owners)) > 1 or (owner := owners[0]) not in depth["camera"].values:
         return ""
     place = float(group(tree, "decision")["design_place"].values[-1])
     at = depth.sel(camera=owner).sel(distance=place, method="nearest")
@@ -321,7 +319,8 @@ def deciding_words(tree: xr.DataTree) -> str:
     names = [listed([of[axis] for axis in some]) for some in (busy, idle)]
     spread = low if low == high else f"{low} to {high}"
     verbs = ["decides" if len(busy) == 1 else "decide", "hardly matters" if len(idle) == 1 else "hardly matter"]
-    return f"for depth at {distance(place)}, {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: ±{spread} with {held}"
+    by = f" by {with_article(camera_titles(tree)[owner])}" if depth["camera"].size > 1 else ""
+    return f"for depth{by} at {distance(place)}, {names[0]} {verbs[0]} and {names[1]} {verbs[1]}: ±{spread} with {held}"
 
 
 def design_details(tree: xr.DataTree) -> str:
