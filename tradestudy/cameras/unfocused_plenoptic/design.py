@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from tradestudy.cameras.camera import DerivedValue, Properties
 from tradestudy.cameras.depth_camera import Formula, Method, declared_disparity_error
 from tradestudy.cameras.depth_measurement import Errors, value_of
-from tradestudy.cameras.focus import SingleLensFocus
+from tradestudy.cameras.focus import SingleLensFocus, require_focus
 from tradestudy.cameras.microlens_exposure import ArrayGeometry, Observation, PlaceOnArray, disparity_error
 from tradestudy.cameras.parts import Lens
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
@@ -102,13 +102,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.focus_distance > self.main_lens.focal_length:
-            raise OutOfRangeError(
-                "the main lens cannot focus that close",
-                value=f"{self.focus_distance * 1e3:g} mm",
-                limit=f"beyond the focal length, {self.main_lens.focal_length * 1e3:g} mm",
-                remedy="increase the focus distance",
-            )
+        require_focus(self.focus_distance, self.main_lens, "main lens")
         if self.microlenses.types != 1 or self.microlenses.focal_lengths[0] != self.microlenses.gap:
             raise OutOfRangeError(
                 "an unfocused plenoptic camera needs microlenses of one type, one focal length in front of the sensor",
