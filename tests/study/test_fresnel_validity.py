@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.special import j0
 
 import tradestudy
@@ -15,6 +16,7 @@ from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.models.point_spreads import limit_f_number, varied_values
 from tradestudy.optics.psf_difference import fresnel_psf_difference
+from tradestudy.report.sections.fresnel_validity import _from_f_number
 from tradestudy.study.schema.wave_optics import listed
 
 STUDY = Path(__file__).parents[2] / "studies" / "fresnel_validity.yaml"
@@ -47,6 +49,13 @@ def test_advice_at_an_f_number_beside_those_tried_speaks_of_the_camera_alone(
     assert f"main lens, f/{camera}: {advice} if stigmatic (Fresnel errs by" in text
     assert "suffices at" not in text
     assert "(stigmatic phase)" in text
+
+
+@pytest.mark.parametrize(("limit", "expected"), [(0.1, 10.0), (100.0 / 27.0, 3.0), (20.0, 0.0), (1e-9, np.inf)])
+def test_advice_finds_where_a_power_law_falls_to_the_limit(limit: float, expected: float) -> None:
+    """An error of 100/N³ falls to 0.1 at f/10. Every f-number tried keeps to 20, and none to 1e-9."""
+    tried = np.array([2.0, 4.0, 8.0, 16.0])
+    assert _from_f_number(xr.DataArray(100.0 / tried**3, {"f_number": tried}), limit) == pytest.approx(expected)
 
 
 def on_axis_intensities(
