@@ -65,9 +65,9 @@ def listed(items: Sequence[str], last: str = "and") -> str:
     return word.join(part for part in (mark.join(items[:-1]), *items[-1:]) if part)
 
 
-def few(items: Sequence[str], most: int = 3) -> str:
+def few(items: Sequence[str], most: int = 3, last: str = "and") -> str:
     """Join items for a sentence, and count those beyond `most`: "a, b, c and 37 more"."""
-    return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} more"])
+    return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} more"], last)
 
 
 _SPELLED: Final[Mapping[str, str]] = {

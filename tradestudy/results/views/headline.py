@@ -150,7 +150,7 @@ def _of_sharpness(tree: xr.DataTree) -> str:
         return f"no camera keeps {scene} sharp; {with_article(cameras[0].title)} keeps {share} of it"
     finest, simplest = keep[0], min(keep, key=lambda one: (one.images, one.moving_parts, one.resolution))
     alike = [with_article(one.title) for one in keep if _expense(one) == _expense(simplest)]
-    which = [f"{listed(alike, 'or')} ({_expense(simplest)})"]
+    which = [f"{few(alike, _NAMED, 'or')} ({_expense(simplest)})"]
     if finest.title != simplest.title:
         which.append(f"or, finer, {with_article(finest.title)} ({_expense(finest)})")
     return f"to keep {scene} sharp, take {'; '.join(which)}"
@@ -195,12 +195,13 @@ def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]
 
 
 def _meets_alone(must: Sequence[RequirementConclusion]) -> str:
-    """The only camera that meets several requirements on any camera; empty where none or more than one does."""
+    """The only camera that meets several requirements on any camera; empty where none does or another one may."""
     if len(must) < _NAMED or any(one.of != ANY for one in must):
         return ""
     met = [{one.camera: one.met} | {other.camera: other.met for other in one.others} for one in must]
-    meeting = set.intersection(*({camera for camera in one if one[camera]} for one in met))
-    return meeting.pop() if len(meeting) == 1 else ""
+    possible = set.intersection(*({camera for camera in one if one[camera] is not False} for one in met))
+    alone = possible.pop() if len(possible) == 1 else ""
+    return alone if all(one.get(alone) for one in met) else ""
 
 
 def _missed_words(must: Sequence[RequirementConclusion]) -> str:
