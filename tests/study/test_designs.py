@@ -80,6 +80,21 @@ def test_the_feasible_region_is_described_by_the_values_of_its_designs() -> None
     assert found.best.margin == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize(
+    ("feasible", "best"),
+    [(0, "50 mm (where the sweep begins)"), (2, "200 mm"), (3, "400 mm (where the sweep ends)")],
+)
+def test_a_best_design_at_the_edge_of_a_sweep_is_called_so(feasible: int, best: str) -> None:
+    met = np.zeros((4, 2, 2))
+    met[feasible, 0] = 1
+    results = tree(0, 0)
+    data = results["requirements"].to_dataset().isel(baseline=[0, 1, 2, 2])
+    data["baseline"] = ("baseline", [0.05, 0.1, 0.2, 0.4], data["baseline"].attrs)
+    dims = ("baseline", "focal_length", "requirement")
+    results["requirements"] = xr.DataTree(data.assign(design_met=(dims, met), design_margin_percent=(dims, met)))
+    assert f"the rig with baseline {best} and focal length 4 mm" in design_details(results)
+
+
 def test_one_feasible_design_and_all_feasible_designs_are_described() -> None:
     one = feasible_words(tree(grid((0, 0), (1, 0), (0, 0)), grid((-5, -5), (5, -5), (-5, -5))))
     assert one == "take the rig with baseline 100 mm and focal length 4 mm: 1 of 6 designs meets both requirements"

@@ -173,7 +173,9 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
                 dotted_path(tree, axis): value if isinstance(value, str) else float(value)
                 for axis, value in values.items()
             },
-            words=design_words(tree, {axis: value_words(data[axis], value) for axis, value in values.items()}),
+            words=design_words(
+                tree, {axis: _best_value_words(data[axis], int(k)) for axis, k in zip(axes, best, strict=True)}
+            ),
             margin=float(least[best]) / 100.0,
         ),
         misses=tuple((str(data["says"].values[must][k]), str(reasons[k])) for k in worst_first),
@@ -184,6 +186,15 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         fills_region=_fills_region(every),
         missed=_missed(data["says"].values[must], met),
     )
+
+
+def _best_value_words(axis: xr.DataArray, number: int) -> str:
+    """A value of the best design; a longer sweep might have a better one if it is the smallest or the largest."""
+    words, values = value_words(axis, axis.values[number]), axis.values
+    if axis.dtype.kind not in "fiu" or values.size < 4:  # of three, hardly one lies within
+        return words
+    edges = {values.min(): " (where the sweep begins)", values.max(): " (where the sweep ends)"}
+    return words + edges.get(values[number], "")
 
 
 def _fills_region(every: npt.NDArray[np.bool_]) -> bool:
