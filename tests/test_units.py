@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 
 from tradestudy import unit_registry, units
 from tradestudy.errors import nearest
-from tradestudy.units import Dimension, UnitError, parse, pretty, pretty_with_error, rounded_inwards, significant
+from tradestudy.units import (
+    Dimension,
+    UnitError,
+    parse,
+    pretty,
+    pretty_with_error,
+    rounded_inwards,
+    significant,
+    with_deviation,
+)
 
 PINT = pint.UnitRegistry(cache_folder=None)
 
@@ -292,3 +301,10 @@ def test_ends_have_three_digits_or_as_many_as_a_narrow_range_needs() -> None:
 
 def test_an_error_is_shown_beside_the_digits_of_the_unit_not_of_kelvins() -> None:
     assert pretty_with_error(293.2, 0.1, units.TEMPERATURE).startswith("20.1 °C ± 0.1")
+
+
+def test_a_deviation_sets_the_digits_of_its_value() -> None:
+    assert with_deviation(-60.1234, 0.13) == "−60.12 ± 0.13"
+    assert with_deviation(60.1234, 0.13, digits=1) == "60.1 ± 0.1"
+    assert with_deviation(61234.0, 130.0, sign="+") == "+61234 ± 130"
+    assert with_deviation(1.0, 0.0) == "1.000 ± 0.000"

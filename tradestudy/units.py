@@ -338,6 +338,15 @@ def to_digit_of_error(value: float, error: float) -> tuple[str, str]:
     return number, significant(shown, 1)
 
 
+def with_deviation(value: float, deviation: float, digits: int = 2, sign: str = "-") -> str:
+    """Write a number and its standard deviation as far as these digits of the deviation: "60.12 ± 0.13".
+
+    With the sign "+", a positive number has one, too.
+    """
+    decimals = max(0, digits - 1 - math.floor(math.log10(deviation))) if deviation > 0.0 else 3
+    return f"{value:{sign}.{decimals}f} ± {deviation:.{decimals}f}".replace("-", "−")
+
+
 def display_unit(value: float, dimension: Dimension) -> DisplayUnit:
     """Choose the unit for an SI magnitude in a report; for an axis, pass a typical value."""
     units = dimension.display

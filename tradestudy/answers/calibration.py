@@ -21,7 +21,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.varying import Varying, calibrations_to_infer, point_labels, sweep_axes, sweep_points
-from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
+from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant, with_deviation
 
 if TYPE_CHECKING:
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
@@ -214,7 +214,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
             deviation = float(np.sqrt(camera.covariance[k, k]))
             unit = " px" if name.endswith("_px") else ""
             words = name.removesuffix("_px").replace("_", " ")
-            yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
+            yield f"{side} {words}", f"{with_deviation(float(camera.intrinsics[k]), deviation)}{unit}"
     lens, cameras = fit.corners.lens, cameras_of(fit.explained.shared)
     for side, values in zip(("left", "right"), cameras, strict=True):
         yield (
@@ -234,10 +234,10 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     baseline = float(np.linalg.norm(shared[TRANSLATION]))
     direction = shared[TRANSLATION] / baseline
     deviation = float(np.sqrt(direction @ covariance[TRANSLATION, TRANSLATION] @ direction))
-    yield "baseline", f"{_digits(1e3 * baseline, 1e3 * deviation)} mm"
+    yield "baseline", f"{with_deviation(1e3 * baseline, 1e3 * deviation)} mm"
     for name, k in (("pitch", -6), ("yaw", -5), ("roll", -4)):
         spread = float(np.sqrt(covariance[k, k]))
-        yield f"relative {name}", f"{_digits(float(np.degrees(shared[k])), float(np.degrees(spread)))}°"
+        yield f"relative {name}", f"{with_deviation(float(np.degrees(shared[k])), float(np.degrees(spread)))}°"
 
 
 def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str]]:
@@ -267,7 +267,7 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     yield from _outlier_rows(fit)
     names = ("bowl", "saddle along the edges", "saddle along the diagonals")
     for name, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
-        yield f"warp of the board, {name}", f"{_digits(1e6 * float(value), 1e6 * float(deviation))} µm"
+        yield f"warp of the board, {name}", f"{with_deviation(1e6 * float(value), 1e6 * float(deviation))} µm"
 
 
 def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
@@ -280,12 +280,6 @@ def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     )
     for view, side, corner in zip(*np.nonzero((fit.weights == 0.0) & there[:, None]), strict=True):
         yield f"excluded outlier: view {fit.corners.views[view]}, {('left', 'right')[side]}", f"corner {corner + 1}"
-
-
-def _digits(value: float, deviation: float) -> str:
-    """A value with its standard deviation, both rounded to two digits of the deviation."""
-    decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
-    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", "−")
 
 
 _SHOWN_STEPS = 300

@@ -55,7 +55,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_families import ANGLES
 from tradestudy.optics.lens_model import slopes
-from tradestudy.units import significant
+from tradestudy.units import significant, with_deviation
 from tradestudy.wording import listed
 
 _NODES: Final = (33, 25)  # nodes across and down
@@ -231,7 +231,7 @@ def _contradictions(
             label = unit if unit == "°" else f" {unit}"
             yield (
                 f"declared {what} {significant(said * per_unit, 4)}{label}, {says} "
-                f"{_with_spread(float(found) * per_unit, float(spread) * per_unit)}{label}; "
+                f"{with_deviation(float(found) * per_unit, float(spread) * per_unit, digits=1)}{label}; "
                 f"correct cameras.{name}.{key} or use {instead}"
             )
     size = np.array([rig.sensor.columns, rig.sensor.rows])
@@ -256,12 +256,6 @@ def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         np.linalg.norm(shared[..., TRANSLATION], axis=-1),
         np.arctan2(-right_axis[..., 0], right_axis[..., 2]),
     )
-
-
-def _with_spread(value: float, spread: float) -> str:
-    """A value with its standard deviation, both rounded to the first digit of the latter: "60.1 ± 0.1"."""
-    digits = max(0, -int(np.floor(np.log10(spread)))) if spread > 0.0 else 3
-    return f"{value:.{digits}f} ± {spread:.{digits}f}".replace("-", "−")
 
 
 SIDES: Final = ("left", "right")

@@ -25,7 +25,7 @@ from tradestudy.report.document import (
 from tradestudy.report.words import or_dash, parameter_dimension, share
 from tradestudy.results.views.depth import table_depth, table_distances
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
-from tradestudy.units import FRACTION, Dimension, pretty, significant
+from tradestudy.units import FRACTION, Dimension, pretty, significant, with_deviation
 from tradestudy.wording import distance, in_words, lens_in_words
 
 _CLEARLY = 2.0  # standard errors
@@ -268,15 +268,9 @@ def lens_words(stored: str) -> str:
 
 def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:
     one = compared.sel(lens_model=model)
-    yield _with_error(float(one["rig_lens_support"]), float(one["rig_lens_support_deviation"]))
+    yield with_deviation(float(one["rig_lens_support"]), float(one["rig_lens_support_deviation"]), sign="+")
     for change, error in zip(one["rig_lens_change"].values, one["rig_lens_change_deviation"].values, strict=True):
-        yield _with_error(1e3 * float(change), 1e3 * float(error))
-
-
-def _with_error(value: float, error: float) -> str:
-    """Write a number and its standard error as far as the second digit of the error."""
-    decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0.0 else 3
-    return f"{value:+.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
+        yield with_deviation(1e3 * float(change), 1e3 * float(error), sign="+")
 
 
 def _rank_table(tree: xr.DataTree) -> Table:
