@@ -10,7 +10,6 @@ import numpy as np
 
 from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair, points_midway
 from tradestudy.calibration.corners.view_blocks import (
-    RELATIVE,
     RELATIVE_POSE_NAMES,
     ROTATION,
     TRANSLATION,
@@ -23,7 +22,6 @@ from tradestudy.calibration.projection import (
     FreeLens,
     coefficient_of,
     intrinsic_names,
-    move,
     project,
     ray_slopes,
     rotation_matrix,
@@ -54,7 +52,7 @@ from tradestudy.cameras.depth_measurement import (
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.lens_families import ANGLES
-from tradestudy.optics.lens_model import slopes
+from tradestudy.optics.lens_model import LensModel, slopes
 from tradestudy.units import significant, with_deviation
 from tradestudy.wording import listed
 
@@ -100,44 +98,49 @@ def shared_area(
         np.stack(np.meshgrid(*(np.linspace(-0.5, n - 0.5, k) for n, k in zip(size, _NODES, strict=True))), axis=-1)
         for size in sizes
     )
-    rays = ray_slopes(of_left, left.reshape(-1, 2), lenses[0], free)
-    from_left = _to_plane(rays, np.zeros(3), np.eye(3), distance)
-    rays = ray_slopes(of_right, right.reshape(-1, 2), lenses[1], free)
-    from_right = _to_plane(rays, -turn.T @ translation, turn.T, distance)
-    in_right = project(of_right, move(rig[RELATIVE], from_left), lenses[1], free)
-    in_left = project(of_left, from_right, lenses[0], free)
+    from_left = _directions(of_left, left, lenses[0], free)
+    in_right = project(of_right, _on_rays(translation, turn @ from_left, distance[:, None]), lenses[1], free)
+    centre, from_right = -turn.T @ translation, turn.T @ _directions(of_right, right, lenses[1], free)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (distance[:, None] - centre[2]) / from_right[2]
+    in_left = project(of_left, _on_rays(centre, from_right, np.where(along > 0.0, along, np.nan)), lenses[0], free)
     places = zip((in_right, in_left), sizes[::-1], strict=True)
     both = [_share_inside(seen, size).reshape(distance.shape) for seen, size in places]
     return np.minimum(*both)
 
 
-def _to_plane(rays: FloatArray, centre: FloatArray, rotation: FloatArray, distance: FloatArray) -> FloatArray:
-    """Where rays of a camera meet the planes at given distances, shape (D, N, 3); NaN for rays that do not."""
-    directions = np.concatenate([rays, np.ones_like(rays[:, :1])], axis=-1) @ rotation.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = (distance[:, None] - centre[2]) / directions[:, 2]
-    return centre + np.where(along > 0.0, along, np.nan)[..., None] * directions
+def _directions(camera: FloatArray, nodes: FloatArray, lens: LensModel, free: Sequence[str]) -> FloatArray:
+    """Directions of the rays through nodes of a camera's picture, shape (3, N)."""
+    x, y = ray_slopes(camera, nodes.reshape(-1, 2), lens, free).T
+    return np.stack([x, y, np.ones_like(x)])
+
+
+def _on_rays(start: FloatArray, directions: FloatArray, along: FloatArray) -> FloatArray:
+    """Points (D, N, 3) on rays from a start, these multiples (D, N) of directions (3, N) away."""
+    return np.moveaxis(start[:, None, None] + along * directions[:, None], 0, -1)
 
 
 def _share_inside(seen: FloatArray, pixels: tuple[int, int]) -> FloatArray:
     """Share of a picture's area, shape (D,), that another picture shows; (D, N, 2) [px] are the nodes' images there."""
-    low, high = seen + 0.5, np.array(pixels) - 0.5 - seen
-    inside = np.nan_to_num(np.minimum(low, high).min(axis=-1), nan=_OUTSIDE).reshape(-1, *_NODES[::-1])
-    a, b, c, d = inside[:, :-1, :-1], inside[:, :-1, 1:], inside[:, 1:, :-1], inside[:, 1:, 1:]
-    triangles = np.stack([np.stack([a, a]), np.stack([b, c]), np.stack([d, d])])
-    shares = (triangles.min(axis=0) >= 0.0).astype(np.float64)
-    cut = (shares == 0.0) & (triangles.max(axis=0) > 0.0)  # few, on the edge of the other picture
-    shares[cut] = _positive_part(np.sort(triangles[:, cut], axis=0))
-    return np.asarray(shares.mean(axis=(0, 2, 3)))
+    across, down = (size / 2.0 - np.abs(seen[..., axis] - (size - 1.0) / 2.0) for axis, size in enumerate(pixels))
+    inside = np.asarray(np.minimum(across, down)).reshape(-1, *_NODES[::-1])
+    inside[np.isnan(inside)] = _OUTSIDE
+    corners = inside[:, :-1, :-1], inside[:, :-1, 1:], inside[:, 1:, :-1], inside[:, 1:, 1:]
+    held = np.stack([corner >= 0.0 for corner in corners])
+    shares = np.all(held, axis=0).astype(np.float64)
+    cut = (shares == 0.0) & np.any(held, axis=0)  # few, on the edge of the other picture
+    a, b, c, d = (corner[cut] for corner in corners)
+    shares[cut] = _positive_part(np.sort([[a, a], [b, c], [d, d]], axis=0)).mean(axis=0)
+    return np.asarray(shares.mean(axis=(1, 2)))
 
 
 def _positive_part(corners: FloatArray) -> FloatArray:
-    """Share of triangles in which a linear function is positive, from ascending values (3, N) of both signs."""
+    """Share of triangles in which a linear function is not negative, from ascending values (3, ...)."""
     low, middle, high = corners
     with np.errstate(divide="ignore", invalid="ignore"):
         one = high**2 / ((high - low) * (high - middle))
         two = 1.0 - low**2 / ((middle - low) * (high - low))
-    return np.asarray(np.where(middle <= 0.0, one, two))
+    return np.select([low >= 0.0, high <= 0.0, middle <= 0.0], [np.ones_like(low), np.zeros_like(low), one], two)
 
 
 LENGTH_LIMIT = 0.05  # of a declared focal length or baseline
