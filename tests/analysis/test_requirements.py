@@ -377,10 +377,10 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     judge = _TwoStretches()
     column = [judge.answer(None, one) for one in labels]
     found = _stretches(definition, "r", axis, column, judge)  # type: ignore[arg-type]  # stand-ins
-    assert [one.camera for one in found] == ["near", "far"]
-    np.testing.assert_allclose([one.low for one in found], [2.0, 5.71], rtol=1e-3)
-    np.testing.assert_allclose([one.high for one in found], [3.3, 8.0], rtol=1e-3)
-    assert all(one.error <= 0.0005 * one.high for one in found)
+    assert [one.met_camera for one in found] == ["near", "far"]
+    np.testing.assert_allclose([one.met_from for one in found], [2.0, 5.71], rtol=1e-3)
+    np.testing.assert_allclose([one.met_to for one in found], [3.3, 8.0], rtol=1e-3)
+    assert all(one.met_to_within <= 0.0005 * one.met_to for one in found)
 
 
 def test_nothing_lies_between_two_neighbouring_whole_numbers() -> None:

@@ -31,7 +31,7 @@ from tradestudy.depth.usable import (
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.results import dataset
+from tradestudy.results import dataset, padded_attributes
 from tradestudy.study.bases import NamedInput, uncertain_input
 from tradestudy.study.prepared import Case, PreparedStudy
 
@@ -393,10 +393,15 @@ def decision_group(
 def _pair_arrays(verdicts: Mapping[str, PairVerdict], tolerance: float) -> dict[str, Any]:
     first = next(iter(verdicts.values()))
     readings = list(verdicts.values())
-    changes = _padded(
-        [v.changes for v in readings], ("distance", "error", "nearer", "farther"), (math.nan, math.nan, "", "")
+    by_reading = (len(readings), len(ERROR_SOURCES), -1)
+    changes = padded_attributes(
+        [v.changes[error_source] for v in readings for error_source in ERROR_SOURCES],
+        {"distance": math.nan, "error": math.nan, "nearer": "", "farther": ""},
     )
-    crossings = _padded([v.crossings for v in readings], ("distance", "error", "nearer"), (math.nan, math.nan, ""))
+    crossings = padded_attributes(
+        [v.crossings[error_source] for v in readings for error_source in ERROR_SOURCES],
+        {"distance": math.nan, "error": math.nan, "nearer": ""},
+    )
     return {
         "winner": np.array([v.winner for v in verdicts.values()]),
         "more_certain": np.array([v.more_certain for v in verdicts.values()]),
@@ -404,28 +409,8 @@ def _pair_arrays(verdicts: Mapping[str, PairVerdict], tolerance: float) -> dict[
         "within_tolerance": np.stack([np.abs(np.asarray(v.ratio) - 1.0) <= tolerance for v in verdicts.values()]),
         "flips": np.array([v.winner for v in verdicts.values()]) != np.array(first.winner),
         "certainty_flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
-        **{f"change_{name}": values for name, values in changes.items()},
-        **{f"crossover_{name}": values for name, values in crossings.items()},
-    }
-
-
-def _padded(
-    rows: Sequence[Mapping[str, Sequence[Any]]], fields: Sequence[str], absent: Sequence[Any]
-) -> dict[str, Any]:
-    """Every field of the events, over (reading, error source, event), padded to equal length and at least one event."""
-    most = max((len(events) for row in rows for events in row.values()), default=0)
-    return {
-        name: np.array(
-            [
-                [
-                    [getattr(one, name) for one in row[error_source]]
-                    + [empty] * (max(most, 1) - len(row[error_source]))
-                    for error_source in ERROR_SOURCES
-                ]
-                for row in rows
-            ]
-        )
-        for name, empty in zip(fields, absent, strict=True)
+        **{f"change_{name}": values.reshape(by_reading) for name, values in changes.items()},
+        **{f"crossover_{name}": values.reshape(by_reading) for name, values in crossings.items()},
     }
 
 

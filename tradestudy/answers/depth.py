@@ -18,7 +18,7 @@ from tradestudy.depth.usable import LIMIT_NAMES, Interval, all_met, evaluate_lim
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.results import coordinate_names, dataset
+from tradestudy.results import coordinate_names, dataset, padded_attributes
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.varying import SweepAxis, point_labels, sweep_axes
 
@@ -179,7 +179,6 @@ def depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]],
     """The variables of /depth, with the camera as first dimension, and the names of all parts of the error."""
     evaluations = [table.evaluation for table in tables]
     distance = evaluations[0].distance
-    most_intervals = max(1, *(len(table.intervals) for table in tables))
 
     def over_limits(attribute: str, absent: float) -> FloatArray:
         rows = [
@@ -196,10 +195,10 @@ def depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]],
         ]
         return np.moveaxis(np.array(rows), 1, 2)
 
-    def over_intervals(attribute: str, absent: Any) -> Any:
-        rows = [[getattr(one, attribute) for one in table.intervals] for table in tables]
-        return np.array([row + [absent] * (most_intervals - len(row)) for row in rows])
-
+    intervals = padded_attributes(
+        [table.intervals for table in tables],
+        dict.fromkeys(("near", "far", "near_error", "far_error"), math.nan) | {"near_limit": "", "far_limit": ""},
+    )
     errors, part_names = _error_arrays(evaluations)
     arrays = {
         **errors,
@@ -213,12 +212,12 @@ def depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]],
         "limit_value": over_limits("value", math.nan),
         "limit_met": over_limits("met", -1.0).astype(np.int8),
         "limit_bound": over_limits("bound", math.nan)[:, 0],
-        "usable_near": over_intervals("near", math.nan),
-        "usable_far": over_intervals("far", math.nan),
-        "usable_near_error": over_intervals("near_error", math.nan),
-        "usable_far_error": over_intervals("far_error", math.nan),
-        "near_limit": over_intervals("near_limit", ""),
-        "far_limit": over_intervals("far_limit", ""),
+        "usable_near": intervals["near"],
+        "usable_far": intervals["far"],
+        "usable_near_error": intervals["near_error"],
+        "usable_far_error": intervals["far_error"],
+        "near_limit": intervals["near_limit"],
+        "far_limit": intervals["far_limit"],
     }
     return arrays, part_names
 

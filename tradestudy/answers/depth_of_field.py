@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tradestudy.answers.trade_criteria import CRITERIA, Relief, criterion_of
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.focus import SharpRange
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.results import dataset
+from tradestudy.results import dataset, padded
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import DepthOfFieldPart
 from tradestudy.study.schema.requirements import criterion_dimension
@@ -49,8 +51,8 @@ def depth_of_field_group(study: PreparedStudy, asked: DepthOfFieldPart) -> xr.Da
         size = asked.equal_resolution
         resolved = [camera.focus.sharp_range_at_resolution(size, wavelength) for camera in cameras.values()]
         values |= {
-            "resolved_near": _padded([found.union.covered[:, 0] for found in resolved]),
-            "resolved_far": _padded([found.union.covered[:, 1] for found in resolved]),
+            "resolved_near": padded([found.union.covered[:, 0] for found in resolved]),
+            "resolved_far": padded([found.union.covered[:, 1] for found in resolved]),
             "resolved_extent": [found.extent for found in resolved],
             "resolved_scene_share": [found.share_of(*asked.range) for found in resolved],
             "resolved_reason": ["" if found.extent > 0.0 else found.reason for found in resolved],
@@ -60,23 +62,15 @@ def depth_of_field_group(study: PreparedStudy, asked: DepthOfFieldPart) -> xr.Da
     return dataset("depth_of_field", values, coordinates, attributes=attributes)
 
 
-def _padded(rows: Sequence[FloatArray]) -> FloatArray:
-    """Ragged rows as one array, padded with NaN to at least one column."""
-    width = max([1, *(len(row) for row in rows)])
-    return np.stack([np.concatenate([row, np.full(width - len(row), np.nan)]) for row in rows])
-
-
-def _ragged(ranges: list[list[SharpRange]], rows: list[FloatArray]) -> FloatArray:
+def _ragged(ranges: list[list[SharpRange]], rows: Sequence[Any], absent: Any = math.nan) -> NDArray[Any]:
     """Rows of every camera and criterion, padded, with those two dimensions restored."""
-    return _padded(rows).reshape(len(ranges), len(ranges[0]), -1)
+    return padded(rows, absent).reshape(len(ranges), len(ranges[0]), -1)
 
 
 def _slices(ranges: list[list[SharpRange]]) -> Mapping[str, Any]:
     flat = [found for row in ranges for found in row]
-    width = max(1, *(len(found.names) for found in flat))
-    names = [[*found.names, *[""] * (width - len(found.names))] for found in flat]
     return {
-        "slice_name": np.array(names).reshape(len(ranges), -1, width),
+        "slice_name": _ragged(ranges, [found.names for found in flat], ""),
         "slice_near": _ragged(ranges, [found.slices.near for found in flat]),
         "slice_far": _ragged(ranges, [found.slices.far for found in flat]),
     }

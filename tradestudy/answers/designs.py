@@ -16,7 +16,7 @@ from tradestudy.answers.depth import DepthTable, DepthTables, over_designs
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.depth.evaluation import finite, judged_at
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.results import distances_without_decision
+from tradestudy.results import distances_without_decision, padded_attributes
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.varying import sweep_axes
 
@@ -142,8 +142,6 @@ def design_verdicts(study: PreparedStudy, designs: Sequence[PreparedStudy], tabl
         "design_best_camera_along": np.array(along, dtype=object).reshape(*shape, -1),
     }
     if decision is not None:
-        most = max(1, *(len(row) for row in crossed))
-        for name, empty in (("distance", math.nan), ("error", math.nan), ("nearer", "")):
-            rows = [[getattr(one, name) for one in row] + [empty] * (most - len(row)) for row in crossed]
-            values[f"design_crossover_{name}"] = np.array(rows).reshape(*shape, most)
+        found = padded_attributes(crossed, {"distance": math.nan, "error": math.nan, "nearer": ""})
+        values |= {f"design_crossover_{name}": rows.reshape(*shape, -1) for name, rows in found.items()}
     return over_designs("decision", values, {"design_place": places, "design_distance": study.case.distance}, axes)

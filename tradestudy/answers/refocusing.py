@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from tradestudy.answers.depth import over_designs
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.refocusing import Refocusing
+from tradestudy.results import padded
 from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.questions import RefocusingPart
 from tradestudy.study.varying import sweep_axes
@@ -22,8 +23,8 @@ def refocusing_group(study: PreparedStudy, designs: Sequence[PreparedStudy], ask
     """/refocusing over (camera, plane) and (camera, pair), and the range and number of planes over designs."""
     cameras = cameras_to_refocus(study.case)
     found = {name: study.case.all_cameras[name].refocusing for name in cameras}
-    shifts = _padded([asked.shifts or one.planes(asked.blur) for one in found.values()])
-    pairs = _padded([asked.pairs or dict.fromkeys((1, one.views_across - 1)) for one in found.values()])
+    shifts = padded([asked.shifts or one.planes(asked.blur) for one in found.values()])
+    pairs = padded([[*map(float, asked.pairs or dict.fromkeys((1, one.views_across - 1)))] for one in found.values()])
     planes = [refocused(one, row, asked.blur) for one, row in zip(found.values(), shifts, strict=True)]
     rows = list(zip(found.values(), pairs, shifts, strict=True))
     values: dict[str, Any] = {
@@ -105,10 +106,3 @@ def triangulated(camera: Refocusing, pixels: int, disparity: ArrayLike) -> xr.Da
 def _over(axis: str, along: FloatArray, lengths: dict[str, FloatArray], attributes: dict[str, float]) -> xr.Dataset:
     variables = {name: (axis, values, {"units": "m"}) for name, values in lengths.items()}
     return xr.Dataset(variables, {axis: along}, attributes)
-
-
-def _padded(rows: Sequence[Any]) -> FloatArray:
-    """Ragged rows as one array, padded with NaN."""
-    found = [np.array(list(row), dtype=np.float64) for row in rows]
-    width = max(map(len, found))
-    return np.stack([np.append(row, np.full(width - len(row), np.nan)) for row in found])

@@ -19,6 +19,7 @@ from tradestudy.answers.solutions import bracketed, planned
 from tradestudy.errors import TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import at_bound
+from tradestudy.results import padded_attributes
 from tradestudy.study.bases import NamedInput, uncertain_input
 from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.requirements import (
@@ -116,7 +117,8 @@ def requirements_group(
                 _stretches(study, name, axes[0], column, judge)
                 for name, column in zip(requirements, columns, strict=True)
             ]
-            values |= _stretch_arrays(found_stretches)
+            absent = {"met_from": math.nan, "met_to": math.nan, "met_to_within": math.nan, "met_camera": ""}
+            values |= padded_attributes(found_stretches, absent)
         steps.progress("requirements", 1.0)
     return over_designs("requirements", values, coordinates, axes)
 
@@ -267,10 +269,10 @@ def _is_numeric(axis: SweepAxis) -> bool:
 class _Stretch:
     """An interval of the swept parameter in which one camera meets a requirement, with the error of its ends."""
 
-    low: float
-    high: float
-    error: float
-    camera: str
+    met_from: float
+    met_to: float
+    met_to_within: float
+    met_camera: str
 
 
 def _stretches(
@@ -297,7 +299,7 @@ def _stretches(
             else (places[end], 0.0)
             for end, neighbour in ((first, first - 1), (last, last + 1))
         )
-        found.append(_Stretch(low=low, high=high, error=max(low_error, high_error), camera=camera))
+        found.append(_Stretch(met_from=low, met_to=high, met_to_within=max(low_error, high_error), met_camera=camera))
     return found
 
 
@@ -339,17 +341,3 @@ def _root(
     close = _ROOT_TO * study.file.accuracy.asked().tolerances["depth_uncertainty"]
     inside, outside = bracketed(*ends, holds, possible=varying.possible, close=close)
     return inside, 0.0 if varying.is_counted else abs(outside - inside) / 2.0
-
-
-def _stretch_arrays(found: Sequence[Sequence[_Stretch]]) -> Mapping[str, Any]:
-    most = max(1, *(len(row) for row in found))
-
-    def padded(name: str, empty: Any) -> list[list[Any]]:
-        return [[getattr(one, name) for one in row] + [empty] * (most - len(row)) for row in found]
-
-    return {
-        "met_from": padded("low", math.nan),
-        "met_to": padded("high", math.nan),
-        "met_to_within": padded("error", math.nan),
-        "met_camera": padded("camera", ""),
-    }

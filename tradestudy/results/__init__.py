@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -141,6 +142,19 @@ def dataset(
     if "distance" in result.coords:
         result["distance"].attrs = dict(DISTANCE)
     return result
+
+
+def padded(rows: Sequence[Sequence[Any] | npt.NDArray[Any]], absent: Any = math.nan) -> npt.NDArray[Any]:
+    """Rows as one array, each padded with `absent` to the length of the longest, and to at least one column."""
+    width = max([1, *map(len, rows)])
+    return np.array([[*row, *[absent] * (width - len(row))] for row in rows])
+
+
+def padded_attributes(rows: Sequence[Sequence[Any]], absent: Mapping[str, Any]) -> dict[str, npt.NDArray[Any]]:
+    """The attributes named in `absent` of the objects in these rows, each as one array, padded with its value there."""
+    return {
+        name: padded([[getattr(one, name) for one in row] for row in rows], empty) for name, empty in absent.items()
+    }
 
 
 def coordinate_names(paths: Sequence[str]) -> list[str]:
