@@ -44,7 +44,7 @@ def large_tables(tree: xr.DataTree) -> dict[str, float]:
 
 def _pieces(table: Table) -> Iterator[bytes]:
     units = {name: table.data[name].attrs.get("units", "") for name in (*table.dims, *table.variables)}
-    titles = [_quoted(_cell(f"{name} [{unit}]" if unit else name)) for name, unit in units.items()]
+    titles = [_cell(f"{name} [{unit}]" if unit else name) for name, unit in units.items()]
     yield f"{','.join(titles)}\n".encode()
     once, count = _same_in_every_design(table), math.prod(_shape(table))
     for begin in range(0, count, _ROWS):
@@ -97,30 +97,17 @@ def _size(table: Table) -> float:
 
 
 def _cells(values: NDArray[Any]) -> list[str]:
-    """Write cells, but format each distinct value only once, because most values of a sweep repeat."""
-    flat = np.ravel(values)
-    if flat.dtype.kind not in "fiub":
-        cells = [_cell(value) for value in flat.tolist()]
-        quoted = {cell: _quoted(cell) for cell in set(cells)}
-        return [quoted[cell] for cell in cells]
-    bits = (
-        flat.view(f"i{flat.itemsize}") if flat.dtype.kind == "f" else flat
-    )  # by bits, because −0 is written differently from 0
-    _, first, places = np.unique(bits, return_index=True, return_inverse=True)
-    texts: list[str] = np.array([str(number) for number in flat[first].tolist()], dtype=object)[places].tolist()
-    return texts
+    """Write numbers with all their digits, and text as `_cell` does, once for each of the few that are different."""
+    cells = np.ravel(values).tolist()
+    if values.dtype.kind in "fiub":
+        return list(map(str, cells))
+    texts = {text: _cell(text) for text in set(cells)}
+    return [texts[text] for text in cells]
 
 
-def _cell(value: object) -> str:
-    """Write one value; text that a spreadsheet would run as a formula gets an apostrophe before it."""
-    if isinstance(value, str):
-        text = escaped(value, lines=True)
-        return f"'{text}" if value.startswith(_FORMULA_STARTS) else text
-    return str(value)
-
-
-def _quoted(cell: str) -> str:
-    """Put a cell in quotes if CSV requires it."""
+def _cell(text: str) -> str:
+    """Write text, in quotes if CSV requires it; one that a spreadsheet would run as a formula after an apostrophe."""
     row = io.StringIO(newline="")
-    csv.writer(row, lineterminator="\n").writerow(["", cell])
+    safe = "'" * text.startswith(_FORMULA_STARTS) + escaped(text, lines=True)
+    csv.writer(row, lineterminator="\n").writerow(["", safe])
     return row.getvalue()[1:-1]
