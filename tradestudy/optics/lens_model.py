@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import cached_property
-from typing import ClassVar, Final, Self
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,8 +20,9 @@ LEAST_SCALE: Final = 0.01
 fold the inverse loses digits."""
 _ANGLES: Final = 1024  # steps of the search for the end of the field
 _AZIMUTHS: Final = 72
-_SECTIONS: Final = 64  # of the step in which the field ends, refined as often as rounding allows
-_REFINEMENTS: Final = 9
+_NEARER: Final = 64  # of the search near the azimuth where it ends
+_SECTIONS: Final = 128  # of the step in which the field ends, refined as often as rounding allows
+_DIRECTIONS: Final = 4608  # at a time
 _STEP: Final = 1e-30  # of complex steps: derivatives are exact to rounding
 _ROUNDING: Final = 1e-12  # rad
 
@@ -156,39 +157,49 @@ class LensModel(ABC):
         about the axis no longer enclose its image, or at `widest`. The search takes steps of a thousandth of `widest`,
         then refines the one it found: a narrower fold goes unnoticed. The result has the shape of the coefficients.
         """
-        top = np.asarray(self.widest) * (1.0 - 1e-9)  # the widest directions themselves may be imaged at infinity
-        if self.symmetric:
-            return self._end_of_field(top, np.zeros(1))[1]
-        azimuth, _ = self._end_of_field(top, np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS, endpoint=False))
-        near = np.linspace(-1.0, 1.0, _AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
-        return self._end_of_field(top, azimuth[..., None] + near)[1]
+        if not self._single:
+            names = self.coefficient_names()
+            values = np.broadcast_arrays(*(getattr(self, name) for name in names))
+            rows = zip(*(value.ravel().tolist() for value in values), strict=True)
+            ends = [replace(self, **dict(zip(names, row, strict=True))).valid_field for row in rows]
+            return np.reshape(ends, values[0].shape)
+        widest = float(self.widest)
+        angles = np.linspace(0.0, widest * (1.0 - 1e-9), _ANGLES + 1)  # the widest itself may be imaged at infinity
+        around = np.linspace(0.0, 2.0 * np.pi, 1 if self.symmetric else _AZIMUTHS, endpoint=False)
+        end, azimuth = self._end_of_field(angles, around)
+        if end == angles[-1]:
+            return np.asarray(widest)
+        if not self.symmetric:
+            near = azimuth + np.linspace(-1.0, 1.0, _AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
+            end, _ = self._end_of_field(end * (1.0 - np.geomspace(1.0, _ROUNDING, _NEARER)), near)
+        return np.asarray(end)
 
-    def _end_of_field(self, top: FloatArray, azimuths: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The azimuth (...) in which the field ends first, and the angle at which it ends."""
-        share = np.linspace(0.0, 1.0, _ANGLES + 1)[1:]
-        angles = top[..., None, None] * share
-        good = self._well_imaged(np.broadcast_to(angles, (*np.shape(top), 1, _ANGLES)), azimuths[..., None])
-        whole = np.all(good, axis=-1)
-        step = top[..., None] / _ANGLES
-        low = np.argmin(good, axis=-1) * step
-        for _ in range(0 if np.all(whole) else _REFINEMENTS):
-            step = step / _SECTIONS
-            angles = low[..., None] + step[..., None] * np.arange(1, _SECTIONS)
-            good = self._well_imaged(angles, azimuths[..., None])
-            low = low + step * np.where(np.all(good, axis=-1), _SECTIONS - 1, np.argmin(good, axis=-1))
-        ends = np.where(whole, np.asarray(self.widest)[..., None], low)
-        least = np.argmin(ends, axis=-1)[..., None]
-        azimuth = np.take_along_axis(np.broadcast_to(azimuths, ends.shape), least, axis=-1)[..., 0]
-        return azimuth, np.take_along_axis(ends, least, axis=-1)[..., 0]
+    def _end_of_field(self, angles: FloatArray, azimuths: FloatArray) -> tuple[float, float]:
+        """The angle up to which all azimuths are well imaged, and the azimuth where they no longer are.
+
+        The angles increase from one up to which they are; the field ends at the last one at the latest.
+        """
+        block = _DIRECTIONS // len(azimuths)
+        for start in range(1, len(angles), block):
+            good = self._well_imaged(angles[start : start + block], azimuths[:, None])
+            if not np.all(good):
+                break
+        else:
+            return float(angles[-1]), float(azimuths[0])
+        first = int(np.argmin(np.all(good, axis=0)))
+        low, high = angles[start + first - 1 : start + first + 1]
+        azimuths = azimuths[~good[:, first]]
+        if high - low <= 2.0 * np.spacing(high):
+            return float(low), float(azimuths[0])
+        return self._end_of_field(np.linspace(low, high, _SECTIONS + 1), azimuths)
 
     def _well_imaged(self, angle: FloatArray, azimuth: FloatArray) -> BoolArray:
-        """Whether directions, shape (..., azimuths, angles), are imaged outwards, unmirrored and not too compressed."""
-        lens = self._spread(2)
+        """Whether directions at angles (N,) and azimuths (M, 1) are imaged outwards, unmirrored, not too compressed."""
         with np.errstate(all="ignore"):
-            moved = lens._moved(angle, azimuth, by=0)
+            moved = self._moved(angle, azimuth, by=0)
             place, out = np.real(moved), np.imag(moved)
-            around = np.imag(lens._moved(angle, azimuth, by=1))
-            on_axis = np.imag(lens._moved(np.full_like(angle[..., :1], 1e-9), azimuth, by=0))
+            around = np.imag(self._moved(angle, azimuth, by=1))
+            on_axis = np.imag(self._moved(np.full(1, 1e-9), azimuth, by=0))
             scale = (out[0] * around[1] - out[1] * around[0]) / np.hypot(*around)
             turns = place[0] * around[1] - place[1] * around[0]
             outward = place[0] * np.cos(azimuth) + place[1] * np.sin(azimuth)
@@ -201,12 +212,6 @@ class LensModel(ABC):
         along = np.cos(turned) + 0.0 * np.real(around)
         moved = self.image(across * np.cos(around), across * np.sin(around), along)
         return np.array(np.broadcast_arrays(*moved))
-
-    def _spread(self, axes: int) -> Self:
-        """The same model with this many axes appended to those of its coefficients."""
-        values = {name: np.asarray(getattr(self, name)) for name in self.coefficient_names()}
-        wide = {name: value[(..., *[None] * axes)] for name, value in values.items() if value.ndim}
-        return replace(self, **wide) if wide else self
 
     @property
     def _single(self) -> bool:
@@ -444,7 +449,8 @@ class Rational(LensModel):
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
         """Radii before and after radial distortion alone, over the part of the field where both rise."""
-        end = float(replace(self, **dict.fromkeys(_NOT_RADIAL, 0.0)).valid_field)
+        radial = self if self.symmetric else replace(self, **dict.fromkeys(_NOT_RADIAL, 0.0))
+        end = float(radial.valid_field)
         radius = np.tan(np.linspace(0.0, min(end, _WIDE), _TABLE))
         if end > _WIDE:
             radius = np.concatenate(
