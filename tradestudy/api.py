@@ -231,11 +231,11 @@ def usable_span(study: Study) -> tuple[float, float] | None:
     """The longest stretch from 2 cm to 1 km where the only camera of a study is usable [m]; None if there is none."""
     import numpy as np
 
-    from tradestudy.answers.depth import DepthPoint, depth_table
+    from tradestudy.depth.usable import usable_intervals
 
     ((camera,), criteria) = study.prepared.case.cameras.values(), study.prepared.case.criteria
-    table = depth_table(DepthPoint(camera=camera, criteria=criteria, distance=np.geomspace(0.02, 1e3, 121)))
-    longest = max(table.intervals, key=lambda one: one.far / one.near, default=None)
+    intervals = usable_intervals(camera, criteria, np.geomspace(0.02, 1e3, 121))
+    longest = max(intervals, key=lambda one: one.far / one.near, default=None)
     if longest is None:
         return None
     return 1.05 * longest.near, longest.far  # within it after rounding to two digits, too
