@@ -39,6 +39,7 @@ OTHERS = """
     focus: {distance: 150 mm, stack: {from: 130 mm, to: 180 mm, images: 12}}
 """
 PLANE = "{{shape: plane, distance: {} mm}}"
+SMALL = ["plenoptic.sensor.pixels=[260, 260]", "views.sensor.pixels=[640, 640]"]
 
 
 def study_text(
@@ -148,7 +149,7 @@ def test_a_plane_at_the_end_of_the_distances_is_measured(tmp_path: Path, camera:
     assert float(np.float32(0.15)) > 0.15
     ends = ["scene.distances.to=150 mm"]
     beyond = ["scene.distances.to=160 mm"]
-    (at_end, _), (inside, _) = (mapped(tmp_path, camera, PLANE.format(150), one) for one in (ends, beyond))
+    (at_end, _), (inside, _) = (mapped(tmp_path, camera, PLANE.format(150), SMALL + one) for one in (ends, beyond))
     assert inside.seen > 0
     assert at_end.seen == pytest.approx(inside.seen, rel=0.02)
     assert at_end.filled == pytest.approx(inside.filled, abs=0.02)
@@ -167,7 +168,7 @@ def test_known_values_act_in_the_picture_and_in_depth_read_from_it(
 ) -> None:
     """They would make a plane slope by 3.5 mm or more over the picture; at most a fifth of that remains, with noise."""
     said = {"length": "1 mm" if camera == "plenoptic" else "1.5 mm", "contrast": "30 %"}
-    near = ["scene.distances.from=140 mm", "scene.distances.to=160 mm"]
+    near = ["plenoptic.sensor.pixels=[260, 260]", "scene.distances.from=140 mm", "scene.distances.to=160 mm"]
     precise = [f"cameras.{camera}.depth.estimator=least-squares", *near]
     overrides = [f"cameras.{camera}.calibration.known.{name}={value}" for name, value in values.items()]
     plain, _ = mapped(tmp_path, camera, PLANE.format(150), precise, **said)
@@ -238,7 +239,7 @@ def test_a_stack_measures_nothing_in_noise_that_differs_over_the_picture(
 )
 def test_every_estimator_measures_a_plane(tmp_path: Path, estimator: str, lenses: str) -> None:
     score, maps = mapped(
-        tmp_path, "plenoptic", PLANE.format(150), estimator=estimator, lenses=lenses, pixels="[180, 180]"
+        tmp_path, "plenoptic", PLANE.format(150), estimator=estimator, lenses=lenses, pixels="[130, 130]"
     )
     assert score.measured > 0.5 * score.seen
     assert abs(score.bias) < 0.5e-3
@@ -252,7 +253,7 @@ def test_the_map_has_the_orientation_of_the_scene(tmp_path: Path, camera: str, l
     if camera == "pair":
         pytest.importorskip("cv2")
     surface = "{shape: plane, distance: 150 mm, tilt_x: 50 deg, tilt_y: 30 deg}"
-    _, maps = mapped(tmp_path, camera, surface, length=length)
+    _, maps = mapped(tmp_path, camera, surface, SMALL, length=length)
     both = np.isfinite(maps[""]) & (maps["_measurable"] > 0)
     row, column = np.nonzero(both)
     base = np.stack([np.ones(row.size), column - column.mean(), row - row.mean()], axis=-1)
