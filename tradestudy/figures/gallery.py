@@ -46,7 +46,8 @@ from tradestudy.figures.refocusing import refocusing_drawing
 from tradestudy.figures.style import MOST_CAMERAS, CameraTrace, selection_words, traces
 from tradestudy.figures.value_tables import reading_tables
 from tradestudy.results import JUDGED
-from tradestudy.results.views.decision import answer_title, candidates, has_winners, reported_winners, shown_ends
+from tradestudy.results.views.conclusions import best_ranges
+from tradestudy.results.views.decision import candidates, has_winners
 from tradestudy.results.views.depth import (
     field_words,
     largest_parts,
@@ -139,6 +140,7 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
     if most < len(every) and most == MOST_CURVES:
         left = counted(len(every) - most, "other camera")
         caption += f" {left}: figure in section “Where each camera is usable”."
+    alt = "Log-log chart of depth uncertainty against distance. " + _usable_words(depth, shown)
     if has_winners(tree) and len(shown) > 1:
         among = [title for key, title in camera_titles(tree).items() if key in candidates(tree)]
         caption += (
@@ -147,12 +149,12 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
         )
         if crossovers(tree):
             caption += " Dotted: where this changes."
+        best = "; ".join(one.words for one in best_ranges(tree))
+        alt += f"Smallest uncertainty{' of the candidates' * bool(among)}: {best}."
     return Drawing(
         name=name,
         caption=caption,
-        alt="Log-log chart of depth uncertainty against distance. "
-        + _usable_words(depth, shown)
-        + _winner_words(tree, shown),
+        alt=alt,
         draw=partial(draw_whole_range, tree, most),
     )
 
@@ -184,20 +186,6 @@ def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
     return "".join(
         f"{camera.title}: usable {places or 'nowhere'}. " for camera, places in zip(shown, where, strict=True)
     )
-
-
-def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
-    if not has_winners(tree) or len(shown) == 1:
-        return ""
-    chosen = candidates(tree)
-    titles = camera_titles(tree)
-    nobody = "no candidate" if chosen else "no camera"
-    ranges = tuple(reported_winners(tree))
-    found = [
-        f"{answer_title(titles, names, nobody)} from {span(*ends)}"
-        for (_, _, names), ends in zip(ranges, shown_ends(ranges), strict=True)
-    ]
-    return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {'; '.join(found)}."
 
 
 def _paper_figures(tree: xr.DataTree) -> Iterator[Drawing]:

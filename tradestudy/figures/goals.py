@@ -18,11 +18,10 @@ from tradestudy.figures.style import (
     line_style,
     log_axis,
     new_figure,
-    plain_number,
     styled,
 )
 from tradestudy.figures.sweeps import AXIS_UNITS
-from tradestudy.results.views.finding import MOST_CURVES, goal_questions, uncertainty_words
+from tradestudy.results.views.finding import MOST_CURVES, goal_questions, question_finding, uncertainty_words
 from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import counted, in_words
 
@@ -34,27 +33,16 @@ def goals_drawing(tree: xr.DataTree) -> Drawing | None:
     questions = goal_questions(tree)[:MOST_CURVES]
     if not questions:
         return None
-    each = "; ".join(
-        f"{in_words(str(one['solved_path']).rpartition('.')[2])} {_value_words(one, 0)}: "
-        f"{pretty(float(one['uncertainties'][0]), LENGTH)}, {_value_words(one, -1)}: "
-        f"{pretty(float(one['uncertainties'][-1]), LENGTH)}"
-        for one in questions
-    )
+    findings = " ".join(map(question_finding, questions))
     left = len(goal_questions(tree)) - len(questions)
     more = f" {counted(left, 'more question')} of the study: see the answers above." if left else ""
     return Drawing(
         name="goals",
         caption=f"The {uncertainty_words(questions[0])} against each varied input; horizontal line: the goal; dashed: "
         f"the answer.{more}",
-        alt=f"Log-log curves of {uncertainty_words(questions[0])} against varied inputs. {each}.",
+        alt=f"Log-log curves of {uncertainty_words(questions[0])} against varied inputs. {findings}",
         draw=lambda: draw_goals(tree),
     )
-
-
-def _value_words(question: Mapping[str, Any], which: int) -> str:
-    factor, unit = AXIS_UNITS.get(str(question["solved_units"]), (1.0, ""))
-    value = factor * float(question["values"][which])
-    return f"{plain_number(float(f'{value:.3g}'))} {unit}".rstrip()
 
 
 @styled()
