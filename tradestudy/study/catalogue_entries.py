@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from tradestudy.cameras.camera import Camera, Contradiction
 from tradestudy.cameras.declaration import DepthCameraDeclaration
@@ -191,7 +191,7 @@ def lines(source: str) -> Iterator[str]:
     if lacking := incomplete(entry):
         raise StudyError(lacking)
     for mode, camera in entry.cameras:
-        one = _listed(source, mode, camera, entry)
+        one = index_row(source, mode, camera, entry)
         near = "unknown nearest distance" if one.nearest is None else f"nearest {one.nearest:.3g} m"
         yield f"{one.title}: {one.focal_length_px:.0f} px, {pretty(one.field_of_view, ANGLE, 3)}, {near}"
     for mode, found in entry.contradictions():
@@ -205,16 +205,8 @@ def lines(source: str) -> Iterator[str]:
     yield f"complete: {counted(len(entry.modes), 'mode')}, every value with its basis"
 
 
-def index() -> list[dict[str, Any]]:
-    """The rows of the index of the catalogue, made from its entries."""
-    rows = []
-    for name in entry_names():
-        entry = entry_of(PREFIX + name)
-        rows += [asdict(_listed(name, mode, camera, entry)) for mode, camera in entry.cameras]
-    return [{**row, "pixels": list(row["pixels"])} for row in rows]
-
-
-def _listed(name: str, mode: str, camera: Camera, entry: Entry) -> Listed:
+def index_row(name: str, mode: str, camera: Camera, entry: Entry) -> Listed:
+    """The row of a camera of an entry, as the index of the catalogue has it; without a revision if it is not there."""
     part = entry.definition.file.cameras[f"m{entry.modes.index(mode)}"]
     in_catalogue = name in entry_names()
     return Listed(
