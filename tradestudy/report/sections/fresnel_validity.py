@@ -43,6 +43,8 @@ def describe_fresnel_answer(tree: xr.DataTree) -> Iterator[Block]:
             Paragraph(
                 f"The error of Fresnel's point-spread function is its absolute difference from Kirchhoff's, integrated "
                 f"within {significant(middle_window(data))} Airy radii and divided by the integral of Kirchhoff's. "
+                "It is the error of one point in focus; pixels, which add up the light of many points, differ less: a "
+                "study with a light spot computes by how much. "
                 "Parabolic lenses have spherical aberration, stigmatic ones none on the axis, perfect ones none at all."
             ),
             Bullets(tuple(_findings(data))),
