@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from textwrap import fill, wrap
 from typing import Any
 
@@ -208,13 +208,13 @@ _LONGEST = 40
 _LEAST_NAMED = 9.0  # per cent: parts of a bar at least this wide have room for a name
 
 
-def rank_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of a study that weighs criteria; None for any other, or for a single candidate."""
+def rank_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figure of a study that weighs criteria; none for any other, or for a single candidate."""
     found = candidates_by_rank(tree)[:_MOST]
     if len(found) <= 1:
-        return None
+        return
     listed_values = "; ".join(f"{one.title} {pretty(one.ranks[0], FRACTION, 2)}" for one in found)
-    return Drawing(
+    yield Drawing(
         name="rank_acceptability",
         caption="Fraction of the possible weights under which each candidate takes each rank, the first rank darkest.",
         alt=f"Fraction of the possible weights that rank each candidate first: {listed_values}.",
@@ -250,13 +250,13 @@ def draw_ranks(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def worths_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of a study that asks for the worth of its assumptions; None for any other."""
+def worth_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figure of a study that asks for the worth of its assumptions; none for any other."""
     found = worths(tree)[:_MOST]
     if not found:
-        return None
+        return
     listed_values = "; ".join(f"{one.says} {pretty(one.worth, FRACTION, digits=2)}" for one in found)
-    return Drawing(
+    yield Drawing(
         name="assumption_worths",
         caption="Worth of knowing each assumption before choosing a camera: the average reduction of relative depth "
         "uncertainty; bars span one standard error to either side.",
@@ -297,18 +297,18 @@ _LEVELS = (-50.0, -20.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # contours of m
 _LINEAR_WITHIN = 10.0  # per cent: margins beyond are on a logarithmic scale
 
 
-def margins_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of a study that sweeps one or two parameters and has requirements; None for any other."""
+def margin_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figure of a study that sweeps one or two parameters and has requirements; none for any other."""
     if "requirements" not in tree.children or "design_met" not in tree["requirements"].data_vars:
-        return None
+        return
     data = tree["requirements"].to_dataset()
     dims = _swept(data)
     if not np.isfinite(data["design_margin_percent"].values).any():  # no requirement can fail, or none can be decided
-        return None
+        return
     if len(dims) > 2 or (len(dims) == 2 and any(data[dim].dtype.kind not in "fiu" for dim in dims)):
-        return None
+        return
     if len(dims) == 2 and np.ptp(_least(data, dims)) == 0.0:  # equal margins have no contours
-        return None
+        return
     names = parameter_words(tree, dims)
     conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree)[:MOST_CURVES])
     left = data.sizes["requirement"] - MOST_CURVES if len(dims) == 1 else 0
@@ -320,7 +320,7 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         else "A requirement is met where its margin is positive. Marks: computed designs; the curves cross 0 at the "
         "limits found between them. Shaded: all requirements that must be met are met."
     )
-    return Drawing(
+    yield Drawing(
         name="requirement_margins",
         caption=f"{shown}, against the {names}. {marks} "
         "Dashed: the study as declared. A margin of −30 %: not usable over 30 % of the required distances, on a "

@@ -15,9 +15,9 @@ from tradestudy.figures.calibration import calibration_drawings
 from tradestudy.figures.decision import (
     ERROR_SOURCE_TITLES,
     draw_readings,
-    margins_drawing,
-    rank_drawing,
-    worths_drawing,
+    margin_drawings,
+    rank_drawings,
+    worth_drawings,
 )
 from tradestudy.figures.depth import (
     MOST_BOUNDS,
@@ -32,13 +32,13 @@ from tradestudy.figures.depth import (
 )
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.first import first_of_all
-from tradestudy.figures.goals import goals_drawing
+from tradestudy.figures.goals import goal_drawings
 from tradestudy.figures.measured import measured_drawings
 from tradestudy.figures.pictures import (
     depth_loop_drawings,
     depth_map_drawings,
-    measured_scene_drawing,
-    pictures_drawing,
+    measured_scene_drawings,
+    picture_drawings,
     uncertainty_map_drawings,
 )
 from tradestudy.figures.program import cost_drawing, hard_cases_drawing
@@ -89,22 +89,16 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
             yield _off_axis(tree)
         yield from uncertainty_map_drawings(tree)
         if swept(tree["depth"].to_dataset()):
-            if (margins := margins_drawing(tree)) is not None:
-                yield margins
+            yield from margin_drawings(tree)
             yield from _sweeps(tree)
     yield from measured_drawings(tree)
-    if (pictures := pictures_drawing(tree)) is not None:
-        yield pictures
-    if (scene := measured_scene_drawing(tree)) is not None:
-        yield scene
+    yield from picture_drawings(tree)
+    yield from measured_scene_drawings(tree)
     yield from depth_map_drawings(tree)
     yield from depth_loop_drawings(tree)
-    if (goals := goals_drawing(tree)) is not None:
-        yield goals
-    if (worth := worths_drawing(tree)) is not None:
-        yield worth
-    if (ranks := rank_drawing(tree)) is not None:
-        yield ranks
+    yield from goal_drawings(tree)
+    yield from worth_drawings(tree)
+    yield from rank_drawings(tree)
     if has(tree, "decision", "uncertainty_ratio") and tree["decision"].sizes["reading"] > 1:
         yield _readings(tree)
     yield from calibration_drawings(tree)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -28,15 +28,15 @@ from tradestudy.wording import counted, in_words
 MM: Final = 1e3
 
 
-def goals_drawing(tree: xr.DataTree) -> Drawing | None:
+def goal_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The figure of a study that asks which value of an input gives a required depth uncertainty."""
     questions = goal_questions(tree)[:MOST_CURVES]
     if not questions:
-        return None
+        return
     findings = " ".join(map(question_finding, questions))
     left = len(goal_questions(tree)) - len(questions)
     more = f" {counted(left, 'more question')} of the study: see the answers above." if left else ""
-    return Drawing(
+    yield Drawing(
         name="goals",
         caption=f"The {uncertainty_words(questions[0])} against each varied input; horizontal line: the goal; dashed: "
         f"the answer.{more}",

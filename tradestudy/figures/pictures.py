@@ -41,15 +41,15 @@ _LONGEST = 30
 _BRIGHT = 99.5  # the percentile of brightness that is drawn white
 
 
-def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of a study that renders a scene; None for any other."""
+def picture_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figure of a study that renders a scene; none for any other."""
     if not has(tree, "pictures", "brightness"):
-        return None
+        return
     data, titles = group(tree, "pictures"), camera_titles(tree)
     shown = _first_of_each(data)
     near, far = map(distance, ends_of_depth(data["true_depth"].values))
     names = listed([titles[str(data["camera_of"].values[k])] for k in shown])
-    return Drawing(
+    yield Drawing(
         name="scene_pictures",
         caption="The first picture by each camera: in full, its middle enlarged, and the true depth in each pixel "
         "(white: no light, or no surface). Brightness is scaled for each picture separately.",
@@ -147,12 +147,12 @@ def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     )
 
 
-def measured_scene_drawing(tree: xr.DataTree) -> Drawing | None:
-    """The figure of the cameras that measure a rendered scene best; None for any other study."""
+def measured_scene_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figure of the cameras that measure a rendered scene best; none for any other study."""
     if not has(tree, "pictures", "map_depth") or not best_of_scene(tree):
-        return None
+        return
     others = group(tree, "pictures").sizes["mapped_camera"] - len(best_of_scene(tree))
-    return Drawing(
+    yield Drawing(
         name="measured_scene",
         caption="From left to right: the picture, the depth measured in it, and its error on one scale for all "
         "(red: too far; larger errors have the colour of the end). Each block shows the median of its points; hatched "
