@@ -316,18 +316,21 @@ def rounded(number: float, digits: int, to: Callable[[float], int], error: float
     return (whole if abs(number / step - whole) < max(_ROUNDING, error / step) else to(number / step)) * step
 
 
-def shows_error(value: float, error: float, dimension: Dimension) -> bool:
-    """Whether an error is visible at three digits of its value."""
-    return error > _SHOWN_ERROR * abs(value - display_unit(value, dimension).zero)
+def shows_error(value: float, error: float, dimension: Dimension, negligible: float = _SHOWN_ERROR) -> bool:
+    """Whether an error is known and more than this fraction of its value; by default, visible at three digits."""
+    return math.isfinite(error) and error > negligible * abs(value - display_unit(value, dimension).zero)
 
 
-def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:
-    """Write an SI value as far as the one digit of its error; omit an error that is invisible at three digits."""
-    if not shows_error(value, error, dimension):
+def pretty_with_error(value: float, error: float, dimension: Dimension, negligible: float = _SHOWN_ERROR) -> str:
+    """Write an SI value and its error in one unit, the error with one digit and the value as far as that digit.
+
+    An error that is unknown, or negligible as in `shows_error`, is left out.
+    """
+    if not shows_error(value, error, dimension, negligible):
         return pretty(value, dimension)
-    unit = display_unit(value, dimension)
-    number, deviation = to_digit_of_error((value - unit.zero) / unit.size, error / unit.size)
-    return f"{number}{unit.label} ± {deviation}{unit.label}"
+    digit = math.floor(math.log10(float(f"{error:.0e}")))
+    unit = display_unit(float(f"{max(abs(round(value, -digit)), error):.2e}"), dimension)
+    return f"{' ± '.join(to_digit_of_error((value - unit.zero) / unit.size, error / unit.size))}{unit.label}"
 
 
 def to_digit_of_error(value: float, error: float) -> tuple[str, str]:

@@ -14,8 +14,9 @@ from tradestudy.units import (
     NUMBER,
     PIXELS,
     Dimension,
-    display_unit,
     pretty,
+    pretty_with_error,
+    shows_error,
     significant,
     to_digit_of_error,
 )
@@ -73,33 +74,17 @@ def length(value: float, digits: int = 3) -> str:
     return pretty(value, LENGTH, digits).replace(" ", "\N{NO-BREAK SPACE}")
 
 
-def with_error(value: float, error: float, dimension: Dimension = LENGTH) -> str:
-    """Write a value as `plus_minus` does, or alone where its error is negligible or unknown."""
-    is_shown = np.isfinite([value, error]).all() and error > _NEGLIGIBLE * abs(value)
-    return plus_minus(value, error if is_shown else 0.0, dimension)
-
-
-def plus_minus(value: float, error: float, dimension: Dimension) -> str:
-    """Write a value and its error in one unit, the error with one digit and the value as far as that digit.
-
-    An error of 0 or NaN is left out.
-    """
-    if not error > 0.0:
-        return pretty(value, dimension).replace(" ", "\N{NO-BREAK SPACE}")
-    digit = int(np.floor(np.log10(float(f"{error:.0e}"))))
-    unit = display_unit(float(f"{max(abs(round(value, -digit)), error):.2e}"), dimension)
-    return _rounded(value / unit.size, error / unit.size, unit.label)
+def with_error(value: float, error: float, dimension: Dimension = LENGTH, negligible: float = _NEGLIGIBLE) -> str:
+    """Write a value, and its error where that is not negligible, with no-break spaces."""
+    return pretty_with_error(value, error, dimension, negligible).replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def distance_with_error(value: float, error: float) -> str:
     """Write a distance [m] in the unit of sentences, and its error where that is not negligible."""
-    if not np.isfinite([value, error]).all() or error <= _NEGLIGIBLE * abs(value):
+    if not shows_error(value, error, LENGTH, _NEGLIGIBLE):
         return distance(value)
-    return _rounded(value, error, " m") if abs(value) >= 0.1 else _rounded(1e3 * value, 1e3 * error, " mm")
-
-
-def _rounded(value: float, error: float, unit: str) -> str:
-    return f"{' ± '.join(to_digit_of_error(value, error))}{unit}".replace(" ", "\N{NO-BREAK SPACE}")
+    size, unit = (1.0, "m") if abs(value) >= 0.1 else (1e-3, "mm")
+    return f"{' ± '.join(to_digit_of_error(value / size, error / size))} {unit}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def interval(low: float, high: float) -> str:

@@ -8,7 +8,7 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, pictures_of, say
-from tradestudy.report.words import plus_minus, share
+from tradestudy.report.words import share, with_error
 from tradestudy.results.views.conclusions import worths
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.results.views.trade_off import (
@@ -48,7 +48,7 @@ def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> It
             (
                 one.title + ("" if one.is_feasible else " †"),
                 *one.values,
-                plus_minus(one.ranks[0], one.first_error, FRACTION),
+                with_error(one.ranks[0], one.first_error, FRACTION, negligible=0.0),
                 one.central,
             )
             for one in found[:_MOST_ROWS]
@@ -100,7 +100,7 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
             draws=str(int(data.attrs["draws"])),
             places=", ".join(distance(float(place)) for place in data["place"].values),
             unusable=share(float(data.attrs["unusable"])),
-            whole=plus_minus(float(data.attrs["worth_of_all"]), float(data.attrs["worth_of_all_error"]), FRACTION),
+            whole=with_error(float(data.attrs["worth_of_all"]), float(data.attrs["worth_of_all_error"]), FRACTION, 0.0),
         )
     )
     ranked = worths(tree)
@@ -113,7 +113,10 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
             Column(title="Range", weight=3),
             Column(title="Worth", align="right"),
         ),
-        rows=tuple((one.says, one.between, plus_minus(one.worth, one.error, FRACTION)) for one in ranked[:_MOST_ROWS]),
+        rows=tuple(
+            (one.says, one.between, with_error(one.worth, one.error, FRACTION, negligible=0.0))
+            for one in ranked[:_MOST_ROWS]
+        ),
     )
     yield from pictures_of(drawings, "assumption_worths")
     yield Table(
