@@ -21,7 +21,7 @@ RADII = np.array([0.2, 0.45, 0.5, 0.77, 1.36, 4.75])
 def share_lit(apart: float, disc: float, lens: float) -> float:
     """Share of the smaller of two discs that the other covers, by counting points on a fine grid."""
     small, large = min(disc, lens), max(disc, lens)
-    x, y = np.meshgrid(*(np.linspace(-small, small, 1201),) * 2)
+    x, y = np.meshgrid(*(np.linspace(-small, small, 601),) * 2)
     inside = np.hypot(x, y) <= small
     return float(np.mean((np.hypot(x - apart, y) <= large)[inside]))
 
@@ -45,9 +45,10 @@ def test_the_limits_are_where_light_begins_and_where_it_fills_the_lens() -> None
 def test_a_count_of_centres_is_the_light_of_all_microlenses() -> None:
     """The mean over positions of the sum of lit shares of filled lenses is the mean number of centres in the disc."""
     disc, lens = 1.36, 0.5
-    shares = np.linspace(0.0, 1.0, 2001)[1:] - 0.5 / 2000
+    nodes, weights = np.polynomial.legendre.leggauss(100)
+    shares = (nodes + 1.0) / 2.0
     radii = [lit_radius_over_pitch(disc, lens_radius_over_pitch=lens, least_share=float(one)) for one in shares]
-    light = np.mean(np.square(radii))  # ∫ π d(share)² dshare, over π
+    light = weights @ np.square(radii) / 2.0  # ∫ π d(share)² dshare, over π
     assert light == pytest.approx(disc**2, rel=1e-5)
 
 

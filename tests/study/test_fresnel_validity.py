@@ -33,6 +33,7 @@ def result() -> Result:
     return tradestudy.load(STUDY, [f"fresnel_validity.{one}" for one in (*fewer, phases)]).run()
 
 
+@pytest.mark.usefixtures("empty_figures")
 @pytest.mark.parametrize(
     ("camera", "tried", "advice"),
     [("14", "{from: 2, to: 3, points: 2}", "Fresnel"), ("2.5", "{from: 12, to: 16, points: 2}", "Kirchhoff")],

@@ -71,12 +71,13 @@ def test_an_error_that_is_declared_is_not_taken_as_perfect(tmp_path: Path) -> No
         tmp_path, rig="from: chain.yaml, calibration: {errors: {yaw: {standard_deviation: 0.01 deg}}}", bare="like: rig"
     )
     path.write_text(path.read_text().replace("{like: rig}", "{like: rig, calibration: {errors: null}}"))
-    cameras = tradestudy.load(path).run().data["cameras"]
+    near = "scene.distances=[0.5 m, 1 m]"
+    cameras = tradestudy.load(path, [near]).run().data["cameras"]
     assert dict(zip(cameras["camera"].values, cameras["perfect_calibration"].values, strict=True)) == {
         "rig": 0.0,
         "bare": 1.0,
     }
-    off = tradestudy.load(path, ["effects={calibration: 'off'}"]).run()
+    off = tradestudy.load(path, [near, "effects={calibration: 'off'}"]).run()
     assert "Assumed perfect: the calibration of rig and bare" in off.lines()
 
 
