@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from tradestudy.execution import Executor
     from tradestudy.execution.steps import Progress
     from tradestudy.imaging.estimation import DepthScore
+    from tradestudy.study.document import Document
 
 
 __all__ = [
@@ -202,27 +203,24 @@ def render(
     return RenderedScene(arrays=taken.arrays, pictures=taken.written, depths=scores)
 
 
-def asked_of_camera(path: Path) -> dict[str, str]:
+def asked_of_camera(document: Document) -> dict[str, str]:
     """By key, what the study of one imported camera still has to say because the camera's file does not.
 
     It is empty if the study has mistakes, which `load` reports.
     """
-    from tradestudy.study.loading import read
     from tradestudy.study.schema.root import StudyFile
     from tradestudy.study.schema.validation import asked_values
 
-    document = read(path)
     problems = () if document.problems else asked_values(document, StudyFile)
     return {one.path.split(".", 2)[2]: one.what.partition("; ")[2] for one in problems}
 
 
-def refocuses(path: Path) -> bool:
+def refocuses(document: Document) -> bool:
     """Whether the camera in the study of one imported camera is of a kind that can be refocused."""
     from tradestudy.cameras.kinds import KINDS
     from tradestudy.study.document import ScalarEntry
-    from tradestudy.study.loading import read
 
-    kind = read(path).entry(("cameras", "rig", "kind"))
+    kind = document.entry(("cameras", "rig", "kind"))
     kinds = [name for one in KINDS if one.camera.refocuses for name in get_args(one.model_fields["kind"].annotation)]
     return isinstance(kind, ScalarEntry) and kind.text in kinds
 

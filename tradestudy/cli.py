@@ -354,6 +354,7 @@ def new(
     with reporting_errors(debug=debug):
         from tradestudy import api
         from tradestudy.cameras.depth_camera import DepthCamera
+        from tradestudy.study.loading import read
         from tradestudy.study.starter import (
             before_table,
             between,
@@ -393,9 +394,10 @@ def new(
             ) from None
         if from_:
             try:
-                asked = api.asked_of_camera(path)
+                document = read(path)
+                asked = api.asked_of_camera(document)
                 text = starter(name, calibration_files=from_, said=said, asked=asked)
-                if api.refocuses(path):
+                if api.refocuses(document):
                     text = with_sharp_views(text)
                 path.write_text(between(text + questions() if asked else text), encoding="utf-8")
                 if asked:
