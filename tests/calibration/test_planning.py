@@ -138,7 +138,7 @@ def loaded(folder: Path, views: str = SPREAD, more: Mapping[str, Any] | None = N
 
 def inferred_width(study: PreparedStudy) -> float:
     """Half the interval of depth at 1 m of the rig under its sampled calibration [m]."""
-    known, *_ = infer_calibrations(study.with_values({"rig.calibration.target.max_steps": 250}), Steps())
+    known, *_ = infer_calibrations(study.with_values({"rig.calibration.target.max_steps": 150}), Steps())
     return float(distribution(known.case.cameras["rig"], np.array([1.0]), "calibration").half_widths(ONE_SIGMA)[0, 0])
 
 

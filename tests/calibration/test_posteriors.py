@@ -81,8 +81,8 @@ def test_the_target_ties_array_distance_and_focal_length():
 @pytest.mark.parametrize(
     ("camera", "priors", "part"),
     [
-        (stereo(), PRIORS, board()),
-        (unfocused(), R5_PRIORS[:3], board(spacing=0.02, distances=(0.12, 0.3), half_field_angle=0.1)),
+        (stereo(), PRIORS, board(max_steps=200)),
+        (unfocused(), R5_PRIORS[:3], board(spacing=0.02, distances=(0.12, 0.3), half_field_angle=0.1, max_steps=200)),
     ],
 )
 def test_a_target_shrinks_what_depth_needs(camera, priors, part):

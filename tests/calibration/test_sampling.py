@@ -82,7 +82,7 @@ def test_ensembles_stuck_in_two_modes_are_not_converged():
 def test_one_stuck_ensemble_is_named():
     rng = np.random.default_rng(0)
     begin = starts(rng) + np.array([20.0, -20.0, 20.0, 20.0])[:, None, None]
-    diagnostics = sample_posterior(two_modes, begin, names=NAMES, rng=rng, maximum_steps=1000).diagnostics
+    diagnostics = sample_posterior(two_modes, begin, names=NAMES, rng=rng, maximum_steps=300).diagnostics
     assert not diagnostics.converged
     assert diagnostics.stuck_ensembles == (1,)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from tradestudy.cameras.picture_geometry import MatchedWindow, PictureGeometry
 from tradestudy.imaging.models import PictureModels, closed_form_models, neighbours_share
 from tradestudy.imaging.passed_texture import matched_window
 from tradestudy.imaging.picture import disparity_error_px
+from tradestudy.optics.arrays import FloatArray
 
 WAVELENGTH = 550e-9
 DISTANCE = np.array([0.3, 1.0])
@@ -41,24 +43,32 @@ def test_the_middle_of_a_micro_image_loses_what_an_airy_pattern_holds_outside() 
     np.testing.assert_allclose(found, j0(v) ** 2 + j1(v) ** 2, rtol=1e-6)
 
 
+@lru_cache(maxsize=2)
+def light_on_a_grid(step: float, count: int, *, radius: float, f_number: float, blur: float) -> FloatArray:
+    """The disc of a micro-image convolved with an Airy pattern, and with a disc of blur, if it has a diameter."""
+    x = np.fft.fftfreq(count, 1.0 / count) * step
+    r = np.hypot(x[:, np.newaxis], x)
+    v = np.pi * np.maximum(r, 1e-12) / (WAVELENGTH * f_number)
+    kernel = (2.0 * j1(v) / v) ** 2 * np.pi / 4.0 / (WAVELENGTH * f_number) ** 2 * step**2
+    if blur:
+        disc = (r <= blur / 2.0).astype(float)
+        kernel = irfft2(rfft2(kernel) * rfft2(disc / disc.sum()), s=r.shape)
+    return np.asarray(irfft2(rfft2(kernel) * rfft2((r <= radius).astype(float)), s=r.shape))
+
+
 @pytest.mark.parametrize("blurred", [False, True])
 @pytest.mark.parametrize(("window_px", "aside_px"), [(8.0, 0.0), (16.0, 0.0), (8.0, 4.0), (5.0, 8.0)])
 def test_the_share_is_that_of_light_on_a_grid(window_px: float, aside_px: float, blurred: bool) -> None:
-    """The disc of a micro-image convolved with an Airy pattern, and with a disc of blur, averaged over the window."""
+    """Light of a micro-image averaged over the window."""
     geometry = pictured()
     lens = geometry.microlens
     assert lens is not None
     blur_diameter = 3.0 * geometry.sample_pitch
     geometry = replace(geometry, microlens=replace(lens, blur_diameter=np.full(2, blur_diameter)))
-    R, step, count = micro_image_radius(geometry), 0.2e-6, 2048
+    step, count, blur = 0.2e-6, 2048, blur_diameter if blurred else 0.0
     x = np.fft.fftfreq(count, 1.0 / count) * step
-    r = np.hypot(x[:, np.newaxis], x)
-    v = np.pi * np.maximum(r, 1e-12) / (WAVELENGTH * float(lens.f_number[0]))
-    kernel = (2.0 * j1(v) / v) ** 2 * np.pi / 4.0 / (WAVELENGTH * float(lens.f_number[0])) ** 2 * step**2
-    if blurred:
-        disc = (r <= blur_diameter / 2.0).astype(float)
-        kernel = irfft2(rfft2(kernel) * rfft2(disc / disc.sum()), s=r.shape)
-    own = irfft2(rfft2(kernel) * rfft2((r <= R).astype(float)), s=r.shape)
+    radius, f_number = micro_image_radius(geometry), float(lens.f_number[0])
+    own = light_on_a_grid(step, count, radius=radius, f_number=f_number, blur=blur)
     seen = np.hypot(
         x[:, np.newaxis] - aside_px * geometry.sample_pitch, x
     ) <= window_px * geometry.sample_pitch / math.sqrt(math.pi)
