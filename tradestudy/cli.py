@@ -556,7 +556,8 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Ite
         yield Threads(threads)
         return
     assert dask is not None
-    sys.modules.pop("dask", None)  # which main() hides
+    if sys.modules.get("dask") is None:
+        sys.modules.pop("dask", None)  # which main() hides
     cluster = DaskCluster(dask)
     cluster.check()  # before anything is computed or written
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the run itself reports every lost worker
