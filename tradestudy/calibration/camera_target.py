@@ -14,7 +14,7 @@ from tradestudy.calibration.laplace import (
     compare_log_posteriors,
     covariance_from_information,
 )
-from tradestudy.calibration.projection import move, move_jacobian
+from tradestudy.calibration.projection import move, pose_derivatives
 from tradestudy.calibration.sampling import (
     MINIMUM_ENSEMBLES,
     CheckedPosterior,
@@ -343,8 +343,7 @@ def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArra
     seen = problem.model(parameters, points + shifts)
     by_points = np.moveaxis((seen[:3] - seen[3:]) / (2.0 * step), 0, -1) / problem.target.noise[:, None]
     by_points = np.where(np.isnan(problem.observed)[..., None], 0.0, by_points)
-    by_poses = by_points @ move_jacobian(poses, problem.target.points)
-    by_poses = by_poses.reshape(len(poses), -1, 6)
+    by_poses = pose_derivatives(by_points, poses, points).reshape(len(poses), -1, 6)
     prior = np.broadcast_to(np.diag(np.sqrt(problem.target.pose_precision)), (len(poses), 6, 6))
     stacked = np.concatenate([by_poses, prior], axis=1)
     basis, factor = np.linalg.qr(stacked)

@@ -254,12 +254,29 @@ def move(pose: FloatArray, points: FloatArray) -> FloatArray:
     return moved
 
 
-def move_jacobian(pose: FloatArray, points: FloatArray) -> FloatArray:
-    """Derivative of ``move`` with respect to the pose, shape (..., N, 3, 6): −R [x]× J_r beside the identity."""
-    rotation = rotation_matrix(pose[..., :3])[..., None, :, :]
-    by_rotation = -rotation @ cross_matrix(points) @ right_jacobian(pose[..., :3])[..., None, :, :]
-    identity = np.broadcast_to(np.eye(3), by_rotation.shape)
-    return np.concatenate([by_rotation, identity], axis=-1)
+def pose_derivatives(by_points: FloatArray, pose: FloatArray, moved: FloatArray) -> FloatArray:
+    """Derivatives with respect to the pose that moved points, from those with respect to the moved points.
+
+    ∂(R x)/∂ω = −[R x]× J_l, with the left Jacobian J_l(ω) = J_r(−ω).
+
+    Parameters
+    ----------
+    by_points : array (..., N, M, 3)
+        Derivatives of M functions of each point.
+    pose : array (..., 6)
+        Rotation vector [rad] and translation [m].
+    moved : array (..., N, 3)
+        The points after the motion [m].
+
+    Returns
+    -------
+    array (..., N, M, 6)
+    """
+    a, b, c = np.moveaxis(moved - pose[..., None, 3:], -1, 0)[..., None]
+    x, y, z = np.moveaxis(by_points, -1, 0)
+    turned = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+    rows = turned.reshape(*turned.shape[:-3], -1, 3) @ right_jacobian(-pose[..., :3])
+    return np.concatenate([rows.reshape(turned.shape), np.broadcast_to(by_points, turned.shape)], axis=-1)
 
 
 def _lens(intrinsics: FloatArray, lens: LensModel, free: Sequence[str]) -> LensModel:

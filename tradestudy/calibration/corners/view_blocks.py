@@ -16,7 +16,7 @@ from tradestudy.calibration.projection import (
     cross_matrix,
     intrinsic_names,
     move,
-    move_jacobian,
+    pose_derivatives,
     project_with_jacobians,
     ray_slopes,
     rotation_matrix,
@@ -104,13 +104,12 @@ def camera_blocks(
     ViewBlocks
         Blocks with M = 2 N and P = 4 + n.
     """
-    points = board_points(board)
-    predicted, by_intrinsics, by_points = project_with_jacobians(intrinsics, move(poses, points), lens.model, lens.free)
-    by_pose = by_points @ move_jacobian(poses, points)
+    points = move(poses, board_points(board))
+    predicted, by_intrinsics, by_points = project_with_jacobians(intrinsics, points, lens.model, lens.free)
     return ViewBlocks(
         residuals=_flat(image - predicted, present),
         by_shared=_flat(by_intrinsics, present),
-        by_pose=_flat(by_pose, present),
+        by_pose=_flat(pose_derivatives(by_points, poses, points), present),
     )
 
 
@@ -132,15 +131,13 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     ViewBlocks
         Blocks with M = 4 N (left corners, then right corners) and P = 14 + 2 n.
     """
-    points = corners.points
-    seen_left = move(poses, points)
+    seen_left = move(poses, corners.points)
     seen_right = move(shared[RELATIVE], seen_left)
     lens, (of_left, of_right) = corners.lens, cameras_of(shared)
     left, left_by_intrinsics, left_by_points = project_with_jacobians(of_left, seen_left, lens.model, lens.free)
     right, right_by_intrinsics, right_by_points = project_with_jacobians(of_right, seen_right, lens.model, lens.free)
-    left_pose = move_jacobian(poses, points)
-    right_by_relative = right_by_points @ move_jacobian(shared[RELATIVE], seen_left)
-    right_by_pose = right_by_points @ rotation_matrix(shared[ROTATION]) @ left_pose
+    right_by_relative = pose_derivatives(right_by_points, shared[RELATIVE], seen_right)
+    right_by_pose = pose_derivatives(right_by_points @ rotation_matrix(shared[ROTATION]), poses, seen_left)
     none = np.zeros((*left_by_intrinsics.shape[:-1], len(shared) - len(of_left)))
     by_shared_left = np.concatenate([left_by_intrinsics, none], axis=-1)
     by_shared_right = np.concatenate(
@@ -149,7 +146,7 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     return ViewBlocks(
         residuals=both_pictures(corners.left - left, corners.right - right, corners),
         by_shared=both_pictures(by_shared_left, by_shared_right, corners),
-        by_pose=both_pictures(left_by_points @ left_pose, right_by_pose, corners),
+        by_pose=both_pictures(pose_derivatives(left_by_points, poses, seen_left), right_by_pose, corners),
     )
 
 
