@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -62,7 +63,10 @@ def test_a_requirement_can_be_met_between_two_values() -> None:
 def test_a_requirement_met_nowhere_names_the_nearest_value_and_one_met_everywhere_says_so() -> None:
     nowhere = asked({"depth_uncertainty": {"below_relative": "0.01 %", "over": ["0.4 m", "3 m"]}})
     assert nowhere.solutions == ()
-    assert re.match(r"met nowhere between 20 mm and 400 mm: .* at 400 mm \(.* %.*\); .* beyond", nowhere.answer)
+    # 0.134 %: mostly the calibration error, which no baseline cures.
+    assert re.match(r"met nowhere between 20 mm and 400 mm: .* at 400 mm \(.* %.*\); declared: 75 mm", nowhere.answer)
+    short = asked({"depth_uncertainty": {"below_relative": "0.12 %", "over": ["2.5 m", "3 m"]}})
+    assert re.match(r"met nowhere .* at 400 mm \(.*\); beyond that end, it is met at 800 mm; decl", short.answer)
     anywhere = asked({"depth_uncertainty": {"below_relative": "50 %", "over": ["0.4 m", "3 m"]}})
     assert anywhere.solutions == ()
     assert re.match(r"met every.* 20 mm .* 400 mm; declared: 75 mm$", anywhere.answer)
@@ -218,8 +222,9 @@ def test_among_equally_close_values_the_declared_one_is_named() -> None:
     assert "at 1 m" in _nearest(trials, LENGTH, {3.0})
 
 
-def test_a_value_without_influence_is_said_to_have_none() -> None:
-    words = _nearest([_Trial(value=value, answer=missed(-0.2)) for value in (1.0, 2.0, 3.0)], LENGTH)
+@pytest.mark.parametrize("margin", [-0.2, -math.inf])  # infinite: without a value at some place
+def test_a_value_without_influence_is_said_to_have_none(margin: float) -> None:
+    words = _nearest([_Trial(value=value, answer=missed(margin)) for value in (1.0, 2.0, 3.0)], LENGTH)
     assert "depend" in words
     assert " m " not in words
 

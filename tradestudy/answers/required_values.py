@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from tradestudy.answers.requirement_answer import RequirementAnswer
 from tradestudy.answers.requirements import ANY, Judge
 from tradestudy.answers.solutions import Solution, Solved, bracketed, planned, to_be_planned, with_declared_value
+from tradestudy.errors import TradestudyError
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
@@ -27,7 +29,12 @@ from tradestudy.wording import listed
 
 _TRIED_PLACES: Final = 17  # values tried between the ends of a question
 _REFINEMENTS: Final = 4  # halvings of the steps beside the largest margin, if the requirement is met at none of them
+_BEYOND: Final = (2.0, 10.0, 1e3)  # factors by which values beyond an end are tried, if it comes closest there
 _CLOSE: Final = 1e-4  # relative width of the bracket around the value where a requirement ceases to be met
+
+
+_Judged = tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]
+"""The answer to one requirement, and that of each camera."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,17 +93,29 @@ class _Tried:
     requirements: tuple[str, ...]
     varying: Varying
     judge: Judge
-    known: dict[float, list[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]]
+    known: dict[float, list[_Judged]]
 
     def answer(self, value: float, camera: str = "") -> RequirementAnswer:
         """The answer to the requirement that is hardest to meet, of all cameras together or of one alone."""
         if value not in self.known:
-            changed = planned(self.study.with_values(self.varying.changes(value)))
-            self.known[value] = [
-                self.judge.answer(changed.file.requirements[name], changed.case) for name in self.requirements
-            ]
-        answers = [every[camera] if camera else deciding for deciding, every in self.known[value]]
-        return min(answers, key=lambda one: (one.met is True, one.met is None, np.nan_to_num(one.margin)))
+            self.known[value] = self._judged(value)
+        return _hardest(self.known[value], camera)
+
+    def is_met_beyond(self, value: float, camera: str = "") -> bool:
+        """Whether they are met at a value outside the range of the question, which the study may refuse."""
+        try:
+            return _hardest(self._judged(self.varying.possible(value)), camera).met is True
+        except TradestudyError:
+            return False
+
+    def _judged(self, value: float) -> list[_Judged]:
+        changed = planned(self.study.with_values(self.varying.changes(value)))
+        return [self.judge.answer(changed.file.requirements[name], changed.case) for name in self.requirements]
+
+
+def _hardest(judged: Sequence[_Judged], camera: str) -> RequirementAnswer:
+    answers = [every[camera] if camera else deciding for deciding, every in judged]
+    return min(answers, key=lambda one: (one.met is True, one.met is None, np.nan_to_num(one.margin)))
 
 
 def _cameras_asked(study: PreparedStudy, tried: _Tried) -> list[str]:
@@ -129,7 +148,8 @@ def _solved(tried: _Tried, study: PreparedStudy, camera: str = "") -> tuple[list
         bracket = abs(ends[1] - ends[0])
         error = 0.0 if varying.is_counted else _error(tried.answer(ends[0], camera), bracket, before, after)
         solutions.append(Solution(value=ends[0], error=error))
-    return solutions, _range_answer(trials, solutions, varying.dimension, varying.declared(study))
+    beyond = partial(tried.is_met_beyond, camera=camera)
+    return solutions, _range_answer(trials, solutions, varying.dimension, varying.declared(study), beyond)
 
 
 def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Trial) -> float:
@@ -150,20 +170,25 @@ def _beside_the_nearest(known: Mapping[float, RequirementAnswer]) -> list[float]
 
 
 def _alike(margins: Sequence[float]) -> bool:
-    return max(margins) - min(margins) <= 1e-9 * max(map(abs, margins))
+    """Whether they are equal up to rounding; those of requirements without a value are infinite."""
+    return max(margins) == min(margins) or max(margins) - min(margins) <= 1e-9 * max(map(abs, margins))
 
 
 def _range_answer(
-    trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: Dimension, declared: Container[float]
+    trials: Sequence[_Trial],
+    solutions: Sequence[Solution],
+    dimension: Dimension,
+    declared: Container[float],
+    is_met_beyond: Callable[[float], bool],
 ) -> str:
-    """The values for which it is met; if there are none, how close it comes and whether it may be met beyond an end."""
+    """The values for which it is met; if there are none, how close it comes and where beyond an end it is met."""
     ends = [pretty(trials[k].value, dimension) for k in (0, -1)]
     if not solutions:
         between = f"between {ends[0]} and {ends[1]}"
         return (
             f"met everywhere {between}"
             if trials[0].answer.met
-            else f"met nowhere {between}: {_nearest(trials, dimension, declared)}"
+            else f"met nowhere {between}: {_nearest(trials, dimension, declared, is_met_beyond)}"
         )
     changes = [None, *solutions] if trials[0].answer.met else solutions
     parts = []
@@ -181,7 +206,12 @@ def _range_answer(
     return f"met {listed(parts)}"
 
 
-def _nearest(trials: Sequence[_Trial], dimension: Dimension, declared: Container[float] = ()) -> str:
+def _nearest(
+    trials: Sequence[_Trial],
+    dimension: Dimension,
+    declared: Container[float] = (),
+    is_met_beyond: Callable[[float], bool] = lambda _value: False,
+) -> str:
     """Where it comes closest to being met and how close; among values that are equally close, at the declared one."""
     margins = np.array([one.answer.margin for one in trials])
     if _alike(margins.tolist()):
@@ -189,12 +219,14 @@ def _nearest(trials: Sequence[_Trial], dimension: Dimension, declared: Container
         return f"it does not depend on this value ({trials[at].answer.reason})"
     closest = np.flatnonzero(margins >= margins.max() - 1e-9 * abs(margins.max())).tolist()
     nearest = next((k for k in closest if trials[k].value in declared), closest[0])
-    words = f"closest at {pretty(trials[nearest].value, dimension)}"
+    value = trials[nearest].value
+    words = f"closest at {pretty(value, dimension)}"
     if margins[nearest] > 0.0:
         words += ", where only its guard band is violated"
     else:
         words += f" ({trials[nearest].answer.reason})"
-    # A margin that rises towards an end may rise further.
-    if nearest in (0, len(trials) - 1) and np.ptp(margins) > 0.0:
-        words += "; it may be met beyond that end"
+    if nearest in (0, len(trials) - 1):
+        values = (value * factor if nearest else value / factor for factor in _BEYOND)
+        met = next(filter(is_met_beyond, values), None)
+        words += "" if met is None else f"; beyond that end, it is met at {pretty(met, dimension)}"
     return words
