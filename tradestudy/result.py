@@ -96,7 +96,8 @@ class Result:
           - ``others``: for a requirement that any or all cameras must meet, the other cameras, each with ``camera``,
             ``met``, ``margin`` and ``reason``;
           - if the study declares readings, their number ``readings``, and ``other_verdicts``: each ``reading`` that
-            changes the verdict, with ``met``, ``camera`` and ``reason``;
+            changes the verdict or the camera that meets a requirement on any best, with ``met``, ``camera`` and
+            ``reason``;
           - if the value depends on the error of a matcher, ``bound_alone``: the verdict (``met``, ``camera`` and
             ``reason``) for a matcher whose error equals its lower limit, the Cramér–Rao bound.
 
@@ -125,6 +126,8 @@ class Result:
           (``met``); empty if the study computed none.
         - ``rests_on``: the inputs and limits that decide the answers, in words.
         - ``measure_first``: what to measure next, in words; empty if the results do not tell.
+        - ``reversed_by``: for each ``reading`` that reverses the choice between the two cameras of the decision, the
+          distances ``at`` which it does [m].
         - ``assumptions``: for each ``assumption``, the most valuable first, the values ``between`` which it lies, in
           words; the ``worth`` of knowing it, which is the expected reduction of the relative depth uncertainty (a
           fraction of the distance); and the standard ``error`` of this worth.

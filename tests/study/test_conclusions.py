@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -451,7 +452,7 @@ def test_alternatives_that_reverse_a_choice_at_other_distances_name_theirs() -> 
         *("decision.at=[0.35 m, 4 m]", f"readings={{{readings}}}"),
     ]
     data = tradestudy.load(STUDIES / "robot.yaml", given).run().data
-    (said,) = (one.rest().replace("\N{NO-BREAK SPACE}", " ") for one in conclusions(data) if one.kind == "readings")
+    (said,) = (one.rest().replace("\N{NO-BREAK SPACE}", " ") for one in conclusions(data) if one.kind == "reversed")
     assert "“loose baseline” (at 0.35 m)" in said
     assert "“yaw drifts” (at 4 m)" in said
 
@@ -548,6 +549,46 @@ def test_the_readings_that_change_a_verdict_are_named() -> None:
     assert "not met under 2 of the 3 alternative assumptions" in requirement_sentence(conclusion)
     (as_json,) = conclusions_as_json(data)["requirements"]
     assert [other["met"] for other in as_json["other_verdicts"]] == [False, False]
+
+
+def test_a_reading_that_changes_who_meets_a_requirement_is_named() -> None:
+    """Depth error by yaw: Z² ψ / B. At 0.4 m, 0.05° is 2 mm for b (70 mm); a (60 mm) then meets 1 mm alone."""
+    lenses = {"focal_length": "12 mm", "f_number": 8}
+    sensor = {"pixels": [2448, 2048], "pixel_pitch": "3.45 um"}
+    errors = {"yaw": {"standard_deviation": "0.02 deg"}}
+    a = {
+        "kind": "stereo",
+        "lenses": lenses,
+        "sensor": sensor,
+        "baseline": "60 mm",
+        "depth": {"disparity_error": "0.1 px"},
+    }
+    yaw = "calibration.errors.yaw.standard_deviation"
+    readings = {
+        "one": {"says": "a drifting yaw of b", "set": {f"b.{yaw}": "0.05 deg"}},
+        "both": {"says": "two drifting yaws", "set": {f"b.{yaw}": "0.05 deg", f"a.{yaw}": "0.05 deg"}},
+    }
+    needed = {"says": "1 mm", "camera": "any", "depth_uncertainty": {"below": "1 mm", "at": "0.4 m"}}
+    study = {
+        **{"format": 2, "study": "who", "title": "Who", "question": "Who?", "readings": readings},
+        "cameras": {"a": a | {"calibration": {"errors": errors}}, "b": {"like": "a", "baseline": "70 mm"}},
+        "scene": {"distances": ["0.3 m", "0.4 m"], "wavelength": "550 nm"},
+        "requirements": {"close": needed},
+    }
+    data = tradestudy.load(study).run().data
+    (conclusion,) = requirement_conclusions(data)
+    assert (conclusion.met, conclusion.camera) == (True, "b")
+    assert [(one.met, one.camera) for one in conclusion.other_verdicts] == [(True, "a"), (False, "b")]
+    assert "by a if instead “a drifting yaw of b” and not met if instead “two drifting yaws”" in requirement_sentence(
+        conclusion
+    )
+
+
+def test_a_verdict_that_numerical_errors_could_reverse_says_how_probable_it_is(valued: Result) -> None:
+    one = requirement_conclusions(valued.data)[0]
+    assert "given its numerical error" not in requirement_sentence(replace(one, conformity=0.96))
+    said = requirement_sentence(replace(one, met=True, conformity=0.84))
+    assert "met with a probability of 84 %, given its numerical error" in said.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def test_the_terminal_names_the_verdict_on_every_claim() -> None:

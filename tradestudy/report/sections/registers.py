@@ -66,7 +66,7 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
     yield Table(
         name="camera-table",
         caption="The cameras. Baseline: between the lenses of a stereo rig, across the pupil of a plenoptic camera. "
-        "Field of view: horizontal, focused at infinity.",
+        "Field of view: horizontal, at the focus of the camera (with autofocus, at infinity).",
         columns=tuple(column for column, _ in columns),
         rows=tuple(tuple(cell(row) for _, cell in columns) for row in rows),
     )

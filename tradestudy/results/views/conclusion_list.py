@@ -20,7 +20,7 @@ from tradestudy.results.views.conclusions import (
     ranked_by_bias,
     rests_on,
 )
-from tradestudy.results.views.decision import flips, readings_in_words, solved_questions, tied
+from tradestudy.results.views.decision import reversing, solved_questions
 from tradestudy.results.views.depth import lower_bound_words, off_axis_words, offset_words
 from tradestudy.results.views.designs import design_details
 from tradestudy.results.views.groups import (
@@ -95,7 +95,7 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
         ("weights", "Weighing all criteria", [trade_off_conclusion(tree)]),
         *(("answer", "", [one.removesuffix(".")]) for one in said[1:]),
         ("claims", "Claims", list(_claim_words(tree))),
-        ("readings", "", list(_reading_words(tree))),
+        ("reversed" if reversing(tree) else "not reversed", "", list(_reading_words(tree))),
         ("unconverged", "Not converged", [f"the calibration of {few(failed)}, {_WRONG}"] if failed else []),
         ("rests on", _rest_words(tree) + " (measure first)" * bool(together), rests),
         ("measure first", "", [] if together else [first]),
@@ -166,23 +166,18 @@ def _doubted_words(tree: xr.DataTree) -> Iterator[str]:
 
 def _reading_words(tree: xr.DataTree) -> Iterator[str]:
     """The readings, which sentences call alternatives, under which the other camera of the pair wins."""
-    found = [one for one in flips(tree) if one.alternatives]
-    if not found:
+    where = reversing(tree)
+    if where is None:
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
-    # Where neither is usable under a reading or in the study itself, or they are tied, nothing is reversed.
-    turning = {
-        one.place: [name for name, winner in one.flipped if len(tied(winner)) == len(tied(one.winner)) == 1]
-        for one in found
-    }
-    says, where = readings_in_words(decision), dict[str, list[str]]()
-    for place, names in turning.items():
-        for name in names:
-            where.setdefault(name, []).append(distance(place))
     alike = len(set(map(tuple, where.values()))) <= 1
-    at = f" at {listed(next(iter(where.values()), ['any declared distance']))}" if alike else ""
+    shared = [distance(place) for place in next(iter(where.values()), [])]
+    at = f" at {listed(shared or ['any declared distance'])}" if alike else ""
     pair = " and ".join(with_article(titles[decision.attrs[which]]) for which in ("first", "second"))
-    each = few([f"“{says[name]}”" + (not alike) * f" (at {listed(places)})" for name, places in where.items()], 2)
+    each = few(
+        [f"“{says}”" + (not alike) * f" (at {listed(list(map(distance, places)))})" for says, places in where.items()],
+        2,
+    )
     several = f"The alternatives {each} each reverse"
     who = {0: "No alternative assumption reverses", 1: f"The alternative {each} reverses"}.get(len(where), several)
     yield f"{who} the choice between {pair}{at}"

@@ -189,6 +189,22 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
         )
 
 
+def reversing(tree: xr.DataTree) -> dict[str, list[float]] | None:
+    """The distances [m] at which each alternative, in words, reverses the choice of the pair; None if none was tried.
+
+    Where neither is usable under a reading or in the study itself, or they are tied, nothing is reversed.
+    """
+    found = [one for one in flips(tree) if one.alternatives]
+    if not found:
+        return None
+    says, where = readings_in_words(group(tree, "decision")), dict[str, list[float]]()
+    for one in found:
+        for name, winner in one.flipped:
+            if len(tied(winner)) == len(tied(one.winner)) == 1:
+                where.setdefault(says[name], []).append(one.place)
+    return where
+
+
 def readings_in_words(data: xr.Dataset) -> dict[str, str]:
     """What every reading of ``/decision`` or ``/claims`` assumes, by its name."""
     return dict(zip(map(str, data["reading"].values), map(str, data["reading_says"].values), strict=True))

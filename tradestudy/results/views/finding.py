@@ -104,7 +104,8 @@ def map_finding(tree: xr.DataTree, camera: str) -> str:
 def ratio_to_middle(one: xr.Dataset, place: float) -> FloatArray:
     """The depth uncertainty over the picture at one distance, relative to that in the middle; NaN where unknown."""
     values = np.asarray(one["depth_uncertainty"].sel(distance=place).values, dtype=np.float64)
-    ratio = values / values[values.shape[0] // 2, values.shape[1] // 2]
+    with np.errstate(invalid="ignore"):  # unbounded everywhere
+        ratio = values / values[values.shape[0] // 2, values.shape[1] // 2]
     return np.where(np.isfinite(ratio), ratio, np.nan)
 
 

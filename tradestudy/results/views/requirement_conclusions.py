@@ -23,6 +23,7 @@ from tradestudy.wording import few
 
 _WORST: Final = "worst "
 _NO_MARGIN: Final = 1e-6  # rounding
+_UNSURE: Final = 0.05  # the smallest probability of either verdict that is worth a word
 _NAMED: Final = 2  # other cameras that a sentence names; of more, it gives the number
 ANY, ALL = "any", "all"
 """What `RequirementConclusion.of` is if one camera suffices, and if every camera must meet it."""
@@ -117,7 +118,8 @@ class RequirementConclusion:
         The verdict if matching reached its lower bound instead of the declared matcher's error; None where no matcher
         makes a difference.
     readings, other_verdicts
-        Number of the other readings of the study, and those that change the verdict.
+        Number of the other readings of the study, and those that change the verdict or, where any camera may meet it,
+        which camera meets it best.
     others
         The other cameras that a requirement on any or all cameras concerns: first those that meet it, each kind by
         decreasing margin.
@@ -220,7 +222,7 @@ def requirement_details(one: RequirementConclusion) -> str:
     """The sentence on a requirement without its verdict; it omits more than two others if all of them miss it."""
     wish = " (should)" if one.priority == "should" else ""
     by = decided_by(one)
-    why = "; ".join(filter(None, (one.reason, _margin_words(one))))
+    why = "; ".join(filter(None, (one.reason, _margin_words(one), _chance_words(one))))
     words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
     words += "".join(f"; {part}" for part in _others_words(one))
     if one.bound_alone is not None and not (one.met and one.bound_alone.met):
@@ -275,7 +277,7 @@ def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> OtherVerd
 
 
 def _under_readings(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> dict[str, Any]:
-    """The number of other readings, and those with another verdict; nothing without readings."""
+    """The number of other readings, and those with another verdict or another camera that meets it best."""
     data = group(tree, "requirements")
     if "reading_met" not in data:
         return {}
@@ -284,14 +286,19 @@ def _under_readings(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -
         OtherVerdict(says=str(says), met=_met(int(met)), camera=titles[str(camera)], reason=str(reason))
         for says, met, camera, reason in zip(data["reading_says"].values, *columns, strict=True)
     ]
-    declared = _met(int(data["met"].values[number]))
-    return {"readings": len(found), "other_verdicts": tuple(one for one in found if one.met is not declared)}
+    declared, row = _met(int(data["met"].values[number])), data.isel(requirement=number)
+    best = titles[str(row["camera_deciding"].item())] if declared and str(row["of"].item()) == ANY else ""
+    other = tuple(one for one in found if one.met is not declared or (best and one.camera != best))
+    return {"readings": len(found), "other_verdicts": other}
 
 
 def _reading_words(one: RequirementConclusion) -> str:
-    """How many readings change the verdict, and to what; a single one is named."""
+    """How many readings change the verdict or who meets it best, and to what; a single one is named."""
     parts = []
-    for met in (True, False, None):
+    if by := [other for other in one.other_verdicts if other.met is one.met]:
+        alone = f"by {by[0].camera} if instead “{by[0].says}”"
+        parts = [alone if len(by) == 1 else f"by another camera under {len(by)} of the {one.readings} alternatives"]
+    for met in (verdict for verdict in (True, False, None) if verdict is not one.met):
         same = [other for other in one.other_verdicts if other.met is met]
         if len(same) == one.readings > 1:
             parts.append(f"{VERDICTS[met]} under every alternative assumption")
@@ -338,6 +345,12 @@ def _margin_words(one: RequirementConclusion) -> str:
         return ""
     words = margin_words(one.margin)
     return words if one.met or one.margin < 0.0 else f"{words}, less than its guard band"
+
+
+def _chance_words(one: RequirementConclusion) -> str:
+    if not _UNSURE < one.conformity < 1.0 - _UNSURE:  # or NaN, without an error
+        return ""
+    return f"met with a probability of {pretty(one.conformity, FRACTION, digits=2)}, given its numerical error"
 
 
 def _range_words(one: RequirementConclusion) -> str:

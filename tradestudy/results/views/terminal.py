@@ -18,6 +18,7 @@ from tradestudy.results.views.conclusions import (
     rests_on,
     worths,
 )
+from tradestudy.results.views.decision import reversing
 from tradestudy.results.views.depth import measured_numbers
 from tradestudy.results.views.designs import feasible_designs
 from tradestudy.results.views.groups import (
@@ -48,7 +49,7 @@ def terminal_lines(
     feasible, judged = feasible_designs(tree), requirement_conclusions(tree)
     told = ["designs"] if feasible and feasible.required == 1 and judged[0].met_ranges is not None else []
     answering = [one for one in found if one.kind in ANSWERS and one.kind not in told and f"{one}." not in said]
-    last = [str(one) for one in found if one.kind not in (*ANSWERS, "headline", "readings")]
+    last = [str(one) for one in found if one.kind not in (*ANSWERS, "headline", "not reversed")]
     asked = [number for number, one in enumerate(answering, start=1) if one.kind == "question"]
     # The assumptions behind the answers matter more than a fourth requirement, but no question goes unanswered.
     room = max(most - 1 - len(last), max(asked, default=0) + 1)
@@ -86,6 +87,7 @@ def conclusions_as_json(tree: xr.DataTree, seconds: Mapping[str, float] = Mappin
         "hard_cases": hard_case_numbers(tree),
         "rests_on": list(rests_on(tree)),
         "measure_first": measure_first(tree),
+        "reversed_by": [{"reading": says, "at": places} for says, places in (reversing(tree) or {}).items()],
         "assumptions": [
             {"assumption": one.says, "between": one.between, "worth": one.worth, "error": one.error}
             for one in worths(tree)
