@@ -113,10 +113,10 @@ def test_diffraction_on_the_object_is_the_airy_pattern_of_the_pupil_seen_from_th
     # 1.03 λ a/A, whatever the camera does behind its lens.
     camera = mahli(0.15)
     expected = 1.028993969962188 * 550e-9 * 0.15 / MAHLI_LENS.pupil_diameter
-    assert camera.focus.diffraction_width(0.15, 550e-9, "fwhm") == pytest.approx(expected, rel=1e-12)
+    assert camera.focus.lateral_resolution(0.15, 550e-9).diffraction_width == pytest.approx(expected, rel=1e-12)
     refocused = EveryObjectFocus(lens=MAHLI_LENS, sample_pitch=7.4e-6, mechanisms=1)
-    assert refocused.diffraction_width(0.15, 550e-9, "fwhm") == pytest.approx(expected, rel=1e-12)
-    assert stacked().focus.diffraction_width(0.15, 550e-9, "fwhm") == pytest.approx(expected, rel=1e-12)
+    assert refocused.lateral_resolution(0.15, 550e-9).diffraction_width == pytest.approx(expected, rel=1e-12)
+    assert stacked().focus.lateral_resolution(0.15, 550e-9).diffraction_width == pytest.approx(expected, rel=1e-12)
     assert refocused.lateral_resolution(0.15, 550e-9).diffraction == pytest.approx(
         1.219669891 * 550e-9 * 0.15 / MAHLI_LENS.pupil_diameter, rel=1e-9
     )

@@ -68,7 +68,7 @@ def test_a_correction_that_changes_nothing_changes_no_number() -> None:
             *(limit.value for limit in limits.values()),
             *dataclasses.astuple(focus.sharp_range(criterion).slices)[:2],
             *dataclasses.astuple(focus.lateral_resolution(distances, 550e-9)),
-            focus.diffraction_width(distances, 550e-9, "airy-diameter"),
+            focus.lateral_resolution(distances, 550e-9).diffraction_width,
             camera.total_covering_plane,
         ]
 

@@ -84,7 +84,7 @@ def test_the_gain_over_a_conventional_camera_all_but_vanishes_at_equal_resolutio
 def test_outside_the_main_lens_nothing_is_resolved_and_nothing_fails():
     focus = builders.r5().focus
     assert np.isnan(focus.lateral_resolution([0.005, 12.5e-3], 550e-9).size).all()
-    assert np.isnan(focus.diffraction_width([0.005], 550e-9, "fwhm")).all()
+    assert np.isnan(focus.lateral_resolution([0.005], 550e-9).diffraction_width).all()
 
 
 def test_diffraction_on_the_object_is_that_of_the_part_of_the_pupil_behind_one_microlens():
@@ -95,7 +95,7 @@ def test_diffraction_on_the_object_is_that_of_the_part_of_the_pupil_behind_one_m
         b = 1 / (1 / f - 1 / distance)
         part_of_pupil = D * b / (z - b)
         expected = 1.028993969962188 * 550e-9 * distance / part_of_pupil
-        assert camera.focus.diffraction_width(distance, 550e-9, "fwhm") == pytest.approx(expected, rel=1e-9)
+        assert camera.focus.lateral_resolution(distance, 550e-9).diffraction_width == pytest.approx(expected, rel=1e-9)
 
 
 def test_both_lenses_of_a_stereo_rig_have_one_depth_of_field():

@@ -90,19 +90,15 @@ def _resolutions(
 ) -> Mapping[str, Any]:
     within = np.linspace(*scene, _SCENE_POINTS)
     found = [camera.focus.lateral_resolution(distance, wavelength) for camera in cameras.values()]
-    in_scene = [camera.focus.lateral_resolution(within, wavelength).size for camera in cameras.values()]
+    in_scene = [camera.focus.lateral_resolution(within, wavelength) for camera in cameras.values()]
     return {
         "lateral_resolution": [one.size for one in found],
         "resolution_of_sampling": [one.sampling for one in found],
         "resolution_of_blur": [one.blur for one in found],
         "resolution_of_diffraction": [one.diffraction for one in found],
-        "diffraction_width": [
-            camera.focus.diffraction_width(distance, wavelength, "fwhm") for camera in cameras.values()
-        ],
-        "scene_resolution": [float(np.max(sizes)) for sizes in in_scene],
-        "scene_diffraction": [
-            float(np.max(camera.focus.diffraction_width(within, wavelength, "fwhm"))) for camera in cameras.values()
-        ],
+        "diffraction_width": [one.diffraction_width for one in found],
+        "scene_resolution": [float(np.max(one.size)) for one in in_scene],
+        "scene_diffraction": [float(np.max(one.diffraction_width)) for one in in_scene],
     }
 
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import (
     BlurAllowance,
     DepthOfField,
@@ -135,10 +134,6 @@ class Focus(Protocol):
 
     def lateral_resolution(self, distance: ArrayLike, wavelength: float) -> LateralResolution:
         """Sample, geometric blur and Airy radius on the object [m]; NaN where there is no real image."""
-        ...
-
-    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Width of the diffraction spot, projected to the object [m]; NaN where there is no real image."""
         ...
 
 
@@ -273,12 +268,6 @@ class SingleLensFocus:
             wavelength=wavelength,
         )
 
-    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Width of the diffraction spot on the sensor, times a/b₀ [m]."""
-        b0 = float(image_distance(self.focus_distance, self.lens.focal_length))
-        spot = diffraction_diameter(wavelength, self.working_f_number, measure)
-        return np.asarray(spot * ((np.asarray(distance, dtype=np.float64) + self.lens_behind) / b0))
-
 
 @dataclass(frozen=True, kw_only=True)
 class EveryObjectFocus:
@@ -353,9 +342,3 @@ class EveryObjectFocus:
             blur=np.asarray(0.0 * real),
             diffraction=np.asarray(real * airy_radius(a, self.lens.pupil_diameter, wavelength)),
         )
-
-    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Width ``∝ λ a/A`` [m] of the diffraction spot on an object in focus; on the sensor it is ``∝ λ b/A``."""
-        a = np.asarray(distance, dtype=np.float64)
-        spot = diffraction_diameter(wavelength, 1.0 / self.lens.pupil_diameter, measure)
-        return np.asarray(np.where(a > self.lens.front_focus, spot * a, np.nan))

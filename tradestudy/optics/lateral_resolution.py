@@ -22,6 +22,7 @@ from tradestudy.optics.thin_lens import focus_shift, image_distance
 
 FIRST_DARK_RING: Final = 3.8317059702075125 / math.pi
 """1.2197, first zero of J₁ over π: radius of the first dark ring in λ N, N the working f-number."""
+_WIDTH_IN_RADII: Final = float(diffraction_diameter(1.0, 1.0, "fwhm")) / FIRST_DARK_RING
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,11 @@ class LateralResolution:
     """The diameter of the geometric blur."""
     diffraction: FloatArray
     """The radius of the Airy disc."""
+
+    @property
+    def diffraction_width(self) -> FloatArray:
+        """Width of the diffraction spot at half maximum [m]: 1.03 λ a/A, if the Airy disc's radius is 1.22 λ a/A."""
+        return self.diffraction * _WIDTH_IN_RADII
 
     @property
     def size(self) -> FloatArray:

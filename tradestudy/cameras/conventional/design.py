@@ -27,7 +27,7 @@ from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.single_lens import PictureEdges, SingleLensExposure, properties_of_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field import DiffractionMeasure, diffraction_diameter, images_needed, plan_focus_stack
+from tradestudy.optics.depth_of_field import images_needed, plan_focus_stack
 from tradestudy.optics.lateral_resolution import LateralResolution, airy_radius
 from tradestudy.optics.thin_lens import image_distance
 from tradestudy.units import ANGLE, LENGTH, NUMBER
@@ -169,11 +169,6 @@ class ImageStackFocus:
                 for part in ("sampling", "blur", "diffraction")
             }
         )
-
-    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Width of the diffraction spot on the object, ``∝ λ a/A`` [m], the same in every image."""
-        spot = diffraction_diameter(wavelength, 1.0 / self.lens.pupil_diameter, measure)
-        return np.asarray(spot * np.asarray(distance, dtype=np.float64))
 
 
 # Allows for a thin lens instead of a real one, and for a focus distance rounded to two digits.

@@ -14,14 +14,12 @@ from tradestudy.cameras.focus import BlurCriterion, SharpRange, sharp_range
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field import DiffractionMeasure, diffraction_diameter
 from tradestudy.optics.lateral_resolution import (
     LateralResolution,
     focused_plenoptic_depth_of_field_at_resolution,
     focused_plenoptic_lateral_resolution,
 )
 from tradestudy.optics.plenoptic_depth_of_field import inverse_focus_virtual_depth, relay_depth_of_field
-from tradestudy.optics.thin_lens import virtual_depth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,20 +261,6 @@ class MicrolensTypesFocus:
             blur=np.where(real, blur * wider, np.nan),
             diffraction=np.where(real, diffraction * wider, np.nan),
         )
-
-    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
-        """Width of the diffraction spot behind a microlens, times ``|v| (a − f)/f`` [m].
-
-        Where a microlens could see more than the whole pupil of the main lens, the pupil diffracts: ``∝ λ a/A``.
-        """
-        a, f, array = self.depth_scaling.modelled(distance), self.main_lens.focal_length, self.microlenses
-        real = a > f
-        v = virtual_depth(np.where(real, a, 2.0 * f), self.mla_distance, array.gap, f)
-        spot = diffraction_diameter(wavelength, array.gap / array.aperture_diameter, measure)
-        from_pupil = a + self.main_lens.entrance_pupil
-        of_pupil = diffraction_diameter(wavelength, 1.0 / self.main_lens.pupil_diameter, measure) * from_pupil
-        width = np.maximum(spot * np.abs(v) * ((a - f) / f), of_pupil) * self._wider(distance, a)
-        return np.asarray(np.where(real, width, np.nan))
 
     def _wider(self, distance: ArrayLike, modelled: FloatArray) -> FloatArray:
         """Ratio of the size of an object to that of the object, where it is modelled, with the same image [1]."""
