@@ -224,11 +224,11 @@ def sample_target(
         maximum_steps=maximum_steps,
     )
     draws = sample.thinned(CHECKED_POINTS)
-    exact = np.array([exact_log_posterior(problem, fit.poses, draw) for draw in draws])
+    exact = exact_log_posterior(problem, fit.poses, draws)
     return CheckedPosterior(sample=sample, check=compare_log_posteriors(exact, log_probability(draws)))
 
 
-def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: FloatArray) -> float:
+def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: FloatArray) -> FloatArray:
     """Log posterior with the poses refitted for these parameters (Laplace), up to a constant.
 
     Parameters
@@ -237,12 +237,12 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
         Observations and priors.
     poses : array (V, 6)
         Starting values of the poses.
-    parameters : array (P,)
+    parameters : array (K, P)
         Camera parameters.
 
     Returns
     -------
-    float
+    array (K,)
         ln prior − χ²/2 − ½ ln det H, with H the Gauss–Newton Hessian of the poses.
 
     Raises
@@ -250,14 +250,19 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
     NotConvergedError
         A pose does not converge.
     """
+    poses = np.tile(poses, (len(parameters), 1, 1))
+    found, rest = np.empty(len(parameters)), np.arange(len(parameters))
     for _ in range(_MOST_POSE_STEPS):
-        residuals = np.concatenate([problem.residuals(parameters, poses), _pose_misfit(problem, poses)], axis=-1)
-        basis, factor = _pose_basis(problem, parameters, poses)
-        inner = np.einsum("vmk,vm->vk", basis, residuals)
-        if np.max(np.sum(inner**2, axis=1)) < _SETTLED:
-            volume = np.log(np.abs(np.diagonal(factor, axis1=-2, axis2=-1))).sum()
-            return float(problem.priors.log_density(parameters) - 0.5 * np.sum(residuals**2) - volume)
-        poses = poses + np.linalg.solve(factor, inner[..., None])[..., 0]
+        tried, start = parameters[rest], poses[rest]
+        residuals = np.concatenate([problem.residuals(tried, start), _pose_misfit(problem, start)], axis=-1)
+        basis, factor = _pose_basis(problem, tried, start)
+        inner = np.swapaxes(basis, -1, -2) @ residuals[..., None]
+        volume = np.log(np.abs(np.diagonal(factor, axis1=-2, axis2=-1))).sum(axis=(-2, -1))
+        found[rest] = problem.priors.log_density(tried) - 0.5 * np.sum(residuals**2, axis=(-2, -1)) - volume
+        poses[rest] = start + np.linalg.solve(factor, inner)[..., 0]
+        rest = rest[~np.all(np.sum(inner**2, axis=(-2, -1)) < _SETTLED, axis=-1)]
+        if not rest.size:
+            return found
     raise NotConvergedError(
         "the pose of a target does not converge",
         value=f"{_MOST_POSE_STEPS} steps",
@@ -336,17 +341,16 @@ def _linearise(problem: TargetProblem, parameters: FloatArray, poses: FloatArray
 
 
 def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """QR factors of the derivatives with respect to the poses, with rows for their priors."""
+    """QR factors of the derivatives with respect to the poses (..., V, 6), with rows for their priors."""
     points = move(poses, problem.target.points)
-    step = _POINT_STEP * np.linalg.norm(points, axis=-1, keepdims=True)
-    shifts = step * np.concatenate([np.eye(3), -np.eye(3)])[:, None, None, :]
-    seen = problem.model(parameters, points + shifts)
-    by_points = np.moveaxis((seen[:3] - seen[3:]) / (2.0 * step), 0, -1) / problem.target.noise[:, None]
+    step = _POINT_STEP * np.linalg.norm(points, axis=-1)
+    shifts = np.multiply.outer(np.concatenate([np.eye(3), -np.eye(3)]), step)
+    seen = problem.model(parameters[..., None, :], points + np.moveaxis(shifts, 1, -1))
+    by_points = np.moveaxis((seen[:3] - seen[3:]) / (2.0 * step[..., None]), 0, -1) / problem.target.noise[:, None]
     by_points = np.where(np.isnan(problem.observed)[..., None], 0.0, by_points)
-    by_poses = pose_derivatives(by_points, poses, points).reshape(len(poses), -1, 6)
-    prior = np.broadcast_to(np.diag(np.sqrt(problem.target.pose_precision)), (len(poses), 6, 6))
-    stacked = np.concatenate([by_poses, prior], axis=1)
-    basis, factor = np.linalg.qr(stacked)
+    by_poses = pose_derivatives(by_points, poses, points).reshape(*poses.shape[:-1], -1, 6)
+    prior = np.broadcast_to(np.diag(np.sqrt(problem.target.pose_precision)), (*poses.shape, 6))
+    basis, factor = np.linalg.qr(np.concatenate([by_poses, prior], axis=-2))
     return basis, factor
 
 
