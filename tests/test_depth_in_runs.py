@@ -24,7 +24,8 @@ ROCK = "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}"
 
 def study(folder: Path) -> api.Study:
     path = folder / "maps.yaml"
-    path.write_text(study_text("plenoptic", ROCK, length="0.5 mm", more="depth_maps: true"), encoding="utf-8")
+    text = study_text("plenoptic", ROCK, length="0.5 mm", pixels="[320, 320]", more="depth_maps: true")
+    path.write_text(text, encoding="utf-8")
     return api.load(path)
 
 

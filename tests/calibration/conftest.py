@@ -65,7 +65,7 @@ cameras:
       target: {views: 8, columns: 5, rows: 5, spacing: 20 mm, distances: [130 mm, 300 mm], half_field_angle: 6 deg,
         tilt: 17 deg, corner_noise: 0.1 px, max_steps: 2000}
 scene:
-  distances: {from: 0.3 m, to: 2 m, points: 5, spacing: log}
+  distances: {from: 0.3 m, to: 2 m, points: 3, spacing: log}
   wavelength: 550 nm
 propagation: {field_places: [50 %]}
 sensitivity: {at: [0.5 m, 1 m]}

@@ -19,11 +19,15 @@ from tradestudy.optics.arrays import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class LoggedPoint:
-    """One point: where it is logged, its number, how long it takes, and what befalls whoever computes it."""
+    """One point: where it is logged, its number, how long it takes, and what befalls whoever computes it.
+
+    It waits all that time, or computes if it ``works``.
+    """
 
     folder: Path
     number: int
     seconds: float = 0.0
+    works: bool = False
     fate: str = ""
 
 
@@ -32,7 +36,8 @@ def compute(point: LoggedPoint) -> FloatArray:
     (point.folder / f"{point.number}.{os.getpid()}.{time.monotonic_ns()}").touch()
     end = time.perf_counter() + point.seconds
     while time.perf_counter() < end:
-        pass
+        if not point.works:
+            time.sleep(max(0.0, end - time.perf_counter()))
     if point.fate == "kills always":
         os.kill(os.getpid(), signal.SIGKILL)
     if point.fate == "kills once" and not (point.folder / "killed").exists():

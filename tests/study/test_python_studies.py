@@ -275,7 +275,7 @@ def test_every_study_pickles(path: Path) -> None:
 
 def test_processes_map_over_studies() -> None:
     studies = [tradestudy.load(with_rig(baseline=baseline)) for baseline in (0.05, 0.1, 0.2)]
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         found = list(pool.map(_uncertainty, studies))
     assert found == [_uncertainty(study) for study in studies]
 
