@@ -103,8 +103,8 @@ def test_both_lenses_of_a_stereo_rig_have_one_depth_of_field():
     focus = rig.focus
     assert focus.sharp_range(sharp(2.0)).names == ("both lenses",)
     limits = focus.sharp_range(sharp(2.0)).slices
-    assert rig.blur_px(limits.near[0]) == pytest.approx(2.0, rel=1e-9)
-    assert rig.blur_px(limits.far[0]) == pytest.approx(2.0, rel=1e-9)
+    assert rig.estimator_blur_px(limits.near[0]) == pytest.approx(2.0, rel=1e-9)
+    assert rig.estimator_blur_px(limits.far[0]) == pytest.approx(2.0, rel=1e-9)
     refocusing = dataclasses.replace(rig, focus_distance=None)
     assert refocusing.focus.mechanisms == 2
     assert refocusing.focus.sharp_range(sharp()).extent == math.inf

@@ -276,10 +276,10 @@ def test_blur_of_a_fixed_focus(glass: Glass, distance: float) -> None:
         rim = lens.pupil_diameter / 2.0 * s
         return abs(at(glass.trace((pupil - distance, 0.0, rim / distance)), array)) * 2.0 / s
 
-    falls_fourfold(blur, float(rig.blur_px(distance)) * SENSOR.pixel_pitch, within=0.5)
+    falls_fourfold(blur, float(rig.estimator_blur_px(distance)) * SENSOR.pixel_pitch, within=0.5)
     camera = ConventionalCamera(lens=lens, sensor=SENSOR, focus_distance=FOCUS)
     sharp = camera.focus.sharp_range(BlurCriterion(blur_px=2.0, measure="none", wavelength=5e-7)).slices
-    assert rig.blur_px(np.array([sharp.near[0], sharp.far[0]])) == pytest.approx(2.0, rel=1e-9)
+    assert rig.estimator_blur_px(np.array([sharp.near[0], sharp.far[0]])) == pytest.approx(2.0, rel=1e-9)
 
 
 def test_microlenses_that_see_a_point(glass: Glass) -> None:

@@ -88,6 +88,15 @@ def test_the_coarser_picture_limits_depth() -> None:
     assert unequal > 2.0 * fine
 
 
+@pytest.mark.parametrize("pair", [(FINE, COARSE), (COARSE, FINE)])
+def test_the_more_blurred_picture_limits_the_usable_range(pair: tuple[Any, Any]) -> None:
+    """Lenses of f/2 focused at 1 m blur a point at infinity over f²/(2 (1 m − f) p) pixels."""
+    rig = camera(*pair, lenses={"f_number": 2.0}, focus_distance="1 m")._calibrated
+    focal_lengths = [f * pitch for (_, f, _), pitch in zip(pair, (1.5e-6, 3e-6), strict=True)]
+    blurs = [f**2 / (2.0 * (1.0 - f) * pitch) for f, pitch in zip(focal_lengths, (1.5e-6, 3e-6), strict=True)]
+    assert float(rig.estimator_blur_px(np.array([np.inf]))[0]) == pytest.approx(max(blurs), rel=1e-2)
+
+
 def test_an_equal_pair_needs_no_second_sensor() -> None:
     alone = camera(FINE, FINE, "1.5 um")
     without = alone.replace({"right_sensor": None})

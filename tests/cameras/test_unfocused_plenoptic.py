@@ -235,7 +235,7 @@ def test_refocusing_reaches_as_far_as_each_view_is_sharp():
     with mpmath.workdps(30):
         edges = [crossing_on_array(near, s * found.view_pupil_diameter / 2, F_M, found.mla_distance) for s in (1, -1)]
     assert float(abs(edges[0] - edges[1])) == pytest.approx(0.5 * PITCH, rel=1e-9)
-    assert found.blur_px(near) == pytest.approx(0.5, rel=1e-9)
+    assert found.estimator_blur_px(near) == pytest.approx(0.5, rel=1e-9)
     in_focus = found.focus.lateral_resolution(A0, 550e-9)
     assert in_focus.sampling == pytest.approx(PITCH * A0 / found.mla_distance, rel=1e-12)
     # A pixel p sees p z/f_L of the pupil, whose Airy radius on the object is 1.22 λ a/(p z/f_L).

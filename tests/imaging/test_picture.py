@@ -135,7 +135,8 @@ def test_the_views_of_an_unfocused_camera_are_sampled_by_microlenses() -> None:
     geometry = camera.picture_geometry(np.array([0.1, camera.focus_distance]))
     assert geometry.sample_pitch == camera.microlenses.pitch
     assert geometry.main_lens.f_number == pytest.approx(camera.mla_distance / camera.view_pupil_diameter)
-    assert geometry.blur_px == pytest.approx(camera.blur_px(np.array([0.1, camera.focus_distance])), abs=1e-12)
+    apart = abs(1 / 0.1 - 1 / camera.focus_distance) * camera.mla_distance
+    assert geometry.blur_px == pytest.approx([camera.view_pupil_diameter * apart / geometry.sample_pitch, 0], abs=1e-12)
 
 
 def test_a_window_on_the_object_is_the_same_there_for_every_camera() -> None:

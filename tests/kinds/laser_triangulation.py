@@ -38,7 +38,6 @@ from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.single_lens import picture_through_lens
 from tradestudy.declarations.quantities import Angle, Baseline, ObjectDistanceOrInfinity
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.thin_lens import blur_diameter
 from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.units import ANGLE, LENGTH
 
@@ -100,9 +99,6 @@ class LaserScanner(DepthCamera):
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
         return np.asarray(self.lens.focal_length * (self.baseline * inverse - math.tan(self.projector_angle)))
 
-    def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
-
     def inverse_depth(self, place: ArrayLike, errors: Errors) -> FloatArray:
         """The one law: ``1/Z = (u/f + tan θ)/B``, read with a calibration that is off by ``errors``."""
         slope = (np.asarray(place) + value_of(errors, PIXEL_NOISE)) / (
@@ -116,11 +112,6 @@ class LaserScanner(DepthCamera):
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         return np.full(np.shape(distance), self.baseline)
-
-    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
-        lens = self.lens
-        blur = blur_diameter(distance, self.focus_distance, lens.focal_length, lens.pupil_diameter)
-        return np.asarray(blur / self.sensor.pixel_pitch)
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         a = np.asarray(distance, dtype=np.float64)

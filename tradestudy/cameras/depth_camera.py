@@ -222,9 +222,9 @@ class DepthCamera(Camera):
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """The signed disparity that the estimator uses [m on the sensor]; it decreases with distance."""
 
-    @abstractmethod
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        """The disparity [m] of a point at infinity, with the estimator set up for a distance."""
+        """The disparity [m] of a point at infinity, with the estimator set up for a distance; by default, for any."""
+        return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
 
     @abstractmethod
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
@@ -286,9 +286,9 @@ class DepthCamera(Camera):
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the parallel pair with the same focal length, disparity error and depth uncertainty."""
 
-    @abstractmethod
-    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
+    def estimator_blur_px(self, distance: ArrayLike) -> FloatArray:
         """Geometric blur [samples] of the least sharp picture that the estimator needs."""
+        return self.picture_geometry(distance).blur_px
 
     @abstractmethod
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:

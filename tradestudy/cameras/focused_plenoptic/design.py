@@ -339,11 +339,6 @@ class FocusedPlenoptic(PlenopticCamera):
             return np.asarray(order[min(1, len(order) - 1)])
         return np.asarray(order[-1] if self.lenses == "all" else order[0])
 
-    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
-        """Blur [px] of the least sharp type that the estimator needs."""
-        used = self.least_sharp_type(distance)
-        return np.asarray(np.take_along_axis(self.blur_px(distance), used[np.newaxis], axis=0)[0])
-
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """The micro-images on the sensor; the least sharp type that the estimator needs represents all."""
         a = np.asarray(distance, dtype=np.float64)

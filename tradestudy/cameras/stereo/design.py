@@ -332,10 +332,6 @@ class StereoRig(DepthCamera):
         left, right = self.principal_distance * place_across(self.distortion, np.stack([angle, -angle]))
         return left, right
 
-    def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        """The disparity of infinity [m]: 0 for parallel axes."""
-        return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
-
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
         """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`.
 
@@ -387,11 +383,7 @@ class StereoRig(DepthCamera):
         half = self.sensor.width / 2.0 / self.principal_distance
         return shared_view(distance, self.baseline, half, self.convergence_angle, self.distortion)
 
-    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
-        """The blur of both lenses; see `blur_px`."""
-        return self.blur_px(distance)
-
-    def blur_px(self, distance: ArrayLike) -> FloatArray:
+    def estimator_blur_px(self, distance: ArrayLike) -> FloatArray:
         """Diameter of the geometric blur circle [px], the larger of both cameras; 0 for lenses that refocus."""
         z = np.asarray(distance, dtype=np.float64)
         if self.focus_distance is None:

@@ -232,10 +232,6 @@ class UnfocusedPlenoptic(PlenopticCamera):
         """``1/a − 1/a₀`` [1/m], of distances from the entrance pupil."""
         return np.asarray(1.0 / self.from_pupil(distance) - 1.0 / self.from_pupil(self.focus_distance))
 
-    def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
-        """``−Δu c/a₀`` [m]."""
-        return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
-
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
         """``1/a = 1/a₀ + d/(Δu c)`` [m], from the pupil; infinite at and beyond the disparity of infinity."""
         reach = self.estimator_baseline * self.principal_distance
@@ -252,18 +248,6 @@ class UnfocusedPlenoptic(PlenopticCamera):
         return np.asarray(
             self.estimator_baseline * self.principal_distance / self.main_lens.focal_length * np.square(nearer)
         )
-
-    def blur_px(self, distance: ArrayLike) -> FloatArray:
-        """Geometric blur of one view on the array, in microlenses."""
-        real = self.images(distance)
-        a = np.where(real, self.from_pupil(distance), 2.0 * self.focus_distance)
-        focus = self.from_pupil(self.focus_distance)
-        blur = blur_diameter(a, focus, self._thin.focal_length, self.view_pupil_diameter)
-        return np.asarray(np.where(real, blur / self.microlenses.pitch, np.inf))
-
-    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
-        """The blur of every view; see `blur_px`."""
-        return self.blur_px(distance)
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """The views, each with one sample per microlens, through a part of the pupil.
