@@ -52,7 +52,7 @@ def test_a_declared_mass_is_compared_with_its_bound(
     judged, _ = answer(study)
     assert (judged.met, judged.camera) == (met, deciding)
     assert judged.margin == pytest.approx(margin, abs=1e-12, nan_ok=True)
-    assert is_kept(study.file.requirements["own"], study.prepared.case) is (met is True)
+    assert is_kept(study.file.requirements["own"], study.prepared.case) is met
 
 
 def test_all_is_undecided_if_one_camera_has_no_numerical_mass() -> None:

@@ -226,11 +226,16 @@ class Judge:
         return replace(self._known[key], camera=name)
 
 
-def is_kept(requirement: RequirementPart, case: Case) -> bool:
-    """Whether a requirement is met on a coarse grid of distances, without its guard band; fast enough for draws."""
+def is_kept(requirement: RequirementPart, case: Case) -> bool | None:
+    """Whether a requirement is met on a coarse grid of distances, without its guard band; fast enough for draws.
+
+    None where this cannot be decided, as where a camera lacks the attribute that the requirement bounds.
+    """
     names, together = _names(requirement, case), all if requirement.camera == ALL else any
     if not requirement.needs_usable_range:
-        return together(check_requirement(requirement, case, name).met is True for name in names)
+        verdicts = [check_requirement(requirement, case, name).met for name in names]
+        settling = requirement.camera != ALL
+        return settling if settling in verdicts else None if None in verdicts else not settling
     points = _spaced(requirement.over, _COARSE)
     return together(_is_kept_by(requirement, case, name, points) for name in names)
 

@@ -92,11 +92,14 @@ def _between(study: PreparedStudy, part: AssumptionPart) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Outcome:
-    """One draw: utility of every candidate, the best candidate at every distance, and which requirements are met."""
+    """One draw: utility of every candidate, the best candidate at every distance, and which requirements are met.
+
+    Requirements are met (1), missed (0), or undecided (NaN).
+    """
 
     utility: FloatArray
     best: FloatArray
-    met: list[bool]
+    met: list[float]
 
 
 def _outcome(
@@ -106,7 +109,8 @@ def _outcome(
     best = np.zeros(loss.shape)
     known = loss.min(axis=0) < part.unusable
     best[np.argmin(loss, axis=0)[known], np.flatnonzero(known)] = 1.0
-    met = [is_kept(one, case) for one in study.file.requirements.values()]
+    verdicts = [is_kept(one, case) for one in study.file.requirements.values()]
+    met = [math.nan if kept is None else float(kept) for kept in verdicts]
     return _Outcome(utility=-loss.mean(axis=1), best=best, met=met)
 
 
