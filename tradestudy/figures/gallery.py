@@ -117,8 +117,8 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
     depth, shown, every = nominal(tree), traces(tree, most=most), titles_in(tree, "depth")
     measured = where_measured(depth)
     caption = (
-        "Depth uncertainty (half the width of the central 68.27 % interval), bold where the camera is usable. "
-        "Bars: usable distances."
+        "Depth uncertainty on the optical axis (half the width of the central 68.27 % interval), bold where the camera "
+        "is usable. Bars: usable distances."
     )
     if larger := [camera.title for camera in shown if _is_judged_by_radius(measured, camera.key)]:
         caption += (
