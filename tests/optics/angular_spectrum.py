@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from tradestudy.optics.chain.scene import LightPath
 
-_RADII = 1000
+_RADII = 700
 
 
 def angular_spectrum_image(
