@@ -279,14 +279,14 @@ def export(
 def _finished(study: Study, directory: Path) -> Result | None:
     """Results of an earlier run in a folder, if they are complete and from this study and this code."""
     from tradestudy.errors import ResultsError
+    from tradestudy.results.storage import read_run
 
+    hashes = {"study_hash": study.hash, "code_hash": provenance.code_hash()}
     try:
-        result = open_result(directory)
+        record = read_run(directory)
+        return open_result(directory) if hashes.items() <= record.items() else None
     except ResultsError:
         return None
-    of = result.data.attrs
-    same = of.get("study_hash") == study.hash and of.get("code_hash") == provenance.code_hash()
-    return result if same else None
 
 
 def cost(

@@ -89,7 +89,7 @@ def written(directory: Path) -> frozenset[str]:
     """The files in a folder that this program wrote there, as relative paths."""
     listed = _listed(directory)
     with contextlib.suppress(ResultsError):
-        if RUN not in listed and "study_hash" in _read_run(directory):
+        if RUN not in listed and "study_hash" in read_run(directory):
             return listed | {*_ALWAYS}
     return listed
 
@@ -288,7 +288,7 @@ def _place_results(directory: Path) -> None:
             part.replace(directory / RESULTS)
     for part in directory.glob(f".{PICTURES}.*.part"):
         with contextlib.suppress(ResultsError):
-            if _read_run(directory).get(PICTURES) == part.name:
+            if read_run(directory).get(PICTURES) == part.name:
                 _replace_folder(directory / PICTURES, part)
 
 
@@ -308,7 +308,7 @@ def _replace_folder(old: Path, new: Path) -> None:
 def _is_named(part: Path) -> bool:
     """Whether ``run.json`` names results that lie here only, without their final name."""
     try:
-        named = _read_run(part.parent).get(CHECKSUM)
+        named = read_run(part.parent).get(CHECKSUM)
     except ResultsError:  # no record
         return False
     return _checksum_of_file(part) == named != _checksum_of_file(part.with_name(RESULTS))
@@ -366,7 +366,7 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
     path = directory / RESULTS
     if not path.is_file() and not (directory / RUN).is_file():
         raise NoResultsError("no results here", value=str(path), remedy="run the study first")
-    record = _read_run(directory)
+    record = read_run(directory)
     try:
         named = _named_results(directory, record)
     except OSError as error:
@@ -475,8 +475,14 @@ def _difference(stored: xr.DataArray, declared: Variable) -> str:
     return ""
 
 
-def _read_run(directory: Path) -> dict[str, Any]:
-    """Read ``run.json``."""
+def read_run(directory: Path) -> dict[str, Any]:
+    """Read ``run.json``.
+
+    Raises
+    ------
+    ResultsError
+        If it is missing or damaged.
+    """
     path = directory / RUN
     try:
         run = json.loads(path.read_text(encoding="utf-8"))
