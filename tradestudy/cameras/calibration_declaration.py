@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
 from tradestudy import units
 from tradestudy.cameras.calibration import SourceName
@@ -139,17 +139,11 @@ class TargetPart(Part):
         """Largest slope of the direction to the board's centre, for views that are spread evenly."""
         return math.tan(self.half_field_angle or 0.0)
 
-    @model_validator(mode="after")
-    def _enough_corners(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.columns * self.rows < LEAST_CORNERS:
-            raise MistakeAt(("columns",), f"a board needs at least {LEAST_CORNERS} corners, columns times rows")
-        return self
-
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
+            yield MistakeAt(("columns",), f"a board needs at least {LEAST_CORNERS} corners, columns times rows")
         if mistakes := [*self._mistakes_of_views(), *self._mistakes_of_tilt()]:
-            raise MistakeAt.several(mistakes)
-        return self
+            yield MistakeAt.several(mistakes)
 
     def _mistakes_of_views(self) -> Iterator[MistakeAt]:
         given = [name for name in _DRAWN if getattr(self, name) is not None]
@@ -277,11 +271,9 @@ class StabilityPart(Part):
         matter = self.temperature is not None
         yield from (one for one in super().assumed() if matter or self.needed_by.get(one[0][0]) != ("temperature",))
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if mistakes := [*self._mistakes_of_ambient_conditions()]:
-            raise MistakeAt.several(mistakes)
-        return self
+            yield MistakeAt.several(mistakes)
 
     def _mistakes_of_ambient_conditions(self) -> Iterator[MistakeAt]:
         changes = [name for name in ("temperature", "pressure") if getattr(self, name) is not None]
@@ -431,11 +423,9 @@ class CalibrationPart(Part):
         """The source of the errors' distribution."""
         return next((name for name in _SOURCES if getattr(self, name) is not None), "errors")
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if mistakes := [*self._mistakes_of_source(), *self._mistakes_of_correlations()]:
-            raise MistakeAt.several(mistakes)
-        return self
+            yield MistakeAt.several(mistakes)
 
     def _mistakes_of_source(self) -> Iterator[MistakeAt]:
         given = [name for name in _SOURCES if getattr(self, name) is not None]

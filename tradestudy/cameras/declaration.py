@@ -100,27 +100,21 @@ class LensPart(Part):
         "With it, results also give working distances, which count from that front.",
     )
 
-    @model_validator(mode="after")
-    def _one_aperture(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         by_diameter = self.entrance_pupil_diameter is not None
         by_number = self.f_number is not None and not (by_diameter and "f_number" not in self.model_fields_set)
         if by_diameter == by_number:
-            raise MistakeAt(
+            yield MistakeAt(
                 (), "give exactly one of f_number and entrance_pupil_diameter (null removes an inherited one)"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
         if (self.focal_length is not None) + (self.field_of_view is not None) not in self.counts_given:
-            raise MistakeAt((), "give exactly one of focal_length and field_of_view (null removes an inherited one)")
+            yield MistakeAt((), "give exactly one of focal_length and field_of_view (null removes an inherited one)")
         if self.field_of_view is None and "across" in self.model_fields_set:
-            raise MistakeAt(
+            yield MistakeAt(
                 ("across",), "belongs to field_of_view, which is missing; remove it (null removes an inherited one)"
             )
         if self.field_of_view is not None and not self.field_of_view < math.pi:
-            raise MistakeAt(("field_of_view",), "a flat sensor sees less than 180°")
-        return self
+            yield MistakeAt(("field_of_view",), "a flat sensor sees less than 180°")
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """As for every part, but `across` is an assumption only with a field of view, f_number only if it is used."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from statistics import NormalDist
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
@@ -42,13 +43,11 @@ class StatedAccuracyPart(Part):
         description="Whether the camera's disparity error was derived from this statement, which then checks nothing.",
     )
 
-    @model_validator(mode="after")
-    def _one_number(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if (self.relative is None) == (self.absolute is None):
-            raise MistakeAt((), "give exactly one of relative and absolute")
+            yield MistakeAt((), "give exactly one of relative and absolute")
         if self.share is not None and self.share < _SMALLEST_SHARE:
-            raise MistakeAt(("share",), f"{self.share:g} says nothing about the error; 1 % to 100 % is expected")
-        return self
+            yield MistakeAt(("share",), f"{self.share:g} says nothing about the error; 1 % to 100 % is expected")
 
     @property
     def standard_deviation(self) -> float:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Final, Generic, Literal, Self, TypeVar
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Final, Generic, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from tradestudy import units
 from tradestudy.declarations.part import MistakeAt, Part
@@ -93,15 +94,14 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     )
     column: Text | None = Field(default=None, description="Name of the column of `file` that contains the draws.")
 
-    @model_validator(mode="after")
-    def _fits_its_shape(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         given = [key for key in self.spreads if getattr(self, key) is not None]
         values = [getattr(self, key) for key in ("mean", *_WIDTHS)]
         if len({isinstance(value, InPixels) for value in values if value is not None}) > 1:
-            raise MistakeAt((), "mixes pixels with lengths; write all values in one of the two")
+            yield MistakeAt((), "mixes pixels with lengths; write all values in one of the two")
         if self.shape is None:
             self._require_one_spread(given)
-            return self
+            return
         needed = _NEEDS[self.shape]
         mistakes = [MistakeAt((), f"shape {self.shape} needs {key}") for key in needed if key not in given]
         mistakes += [
@@ -115,8 +115,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         if not mistakes and width is not None and inexactness is not None and _size(inexactness) > _size(width):
             mistakes.append(MistakeAt(("inexactness",), "exceeds half_width; at most half_width is expected"))
         if mistakes:
-            raise MistakeAt.several(mistakes)
-        return self
+            yield MistakeAt.several(mistakes)
 
     def _require_one_spread(self, given: list[str]) -> None:
         for key in given:

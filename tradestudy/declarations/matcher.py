@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from collections.abc import Iterator
+from typing import Annotated
 
-from pydantic import Field, WithJsonSchema, model_validator
+from pydantic import Field, WithJsonSchema
 
 from tradestudy import units
 from tradestudy.declarations.part import MistakeAt, Part
@@ -43,12 +44,10 @@ class MatcherPart(Part):
         default=None, description="Fraction of all matches that are false; they count as failed measurements."
     )
 
-    @model_validator(mode="after")
-    def _not_empty(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if not self.given():
             names = list(type(self).model_fields)
-            raise MistakeAt((), f"give at least one of {', '.join(names[:-1])} and {names[-1]}")
-        return self
+            yield MistakeAt((), f"give at least one of {', '.join(names[:-1])} and {names[-1]}")
 
     def given(self) -> dict[str, float]:
         """The given values by name, in SI and pixels."""

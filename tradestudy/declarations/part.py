@@ -68,7 +68,13 @@ class Part(BaseModel):
             if not getattr(self, low) < getattr(self, high):
                 names = {key: field.alias or key for key, field in type(self).model_fields.items()}
                 raise MistakeAt((names[high],), f"must lie beyond {names[low]}")
+        for mistake in self._mistakes():
+            raise mistake
         return self
+
+    def _mistakes(self) -> Iterator[MistakeAt]:
+        """What does not fit together in values that are valid by themselves; only the first mistake is reported."""
+        return iter(())
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:  # noqa: ARG003 - for parts that refer to names

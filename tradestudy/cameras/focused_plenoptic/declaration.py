@@ -78,25 +78,23 @@ class MicrolensesPart(Part):
         default=None, description="Diameter of each microlens; default: the pitch."
     )
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.focal_lengths == "pinhole":
             if self.types != 1:
-                raise MistakeAt(("types",), "pinholes have no focal lengths in which types could differ; write 1")
+                yield MistakeAt(("types",), "pinholes have no focal lengths in which types could differ; write 1")
         elif self.focal_lengths is not None and len(self.focal_lengths) != self.types:
-            raise MistakeAt(
+            yield MistakeAt(
                 ("focal_lengths",),
                 f"{len(self.focal_lengths)} focal lengths for {self.types} types: give one for each type",
             )
         if self.layout == "square" and self.types != 1:
-            raise MistakeAt(("types",), "three types cannot tile a square array; use layout: hexagonal")
+            yield MistakeAt(("types",), "three types cannot tile a square array; use layout: hexagonal")
         pitch = math.inf if isinstance(self.pitch, InPixels) else self.pitch  # checked with the pixel pitch
         if self.aperture_diameter is not None and self.aperture_diameter > pitch:
-            raise MistakeAt(
+            yield MistakeAt(
                 ("aperture_diameter",),
                 "larger than the pitch, so that microlenses overlap; at most the pitch is expected",
             )
-        return self
 
 
 class FocusPart(Part):
@@ -118,11 +116,9 @@ class FocusPart(Part):
         "microlens array; needed with total_covering_plane.",
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if (self.total_covering_plane is None) != (self.relay is None):
-            raise MistakeAt((), "total_covering_plane and relay belong together; give both or neither")
-        return self
+            yield MistakeAt((), "total_covering_plane and relay belong together; give both or neither")
 
 
 class DepthScalingPart(Part):

@@ -75,17 +75,15 @@ class GeometryPart(Part):
         "is about −baseline."
     )
 
-    @model_validator(mode="after")
-    def _side_by_side(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         x, y, z = self.translation
         if not np.hypot(y, z) < -x:
             where = "to the left of" if x > 0.0 else "not beside"
-            raise MistakeAt(
+            yield MistakeAt(
                 ("translation",),
                 f"places the right camera {where} the left one; exchange the cameras, or check the direction of the "
                 "transform",
             )
-        return self
 
     @property
     def focal_length_px(self) -> float:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from tradestudy.cameras.calibration_declaration import ArrayStabilityPart, CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
@@ -53,11 +53,9 @@ class UnfocusedMicrolensesPart(Part):
         description="Instead of aperture_diameter: focal length divided by aperture diameter of a microlens.",
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.aperture_diameter is not None and self.f_number is not None:
-            raise MistakeAt((), "give at most one of aperture_diameter and f_number")
-        return self
+            yield MistakeAt((), "give at most one of aperture_diameter and f_number")
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """As for every part, except an aperture that the f-number gives."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from tradestudy.declarations.part import MistakeAt, Part, nearest_name
 from tradestudy.declarations.quantities import (
@@ -50,11 +50,9 @@ class ExpectPart(Part):
         default=None, description="Instead of `about`: value below which the result is expected to stay, with its unit."
     )
 
-    @model_validator(mode="after")
-    def _has_a_tolerance(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if (self.about is None) != (self.within is None):
-            raise MistakeAt((), "about and within belong together")
-        return self
+            yield MistakeAt((), "about and within belong together")
 
 
 class _ClaimPart(Part):
@@ -175,11 +173,9 @@ class DepthOfFieldRatioClaim(_ClaimPart):
         default=None, description="Nearest and farthest of the distances that count; default: all distances."
     )
 
-    @model_validator(mode="after")
-    def _diffraction_where_it_belongs(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.diffraction is not None and self.blur is None:
-            raise MistakeAt(("diffraction",), "belongs to blur; resolution is compared geometrically")
-        return self
+            yield MistakeAt(("diffraction",), "belongs to blur; resolution is compared geometrically")
 
 
 _METRIC = (
@@ -248,11 +244,9 @@ class CriterionFNumberClaim(_ClaimPart):
         "`path-error`, and only with it.",
     )
 
-    @model_validator(mode="after")
-    def _path_error_where_it_belongs(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if (self.criterion == "path-error") != (self.path_error is not None):
-            raise MistakeAt(("path_error",), "is needed by the criterion path-error, and only by that one")
-        return self
+            yield MistakeAt(("path_error",), "is needed by the criterion path-error, and only by that one")
 
 
 class ImageDifferenceClaim(_ClaimPart):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Final, Literal, Self
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Final, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
@@ -69,11 +69,9 @@ class DepthOfFieldPart(Part):
         "resolves it.",
     )
 
-    @model_validator(mode="after")
-    def _increasing(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if not self.range[0] < self.range[1]:
-            raise MistakeAt(("range", 1), "must lie beyond the first")
-        return self
+            yield MistakeAt(("range", 1), "must lie beyond the first")
 
 
 class ReliefPart(Part):
@@ -93,11 +91,9 @@ class ReliefPart(Part):
         "by different amounts."
     )
 
-    @model_validator(mode="after")
-    def _below_a_quarter_turn(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if not self.surface_tilt < math.pi / 2.0:
-            raise MistakeAt(("surface_tilt",), "a surface tilted by 90° shows only its edge")
-        return self
+            yield MistakeAt(("surface_tilt",), "a surface tilted by 90° shows only its edge")
 
 
 class RefocusingPart(Part):
@@ -257,20 +253,18 @@ class SolvePart(Part):
         description="Error sources that count: noise, calibration errors, or both. For a requirement, both count.",
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if sum(one is not None for one in (self.equal, self.camera, self.requirement)) != 1:
-            raise MistakeAt(
+            yield MistakeAt(
                 (), "give one of equal (two cameras), camera (with relative or uncertainty) and requirement (a name)"
             )
         if (self.at is None) == (self.requirement is None):
-            raise MistakeAt((), "equal and camera need at; a requirement has its own distances")
+            yield MistakeAt((), "equal and camera need at; a requirement has its own distances")
         goals = (self.relative is not None) + (self.uncertainty is not None)
         if goals != (self.camera is not None):
-            raise MistakeAt(
+            yield MistakeAt(
                 (), "camera and one of relative (uncertainty over distance) and uncertainty belong together"
             )
-        return self
 
     @property
     def place(self) -> float:
@@ -347,11 +341,9 @@ class AssumptionPart(Part):
         )
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if len({self.readings is None, bool(self.vary), bool(self.low), bool(self.high)}) > 1:
-            raise MistakeAt((), "give either vary, low and high, or readings")
-        return self
+            yield MistakeAt((), "give either vary, low and high, or readings")
 
     @property
     def paths(self) -> tuple[str, ...]:

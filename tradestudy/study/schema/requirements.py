@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Annotated, ClassVar, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from tradestudy.cameras.declaration import AttributeName, AttributesPart
 from tradestudy.declarations.part import MistakeAt, Part, nearest_name
@@ -331,17 +331,15 @@ class RequirementPart(Part):
         "axis, 100 % the whole picture. Default: the axis and the places of propagation.field_places.",
     )
 
-    @model_validator(mode="after")
-    def _fits_its_quantity(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.guard_band is not None and not self.needs_usable_range:
-            raise MistakeAt(
+            yield MistakeAt(
                 ("guard_band",), f"{self.quantity} has no standard error, so a guard band does not apply; remove it"
             )
         if self.field is not None and not self.varies_over_picture:
-            raise MistakeAt(
+            yield MistakeAt(
                 ("field",), f"{self.quantity} is judged for the picture as a whole or on its axis; remove field"
             )
-        return self
 
     @property
     def varies_over_picture(self) -> bool:
@@ -473,13 +471,11 @@ class WeighedPart(Part):
         description="Weight as a fraction of the sum of all weights, or the range in which it lies; default: unknown.",
     )
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if (self.quantity == "depth_uncertainty") != (self.at is not None):
-            raise MistakeAt((), "depth_uncertainty and at (its distance) belong together")
+            yield MistakeAt((), "depth_uncertainty and at (its distance) belong together")
         if self.range[0] > self.range[1]:
-            raise MistakeAt(("weight",), "a range goes from the smallest to the largest weight")
-        return self
+            yield MistakeAt(("weight",), "a range goes from the smallest to the largest weight")
 
     @property
     def range(self) -> tuple[float, float]:
@@ -504,8 +500,7 @@ class TradeOffPart(Part):
         default=None, description="Cameras to rank; default: decision.candidates or, without them, all cameras."
     )
 
-    @model_validator(mode="after")
-    def _possible_weights(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         declared = [name for name, one in self.criteria.items() if one.weight is not None]
         if self.order is not None:
             unknown = [
@@ -514,12 +509,11 @@ class TradeOffPart(Part):
                 if name not in self.criteria
             ]
             if unknown:
-                raise MistakeAt.several(unknown)
+                yield MistakeAt.several(unknown)
             if declared:
-                raise MistakeAt(("order",), f"{declared[0]!r} has a weight; give an order or weights, not both")
+                yield MistakeAt(("order",), f"{declared[0]!r} has a weight; give an order or weights, not both")
         if what := range_mistake(*zip(*(one.range for one in self.criteria.values()), strict=True)):
-            raise MistakeAt(("criteria", declared[-1], "weight"), what)
-        return self
+            yield MistakeAt(("criteria", declared[-1], "weight"), what)
 
     @property
     def weights(self) -> WeightSpace:

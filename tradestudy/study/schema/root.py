@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, Self, get_args
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.kinds import CameraPart
@@ -157,11 +157,9 @@ class StudyFile(Part):
             ]
         return mistakes
 
-    @model_validator(mode="after")
-    def _asks_what_can_be_answered(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if mistakes := self._mistakes_between_parts():
-            raise MistakeAt.several(mistakes)
-        return self
+            yield MistakeAt.several(mistakes)
 
     def _mistakes_between_parts(self) -> list[MistakeAt]:
         attributes = {name: part.attributes for name, part in self.cameras.items()}

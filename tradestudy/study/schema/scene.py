@@ -325,15 +325,13 @@ class StairsPart(Part):
         description="Offset of the riser of a step, or of the middle of a staircase, to the right of the optical axis.",
     )
 
-    @model_validator(mode="after")
-    def _fits_its_shape(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.shape == "step" and (self.treads != 2 or self.tread_width is not None):
-            raise MistakeAt((), "a step has two treads without a width; use shape: staircase")
+            yield MistakeAt((), "a step has two treads without a width; use shape: staircase")
         if self.shape == "staircase" and self.tread_width is None:
-            raise MistakeAt((), "a staircase needs a tread_width")
+            yield MistakeAt((), "a staircase needs a tread_width")
         if self.shape == "staircase" and self.treads == 2:
-            raise MistakeAt((), "a staircase of two treads, both infinitely wide, is a step; give treads: 3 or more")
-        return self
+            yield MistakeAt((), "a staircase of two treads, both infinitely wide, is a step; give treads: 3 or more")
 
 
 class SpherePart(Part):
@@ -346,11 +344,9 @@ class SpherePart(Part):
     )
     radius: DetailSize = Field(description="Radius of the sphere.")
 
-    @model_validator(mode="after")
-    def _before_the_camera(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if not self.radius < self.distance:
-            raise MistakeAt(("radius",), "puts the camera inside the sphere; less than its distance is expected")
-        return self
+            yield MistakeAt(("radius",), "puts the camera inside the sphere; less than its distance is expected")
 
 
 class RockPart(Part):
@@ -399,11 +395,9 @@ class DepthMapPart(Part):
         "brightness, and its rows are in the order of the depth map. Default: the texture of scene.picture.",
     )
 
-    @model_validator(mode="after")
-    def _below_180_degrees(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.field_of_view is not None and self.field_of_view >= 179.0 * DEGREE:
-            raise MistakeAt(("field_of_view",), "an angle below 179 deg is expected")
-        return self
+            yield MistakeAt(("field_of_view",), "an angle below 179 deg is expected")
 
 
 SurfacePart = Annotated[
@@ -480,15 +474,13 @@ class SceneImagePart(Part):
         default="tiff", description="Format of the files with the true depth in metres."
     )
 
-    @model_validator(mode="after")
-    def _depth_without_mosaic(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.depth_maps and self.mosaic is not None:
-            raise MistakeAt(
+            yield MistakeAt(
                 ("depth_maps",),
                 "depth cannot be measured in pictures taken through a mosaic of colour filters; remove mosaic, or set "
                 "depth_maps: false",
             )
-        return self
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """The files named in this part, each with the path of its name."""
@@ -548,13 +540,11 @@ class DepthLoopPart(Part):
         "pixel. With too few, the noise of rendering looks like an error of the matcher.",
     )
 
-    @model_validator(mode="after")
-    def _at_known_distances(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if wrong := [k for k, (near, far) in enumerate(itertools.pairwise(self.distances), start=1) if not near < far]:
-            raise MistakeAt(("distances", wrong[0]), "distances must increase, without repeats")
+            yield MistakeAt(("distances", wrong[0]), "distances must increase, without repeats")
         if unknown := [k for k, one in enumerate(self.fitted_at) if one not in self.distances]:
-            raise MistakeAt(("fitted_at", unknown[0]), "is not one of the distances")
-        return self
+            yield MistakeAt(("fitted_at", unknown[0]), "is not one of the distances")
 
 
 class ScenePart(Part):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Final, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticKnownError
 
 from tradestudy import units
@@ -96,11 +96,9 @@ class ElementPart(Part):
         "computed minimum f-numbers.",
     )
 
-    @model_validator(mode="after")
-    def _real_image(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if not self.object_distance > self.focal_length:
-            raise MistakeAt(("object_distance",), "must exceed the focal length, since real images are compared")
-        return self
+            yield MistakeAt(("object_distance",), "must exceed the focal length, since real images are compared")
 
     @property
     def image_distance(self) -> float:
@@ -156,15 +154,13 @@ class FresnelValidityPart(Part):
         "norm."
     )
 
-    @model_validator(mode="after")
-    def _in_order(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         increasing = {"f_numbers": listed(self.f_numbers), "wavelengths": self.wavelengths, "windows": self.windows}
         for name, values in increasing.items():
             if any(not a < b for a, b in itertools.pairwise(values)):
-                raise MistakeAt((name,), "must increase")
+                yield MistakeAt((name,), "must increase")
         if len(set(self.lens_phases)) < len(self.lens_phases):
-            raise MistakeAt(("lens_phases",), "repeats a phase; name each once")
-        return self
+            yield MistakeAt(("lens_phases",), "repeats a phase; name each once")
 
 
 class PointSpreadPart(Part):
@@ -295,11 +291,9 @@ class SpotMicrolensesPart(Part):
         "changes it by more than its tolerance, as near focus, or seems to by an estimate before the run."
     )
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if mistakes := [*self._mistakes_of_width(), *self._mistakes_of_arrangement()]:
-            raise MistakeAt.several(mistakes)
-        return self
+            yield MistakeAt.several(mistakes)
 
     def _mistakes_of_width(self) -> Iterator[MistakeAt]:
         if (self.f_number is None) == (self.aperture_width is None):
@@ -371,11 +365,9 @@ class SpotSourcePart(Part):
         description="Whether all points of the disc radiate in phase; otherwise they radiate incoherently.",
     )
 
-    @model_validator(mode="after")
-    def _has_an_extent(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if self.coherent and self.is_point:
-            raise MistakeAt(("coherent",), "has no effect on a point; give a diameter, or remove coherent")
-        return self
+            yield MistakeAt(("coherent",), "has no effect on a point; give a diameter, or remove coherent")
 
     @property
     def is_point(self) -> bool:
@@ -393,8 +385,7 @@ class SpectrumPart(Part):
         description="Power of the light in the pupil at each of the wavelengths, in the same order; only ratios matter."
     )
 
-    @model_validator(mode="after")
-    def _belong_together(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         mistakes = []
         if any(not a < b for a, b in itertools.pairwise(self.wavelengths)):
             mistakes.append(MistakeAt(("wavelengths",), "must increase"))
@@ -404,8 +395,7 @@ class SpectrumPart(Part):
         if not any(self.weights):
             mistakes.append(MistakeAt(("weights",), "all are zero: there is no light"))
         if mistakes:
-            raise MistakeAt.several(mistakes)
-        return self
+            yield MistakeAt.several(mistakes)
 
 
 class PublishedTimePart(Part):
@@ -455,11 +445,9 @@ class LightSpotPart(Part):
         default=(), description="Published computing times, shown next to the measured ones."
     )
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
+    def _mistakes(self) -> Iterator[MistakeAt]:
         if mistakes := [*self._mistakes_of_comparison(), *self._mistakes_of_light()]:
-            raise MistakeAt.several(mistakes)
-        return self
+            yield MistakeAt.several(mistakes)
 
     def _mistakes_of_comparison(self) -> Iterator[MistakeAt]:
         if len(set(self.methods)) < len(self.methods):
