@@ -205,7 +205,11 @@ def test_the_terminal_says_whose_calibration_is_assumed_perfect(swept: Result) -
     tree["cameras"] = xr.DataTree(cameras)
     titles = cameras["title"].values
     *others, last, _ = terminal_lines(tree)
-    assert last == f"Assumed perfect: the calibration of {titles[0]} and {titles[2]}"
+    unfair = ", which favours them over the others"
+    assert last == f"Assumed perfect: the calibration of {titles[0]} and {titles[2]}{unfair}"
+    cameras["perfect_calibration"][:] = 1.0
+    tree["cameras"] = xr.DataTree(cameras)
+    assert "favours" not in list(terminal_lines(tree))[-2]
     assert len(others) == 4
     assert list(terminal_lines(tree, 1))[1].startswith("and ")  # a shorter answer still counts what it leaves out
 

@@ -32,6 +32,7 @@ from tradestudy.results.views.groups import (
     origin_words,
     perfectly_calibrated,
     records,
+    titles_in,
     unconverged,
 )
 from tradestudy.results.views.headline import answers, says_stretches
@@ -104,7 +105,7 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
         ("biased", "Biased", offset_words(tree)),
         *(("doubted", "", [one]) for one in _doubted_words(tree)),
         ("partly used", "Used only in part", left_out(tree)),
-        ("perfect", "Assumed perfect", [f"the calibration of {few(perfect)}"] if perfect else []),
+        ("perfect", "Assumed perfect", [_perfect_words(tree, perfect)] if perfect else []),
         *(("origin", "", [one]) for one in origin_words(tree)),
         *(("contradictory", f"Contradictory inputs of {title}", [why]) for title, why in consequences(tree)),
         ("best", *_best_words(tree, "".join(said[:1]))),
@@ -126,6 +127,12 @@ def _rest_words(tree: xr.DataTree) -> str:
     solved = has(tree, "decision", "solved_rests_on") and any(group(tree, "decision")["solved_rests_on"].values)
     is_answer = requirement_conclusions(tree) or solved or ranked_by_bias(tree)
     return "Rests on" if is_answer else "Predicted depth rests on"
+
+
+def _perfect_words(tree: xr.DataTree, perfect: Sequence[str]) -> str:
+    """Whose calibration is perfect, and that this is unfair where other cameras have errors."""
+    favours = f", which favours {'it' if len(perfect) == 1 else 'them'} over the others"
+    return f"the calibration of {few(perfect)}" + favours * (len(perfect) < len(titles_in(tree, "depth")))
 
 
 def _best_words(tree: xr.DataTree, said: str) -> tuple[str, list[str]]:
