@@ -383,6 +383,14 @@ def test_rounding_does_not_make_inputs_differ(one: str, other: str, alike: bool)
     assert (len(found.inputs), found.same_inputs) == ((0, 1) if alike else (1, 0))
 
 
+def test_cameras_of_other_keys_and_the_same_title_are_told_apart() -> None:
+    renamed = compared(tree(), tree(cameras={"near": "Near head", "b": "Far head"}))
+    assert "Best camera: Near head (a) → Near head (near)" in " ".join(map(str, renamed.conclusions))
+    notes = " ".join(renamed.notes)
+    assert "not compared: Near head (a) (" in notes
+    assert "not compared: Near head (near) (" in notes
+
+
 def test_keys_of_a_scene_are_no_cameras_and_parts_are_shown_whole() -> None:
     surface = "[{'shape': 'plane', 'distance': '0.6 m'}]"
     titled = tree(cameras={"rig": "Stereo 80 mm", "b": "Far head"})

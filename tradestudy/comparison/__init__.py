@@ -174,9 +174,9 @@ def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
         yield f"The runs belong to different studies, {listed(studies)}; only what they share is compared."
     if len({str(run.record.get("code_hash", "")) for run in runs}) > 1:
         yield "Different versions of the program computed the runs, so results can differ even where no input does."
-    shared = set(common_cameras(runs, "cameras"))
+    shared, titles = set(common_cameras(runs, "cameras")), titles_of(runs)
     for run in runs:
-        alone = [title for key, title in titles_of([run]).items() if key not in shared]
+        alone = [titles[key] for key in titles_of([run]) if key not in shared]
         if alone:
             yield f"Not in every run, so not compared: {'; '.join(alone)} ({run.name})."
     if results.apart:

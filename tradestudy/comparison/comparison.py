@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -91,12 +92,17 @@ def same_or_each(texts: Sequence[str]) -> str:
 
 
 def titles_of(runs: Sequence[Run]) -> dict[str, str]:
-    """Titles of the cameras of all runs by key; a camera with different titles has all of them."""
+    """Titles of the cameras of all runs by key; a camera with different titles has all of them.
+
+    Cameras with the same title, as after a change of a key, also have their keys.
+    """
     found = [camera_titles(run.tree) if "cameras" in run.tree.children else {} for run in runs]
-    return {
+    titles = {
         key: same_or_each([titles[key] for titles in found if key in titles])
         for key in dict.fromkeys(key for titles in found for key in titles)
     }
+    shared = Counter(titles.values())
+    return {key: title if shared[title] == 1 else f"{title} ({key})" for key, title in titles.items()}
 
 
 def common_cameras(runs: Sequence[Run], group: str) -> tuple[str, ...]:
