@@ -17,7 +17,7 @@ from tradestudy.calibration.corners.pair_residual import (
     gyration_radius,
 )
 from tradestudy.calibration.corners.real_rig import fit_rig
-from tradestudy.calibration.corners.view_blocks import motion_columns, pair_blocks
+from tradestudy.calibration.corners.view_blocks import pair_blocks, state_blocks
 from tradestudy.calibration.projection import move, project, rotation_matrix
 from tradestudy.calibration.synthetic_target import flat_grid
 
@@ -99,7 +99,7 @@ def test_compressed_likelihood_equals_a_dense_normal_density():
     states = ViewStates(poses=poses, motions=2e-4 * rng.standard_normal((3, 6)))
     lever = gyration_radius(corners)
     compressed = compress_views(TRUTH, states, corners, lever)
-    blocks, motion = pair_blocks(TRUTH, poses, corners), motion_columns(TRUTH, poses, corners, lever)
+    blocks, motion = pair_blocks(TRUTH, poses, corners), state_blocks(TRUTH, poses, corners, lever)[1][..., 6:]
     wide = 1e3 / np.linalg.norm(blocks.by_pose, axis=(0, 1))
 
     def dense(shared, noise, scale):
@@ -127,7 +127,7 @@ def test_restricted_likelihood_of_scales_equals_a_dense_one():
     lever = gyration_radius(corners)
     compressed = compress_views(TRUTH, states, corners, lever)
     blocks = pair_blocks(TRUTH, poses, corners)
-    motion = motion_columns(TRUTH, poses, corners, lever)
+    motion = state_blocks(TRUTH, poses, corners, lever)[1][..., 6:]
     _, rows, _ = blocks.by_pose.shape
     regressors, moved = np.zeros((5 * rows, 30 + TRUTH.size)), np.zeros((5 * rows, 30))
     for view in range(5):

@@ -148,6 +148,14 @@ def project_with_jacobians(
     return _pixels(intrinsics, u, v), by_intrinsics, focal * by_points
 
 
+def project_by_points(
+    intrinsics: FloatArray, points: FloatArray, lens: LensModel = IDEAL, free: Sequence[str] = RADIAL
+) -> tuple[FloatArray, FloatArray]:
+    """Image of points, and its derivatives with respect to the points; see ``project_with_jacobians``."""
+    image, _, by_points = project_with_jacobians(intrinsics, points, _lens(intrinsics, lens, free), ())
+    return image, by_points
+
+
 def ray_slopes(
     intrinsics: FloatArray, image: FloatArray, lens: LensModel = IDEAL, free: Sequence[str] = RADIAL
 ) -> FloatArray:

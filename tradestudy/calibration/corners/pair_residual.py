@@ -17,9 +17,9 @@ from tradestudy.calibration.corners.bundle_adjustment import PairFit
 from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.corners.corner_noise import LocalLikelihood, average_information, maximise
 from tradestudy.calibration.corners.view_blocks import (
-    motion_columns,
     pair_blocks,
     shared_names,
+    state_blocks,
 )
 from tradestudy.calibration.laplace import covariance_from_information, triangular_factor
 from tradestudy.errors import NotConvergedError
@@ -233,9 +233,8 @@ def compress_views(
         Exact for the linearised model: the QR factorisation of [poses | motions | shared | residual] preserves all
         inner products, and the rows of the poses drop out when poses are integrated out under a flat prior.
     """
-    residuals, by_shared, by_states = _state_blocks(shared, states, corners, lever)
-    # residuals that zero motion gives in the linearised model
-    residuals = residuals + np.einsum("vmk,vk->vm", by_states[..., 6:], states.motions)
+    residuals, by_states = state_blocks(shared, states.poses, corners, lever)
+    by_shared = pair_blocks(shared, states.poses, corners).by_shared
     if extra is not None:
         by_shared = np.concatenate([by_shared, extra], axis=-1)
         shared = np.concatenate([shared, np.zeros(extra.shape[-1])])
@@ -295,7 +294,7 @@ def settle_views(
         A view does not converge.
     """
     for _ in range(_MOST_STEPS):
-        residuals, _, by_states = _state_blocks(shared, states, corners, lever)
+        residuals, by_states = _moved_blocks(shared, states, corners, lever)
         hessian, gradient = _state_equations(residuals, by_states, states, noise_px, motion_scale)
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         states = ViewStates(poses=states.poses + step[:, :6], motions=states.motions + step[:, 6:])
@@ -334,7 +333,7 @@ def exact_log_likelihood(
         Natural logarithm: −χ²/2 − n ln σ − 6 V ln τ − ½ ln det H, with H the Gauss–Newton Hessian per view.
     """
     states = settle_views(shared, states, corners, lever, noise_px=noise_px, motion_scale=motion_scale)
-    residuals, _, by_states = _state_blocks(shared, states, corners, lever)
+    residuals, by_states = _moved_blocks(shared, states, corners, lever)
     hessian, _ = _state_equations(residuals, by_states, states, noise_px, motion_scale)
     square = np.sum(residuals**2) / noise_px**2 + np.sum(states.motions**2) / motion_scale**2
     volume = np.linalg.slogdet(hessian)[1].sum()
@@ -342,14 +341,12 @@ def exact_log_likelihood(
     return float(-0.5 * (square + volume) - scales)
 
 
-def _state_blocks(
+def _moved_blocks(
     shared: FloatArray, states: ViewStates, corners: StereoCorners, lever: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Residuals with motions, and their derivatives with respect to shared parameters and (pose, motion)."""
-    blocks = pair_blocks(shared, states.poses, corners)
-    motion = motion_columns(shared, states.poses, corners, lever)
-    residuals = blocks.residuals - np.einsum("vmk,vk->vm", motion, states.motions)
-    return residuals, blocks.by_shared, np.concatenate([blocks.by_pose, motion], axis=-1)
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals with the motions of the views, and their derivatives with respect to (pose, motion)."""
+    residuals, by_states = state_blocks(shared, states.poses, corners, lever)
+    return residuals - (by_states[..., 6:] @ states.motions[..., None])[..., 0], by_states
 
 
 def _state_equations(
@@ -519,10 +516,7 @@ def _result(
     """The fit with its remaining residuals."""
     covariance = covariance_from_information(compressed.information(noise, scale)[0], shared_names(corners.lens.free))
     as_seen = replace(corners, noise=None)
-    motion = motion_columns(compressed.centre, states.poses, as_seen, lever)
-    left_over = pair_blocks(compressed.centre, states.poses, as_seen).residuals
-    left_over = left_over - np.einsum("vmk,vk->vm", motion, states.motions)
-    left, right = np.split(left_over, 2, axis=1)
+    left, right = np.split(_moved_blocks(compressed.centre, states, as_seen, lever)[0], 2, axis=1)
     return PairResidualFit(
         shared=compressed.centre,
         covariance=covariance,

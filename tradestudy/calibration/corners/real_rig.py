@@ -33,13 +33,12 @@ from tradestudy.calibration.corners.view_blocks import (
     both_pictures,
     cameras_of,
     first_values,
-    motion_columns,
-    pair_blocks,
     right_centre,
     shared_names,
+    state_blocks,
 )
 from tradestudy.calibration.laplace import covariance_from_information
-from tradestudy.calibration.projection import move, project, project_with_jacobians, ray_slopes, rotation_matrix
+from tradestudy.calibration.projection import move, project, project_by_points, ray_slopes, rotation_matrix
 from tradestudy.cameras.calibrated_pair import PINHOLES, RADIAL, Lenses
 from tradestudy.errors import NotConvergedError, OutOfRangeError, TradestudyError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -119,8 +118,8 @@ def warp_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, 
     seen_left = move(poses, corners.points)
     seen_right = move(shared[RELATIVE], seen_left)
     lens, (left, right) = corners.lens, cameras_of(shared)
-    by_left = project_with_jacobians(left, seen_left, lens.model, lens.free)[2]
-    by_right = project_with_jacobians(right, seen_right, lens.model, lens.free)[2] @ rotation_matrix(shared[ROTATION])
+    by_left = project_by_points(left, seen_left, lens.model, lens.free)[1]
+    by_right = project_by_points(right, seen_right, lens.model, lens.free)[1] @ rotation_matrix(shared[ROTATION])
     shapes = warp_shapes(corners, lever)
     left_rows, right_rows = (np.einsum("vnij,vj,vne->vnie", by, normal, shapes) for by in (by_left, by_right))
     return both_pictures(left_rows, right_rows, corners)
@@ -342,10 +341,8 @@ def _with_warp(fit: PairResidualFit, corners: StereoCorners, warp: FloatArray) -
 def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray) -> CornerNoise:
     """The noise of corners relative to a fit, with free pose and motion of every view."""
     as_seen = replace(corners, noise=None)
-    blocks = pair_blocks(fit.shared, fit.states.poses, as_seen)
-    motions = motion_columns(fit.shared, fit.states.poses, as_seen, fit.lever)
-    free = np.concatenate([blocks.by_pose, motions], axis=-1)
-    return estimate_noise(blocks.residuals, free, corners.board, weights * corners.present[:, None], corners.noise)
+    residuals, free = state_blocks(fit.shared, fit.states.poses, as_seen, fit.lever)
+    return estimate_noise(residuals, free, corners.board, weights * corners.present[:, None], corners.noise)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,10 +13,10 @@ from tradestudy.calibration.corners.corner_file import StereoCorners
 from tradestudy.calibration.projection import (
     RADIAL_LENS,
     FreeLens,
-    cross_matrix,
     intrinsic_names,
     move,
     pose_derivatives,
+    project_by_points,
     project_with_jacobians,
     ray_slopes,
     rotation_matrix,
@@ -150,8 +150,10 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     )
 
 
-def motion_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, lever: float) -> FloatArray:
-    """Derivatives of the right corners with respect to a small motion of the board between the two exposures.
+def state_blocks(
+    shared: FloatArray, poses: FloatArray, corners: StereoCorners, lever: float
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals of both cameras, and derivatives of the prediction with respect to the states of the views.
 
     Parameters
     ----------
@@ -162,19 +164,27 @@ def motion_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners
 
     Returns
     -------
-    array (V, 4 N, 6)
-        Derivatives with respect to rotation × lever about the board's centre [m], then translation [m]; zero in the
-        left rows.
+    residuals : array (V, 4 N)
+        As for ``pair_blocks``, for a board that does not move.
+    by_states : array (V, 4 N, 12)
+        Derivatives with respect to the pose, then to a small motion of the board between the two exposures: rotation ×
+        lever about the board's centre [m], and translation [m]. The left picture does not see the motion.
     """
-    seen = move(shared[RELATIVE], move(poses, corners.points))
+    seen_left = move(poses, corners.points)
+    seen_right = move(shared[RELATIVE], seen_left)
+    lens, (of_left, of_right) = corners.lens, cameras_of(shared)
+    left, left_by_points = project_by_points(of_left, seen_left, lens.model, lens.free)
+    right, right_by_points = project_by_points(of_right, seen_right, lens.model, lens.free)
     weight = corners.present[..., None] / corners.present.sum(axis=1)[:, None, None]
-    centre = (seen * weight).sum(axis=1, keepdims=True)
-    twist = np.concatenate(
-        [-cross_matrix(seen - centre) / lever, np.broadcast_to(np.eye(3), (*seen.shape[:-1], 3, 3))], axis=-1
-    )
-    by_points = project_with_jacobians(cameras_of(shared)[1], seen, corners.lens.model, corners.lens.free)[2]
-    right = by_points @ twist
-    return both_pictures(np.zeros_like(right), right, corners)
+    centre = (seen_right * weight).sum(axis=1)
+    by_motion = pose_derivatives(right_by_points, np.concatenate([np.zeros_like(centre), centre], axis=-1), seen_right)
+    by_motion[..., :3] /= lever
+    left_by_pose = pose_derivatives(left_by_points, poses, seen_left)
+    right_by_pose = pose_derivatives(right_by_points @ rotation_matrix(shared[ROTATION]), poses, seen_left)
+    by_left = np.concatenate([left_by_pose, np.zeros_like(by_motion)], axis=-1)
+    by_right = np.concatenate([right_by_pose, by_motion], axis=-1)
+    residuals = both_pictures(corners.left - left, corners.right - right, corners)
+    return residuals, both_pictures(by_left, by_right, corners)
 
 
 def _flat(values: FloatArray, present: BoolArray | FloatArray) -> FloatArray:
