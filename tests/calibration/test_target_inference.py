@@ -196,7 +196,7 @@ def test_bounds_of_the_prior_cut_the_posterior():
             upper=np.full(3, np.inf),
         ),
     )
-    sample = sample_target(bounded, fit_target(bounded), rng=np.random.default_rng(0), maximum_steps=600).sample
+    sample = sample_target(bounded, fit_target(bounded), rng=np.random.default_rng(0), maximum_steps=300).sample
     assert sample.draws[:, 2].min() >= gap
     assert sample.draws[:, 2].min() < gap + 0.05 * fit.laplace.standard_deviation[2]
 

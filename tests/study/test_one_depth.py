@@ -86,7 +86,7 @@ def own_corners(tmp_path_factory: pytest.TempPathFactory) -> Result:
     study = folder / "rig.yaml"
     study.write_text(
         text.replace("from: data/stereo_chessboard_corners.csv", "from: corners.csv").replace(
-            "    title: Webcams\n", "    title: Webcams\n    calibration: {corners: {max_steps: 1000}}\n"
+            "    title: Webcams\n", "    title: Webcams\n    calibration: {corners: {max_steps: 500}}\n"
         ),
         encoding="utf-8",
     )
