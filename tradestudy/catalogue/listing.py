@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -124,14 +124,14 @@ def _row(one: Listed) -> tuple[str, ...]:
         f"{across} × {down}",
         f"{one.focal_length_px:.0f} px",
         pretty(one.field_of_view, ANGLE, 3),
-        _shown(one.baseline, lambda value: pretty(value, LENGTH, 3)),
-        _shown(one.nearest, lambda value: pretty(value, LENGTH, 3)),
+        _length(one.baseline),
+        _length(one.nearest),
         one.projector or "?",
     )
 
 
-def _shown(value: float | None, words: Callable[[float], str]) -> str:
-    return "-" if value is None else words(value)
+def _length(value: float | None) -> str:
+    return "-" if value is None else pretty(value, LENGTH, 3)
 
 
 def content(asked: Filters) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from tradestudy.optics.fresnel_validity import (
     goodman_minimum_f_number,
     paper_eq27,
 )
+from tradestudy.optics.lateral_resolution import airy_radius
 from tradestudy.optics.lens_point_spread import point_spread, samples_in_quarter
 from tradestudy.optics.propagation.aperture import lens_wave
 from tradestudy.optics.propagation.kernels import FresnelKernel, KirchhoffKernel
@@ -26,7 +27,7 @@ from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSou
 from tradestudy.optics.propagation.sampling import Limits, check_affordable, refuse_near_zone
 from tradestudy.optics.propagation.targets import TargetPoints
 from tradestudy.optics.propagation.wave_optics import FieldAccuracy, nodes_for
-from tradestudy.optics.psf_difference import PsfDifference, airy_radius, compared_points, fresnel_psf_difference
+from tradestudy.optics.psf_difference import PsfDifference, compared_points, fresnel_psf_difference
 from tradestudy.optics.sampled_point_spread import Measured
 from tradestudy.optics.spread_metrics import encircled_energy_radius, full_width_at_half_maximum, rms_width
 from tradestudy.optics.spread_shares import modulation_transfer, share_on_neighbouring_pixels, share_outside_disc
@@ -98,9 +99,7 @@ class LensAndPoint:
     @property
     def airy_radius(self) -> float:
         """Radius of the Airy disc in the image plane [m]."""
-        return airy_radius(
-            wavelength=self.wavelength, image_distance=self.image_distance, pupil_diameter=2 * self.radius
-        )
+        return float(airy_radius(self.image_distance, 2 * self.radius, self.wavelength))
 
     @property
     def source(self) -> PointSource:

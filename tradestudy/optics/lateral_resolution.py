@@ -48,7 +48,7 @@ class LateralResolution:
 
 
 def airy_radius(distance: ArrayLike, pupil_diameter: ArrayLike, wavelength: ArrayLike) -> FloatArray:
-    """Radius of the Airy disc of a pupil on the object [m]: 1.22 λ a/A, Rayleigh's criterion; broadcast.
+    """Radius of the Airy disc of a pupil [m] at a distance, on the object or in the image: 1.22 λ a/A; broadcast.
 
     Parameters
     ----------

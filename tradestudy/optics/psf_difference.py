@@ -16,7 +16,7 @@ import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.lateral_resolution import FIRST_DARK_RING
+from tradestudy.optics.lateral_resolution import FIRST_DARK_RING, airy_radius
 from tradestudy.optics.propagation.aperture import aperture_field
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource, finite_image_distance
 from tradestudy.optics.propagation.result import ApertureField, Method
@@ -53,11 +53,6 @@ class PsfDifference:
     peak_error: FloatArray
     l1_error: FloatArray
     largest_error: FloatArray
-
-
-def airy_radius(*, wavelength: float, image_distance: float, pupil_diameter: float) -> float:
-    """Radius of the first dark ring by Fresnel's law, 1.2197 λ b/D [m]."""
-    return FIRST_DARK_RING * wavelength * image_distance / pupil_diameter
 
 
 def fresnel_psf_difference(
@@ -109,7 +104,7 @@ def fresnel_psf_difference(
         raise OutOfRangeError("windows", value=str(list(windows)), limit="positive and increasing")
     b = finite_image_distance(object_distance, focal_length)
     pupil = focal_length / f_number
-    airy = airy_radius(wavelength=wavelength, image_distance=b, pupil_diameter=pupil)
+    airy = float(airy_radius(b, pupil, wavelength))
     offset = math.tan(field_angle)
     annuli = _annuli(windows, symmetric=offset == 0.0)
     x, y = (np.concatenate(axis) for axis in zip(*(one.positions(airy) for one in annuli), strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
@@ -389,12 +389,12 @@ def lit_nodes(lenses: Microlenses, lit: Disc, *, cycles: float) -> CellNodes:
 def padded(cells: list[CellNodes]) -> CellNodes:
     """Nodes of several cells side by side, shape (cells, nodes); padding lies at the centre, with weight 0."""
     most = max(1, *(cell.x.size for cell in cells))
-    x, y, weights = (
-        np.stack([np.pad(getattr(cell, name), (0, most - cell.x.size)) for cell in cells])
-        for name in ("x", "y", "weights")
+    return CellNodes(
+        **{
+            one.name: np.stack([np.pad(getattr(cell, one.name), (0, most - cell.x.size)) for cell in cells])
+            for one in fields(CellNodes)
+        }
     )
-    in_lens = np.stack([np.pad(cell.in_lens, (0, most - cell.x.size)) for cell in cells])
-    return CellNodes(x=x, y=y, weights=weights, in_lens=in_lens)
 
 
 def _common(one: Region, other: Region, x: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -361,20 +361,18 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
     data = group(tree, "effects")
     changes: list[str] = []
     unchanged: dict[str, list[str]] = {}
-    for number in range(len(QUANTITIES)):
+    for number, quantity in enumerate(QUANTITIES):
+        changed = IN_WORDS[quantity]
         asked, joint = data["tolerance"].values[:, number], data["joint_change"].values[:, number]
         if np.isnan(asked).all():
             shown = joint[~np.isnan(joint)]
             if shown.size and shown.max() > 0.0:
-                changed = IN_WORDS[QUANTITIES[number]]
                 yield f"The {changed} has no tolerance; it may be off by up to {_share(float(shown.max()))}."
             continue
         most = float(np.nanmax(np.where(np.isnan(asked), np.nan, joint)))
-        changed = IN_WORDS[QUANTITIES[number]]
         tolerance = _share(float(np.nanmax(asked)))
         if most > 0.0:
-            together = f"up to {_share(most)} (tolerance {tolerance})"
-            changes.append(f"the {changed} by {together}")
+            changes.append(f"the {changed} by up to {_share(most)} (tolerance {tolerance})")
         else:
             unchanged.setdefault(tolerance, []).append(f"the {changed}")
         forced = data["forced_change"].values[:, number]
