@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -403,20 +403,29 @@ class DepthCameraDeclaration(CameraDeclaration):
     calibration: CalibrationPart
     """The calibration part of its kind; see `calibration_part`."""
 
-    @model_validator(mode="after")
-    def _pupil_at_infinity_has_no_error(self) -> Self:
-        lens = getattr(self, "main_lens", None)
-        if not isinstance(lens, LensPart) or lens.exit_pupil != math.inf or lens.entrance_pupil is not None:
-            return self
-        errors, stability = self.calibration.errors, self.calibration.stability
-        for where, part in ((("errors",), errors), (("stability", "ageing"), stability.ageing)):
-            if "pupil_distance" in part.given():
-                raise MistakeAt(
-                    ("calibration", *where, "pupil_distance"),
-                    "the exit pupil lies at infinity; remove this error, or give a finite exit_pupil",
-                )
-        return self
-
     @abstractmethod
     def design(self, picture_law: DisparityErrorLaw | None) -> DepthCamera:
         """The camera in SI, without its calibration; see `CameraDeclaration.design`."""
+
+
+class PlenopticDeclaration(DepthCameraDeclaration):
+    """A camera with microlenses."""
+
+    absent: ClassVar[Mapping[str, str]] = {"field_curvature": "none"}
+
+    main_lens: LensPart
+    field_curvature: Length = Field(
+        default=0.0,
+        description="Field curvature, for a flat object: the image distance in the corner of the sensor, minus that on "
+        "the axis. Measured depths are corrected for it.",
+    )
+
+    def _mistakes(self) -> Iterator[MistakeAt]:
+        if self.main_lens.exit_pupil == math.inf and self.main_lens.entrance_pupil is None:
+            errors, stability = self.calibration.errors, self.calibration.stability
+            for where, part in ((("errors",), errors), (("stability", "ageing"), stability.ageing)):
+                if "pupil_distance" in part.given():
+                    yield MistakeAt(
+                        ("calibration", *where, "pupil_distance"),
+                        "the exit pupil lies at infinity; remove this error, or give a finite exit_pupil",
+                    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from tradestudy.cameras.calibration_declaration import ArrayStabilityPart, CalibrationPart, calibration_part
-from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
+from tradestudy.cameras.declaration import DisparityPart, PlenopticDeclaration
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.focused_plenoptic.depth_reading import RawPictureReader
@@ -177,7 +177,7 @@ else:
     FocusedPlenopticCalibration = calibration_part(FocusedPlenoptic, "focused-plenoptic", ArrayStabilityPart)
 
 
-class FocusedPlenopticDeclaration(DepthCameraDeclaration):
+class FocusedPlenopticDeclaration(PlenopticDeclaration):
     """A focused plenoptic camera (plenoptic 2.0) with one or three types of microlenses."""
 
     camera: ClassVar[type[FocusedPlenoptic]] = FocusedPlenoptic
@@ -185,19 +185,10 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
 
     imports: ClassVar[tuple[type, ...]] = (ImportedPlenoptic, ImportedFocused)
 
-    absent: ClassVar[Mapping[str, str]] = {"field_curvature": "none"}
-
     kind: Literal["focused-plenoptic"]
-    main_lens: LensPart
-    sensor: SensorPart
     microlenses: MicrolensesPart
     focus: FocusPart
     depth: PlenopticDepthPart
-    field_curvature: Length = Field(
-        default=0.0,
-        description="Field curvature, for a flat object: the image distance in the corner of the sensor, minus that on "
-        "the axis. Measured depths are corrected for it.",
-    )
     calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)
 
     @classmethod

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from pydantic import Field
 
 from tradestudy.cameras.calibration_declaration import ArrayStabilityPart, CalibrationPart, calibration_part
-from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
+from tradestudy.cameras.declaration import DisparityPart, PlenopticDeclaration
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.imported import Imported, ImportedUnfocused, Stated
@@ -21,7 +21,6 @@ from tradestudy.declarations.part import MistakeAt, Part
 from tradestudy.declarations.quantities import (
     FNumber,
     FocalLength,
-    Length,
     MicrolensPitch,
     ObjectDistanceOrInfinity,
 )
@@ -89,26 +88,17 @@ else:
     UnfocusedPlenopticCalibration = calibration_part(UnfocusedPlenoptic, "unfocused-plenoptic", ArrayStabilityPart)
 
 
-class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
+class UnfocusedPlenopticDeclaration(PlenopticDeclaration):
     """An unfocused plenoptic camera (plenoptic 1.0)."""
 
     camera: ClassVar[type[UnfocusedPlenoptic]] = UnfocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = ViewsReader
     imports: ClassVar[tuple[type, ...]] = (ImportedUnfocused,)
 
-    absent: ClassVar[Mapping[str, str]] = {"field_curvature": "none"}
-
     kind: Literal["unfocused-plenoptic"]
-    main_lens: LensPart
-    sensor: SensorPart
     microlenses: UnfocusedMicrolensesPart
     focus: UnfocusedFocusPart
     depth: UnfocusedDepthPart
-    field_curvature: Length = Field(
-        default=0.0,
-        description="Field curvature, for a flat object: the image distance in the corner of the sensor, minus that on "
-        "the axis. Measured depths are corrected for it.",
-    )
     calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
 
     @classmethod
