@@ -213,7 +213,7 @@ class LensModel(ABC):
         moved = self.image(across * np.cos(around), across * np.sin(around), along)
         return np.array(np.broadcast_arrays(*moved))
 
-    @property
+    @cached_property
     def _single(self) -> bool:
         """Whether every coefficient is a single number."""
         return all(np.ndim(getattr(self, name)) == 0 for name in self.coefficient_names())
@@ -233,14 +233,15 @@ class LensModel(ABC):
 
     def _require(self, name: str, *, above: float = -np.inf, low: float = -np.inf, high: float = np.inf) -> None:
         """Refuse a coefficient outside its range, or one that is not finite."""
-        value = np.real(np.asarray(getattr(self, name)))
-        if not np.all(np.isfinite(value) & (value > above) & (value >= low) & (value <= high)):
+        value = getattr(self, name).real
+        kept = (value > above) & (value >= low) & (value <= high) & (abs(value) < np.inf)
+        if kept is not True and not np.all(kept):  # numpy is slow at plain numbers
             ends = [f"above {above:g}"] if np.isfinite(above) else []
             ends += [f"at least {low:g}"] if np.isfinite(low) else []
             ends += [f"at most {high:g}"] if np.isfinite(high) else []
             raise OutOfRangeError(
                 f"the coefficient {name} of the lens model {self.name}",
-                value=f"{value.ravel()[0]:g}",
+                value=f"{np.ravel(value)[0]:g}",
                 limit=" and ".join(["finite", *ends]),
                 remedy="correct the coefficient",
             )
@@ -396,9 +397,10 @@ class Rational(LensModel):
 
     def _factor(self, square: FloatArray) -> tuple[FloatArray, FloatArray]:
         """g and its derivative with respect to r²."""
-        k1, k2, k3, k4, k5, k6 = (np.asarray(getattr(self, f"k{n}")) for n in range(1, 7))
+        k1, k2 = self.k1, self.k2
         if self._polynomial:
             return 1.0 + square * (k1 + square * k2), k1 + 2.0 * square * k2
+        k3, k4, k5, k6 = self.k3, self.k4, self.k5, self.k6
         above = 1.0 + square * (k1 + square * (k2 + square * k3))
         below = 1.0 + square * (k4 + square * (k5 + square * k6))
         g = above / below
