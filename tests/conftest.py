@@ -19,6 +19,7 @@ import pytest
 if TYPE_CHECKING:
     from tradestudy.api import Result
     from tradestudy.calibration.posteriors import InferredCalibration
+    from tradestudy.execution import Processes
 
 Made = TypeVar("Made")
 
@@ -73,6 +74,20 @@ def made_once(temporary: pytest.TempPathFactory, name: str, make: Callable[[Path
             kept.write_bytes(pickle.dumps(make(shared)))
     made: Made = pickle.loads(kept.read_bytes())
     return made
+
+
+@pytest.fixture(scope="session")
+def two_processes() -> Iterator[Processes]:
+    """Workers that tests share, because each has a second of libraries to load.
+
+    For points that end well; what kills a worker, or asks which one computed, takes workers of its own.
+    """
+    from tradestudy.cli import _NEEDED_BY_WORKERS
+    from tradestudy.execution import Processes
+
+    shared = Processes(2, preload=_NEEDED_BY_WORKERS)
+    yield shared
+    shared.close()
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -320,17 +319,16 @@ def test_where_any_camera_may_meet_it_each_has_its_own_range() -> None:
     assert common_ranges(found, np.array([True, False])) == [(0.02, 0.09)]
 
 
-def test_processes_give_the_same_bits_and_evaluate_each_camera_once() -> None:
+def test_processes_give_the_same_bits_and_evaluate_each_camera_once(two_processes: Processes) -> None:
     study = robot(
         any={"camera": "any", **ONE_PER_CENT},
         overlap={"camera": "stereo-75mm", "overlap": {"above": "50 %", "over": ["1 m", "3 m"]}},
     )
     definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["30 mm", "75 mm", "90 mm"]}}).prepared
     designs = sweep_points(definition, sweep_axes(definition))
-    with closing(Processes(2)) as processes:
-        steps = Steps(executor=processes)
-        found = requirements_group(definition, designs, Judge(), steps)
-        ranked = ranks_group(definition, steps)
+    steps = Steps(executor=two_processes)
+    found = requirements_group(definition, designs, Judge(), steps)
+    ranked = ranks_group(definition, steps)
     cameras = {camera for design in designs for camera in design.case.cameras.values()}
     fresh = {camera for camera in cameras if camera not in definition.case.cameras.values()}
     assert steps.counts["requirements"]["computed"] == 2 * len(fresh) < 2 * len(cameras)

@@ -80,7 +80,7 @@ def integrated_picture() -> FloatArray:
         for centre in centres:
             near, x = np.flatnonzero(abs(sigma - centre) < 0.9 * PITCH), centre + eta
             away = abs(x[:, None] - source[some] * Z / DISTANCE)
-            u = np.interp(away, far, v.real) + 1j * np.interp(away, far, v.imag)
+            u = np.interp(away, far, v)
             u *= (through * np.exp(0.5j * K * abs(x) ** 2 / Z))[:, None]
             to_sensor = np.exp(0.5j * K / GAP * abs(sigma[near, None] - x) ** 2)
             field[near] += to_sensor.astype(np.complex64) @ u.astype(np.complex64)
