@@ -178,33 +178,36 @@ class DepthOfFieldRatioClaim(_ClaimPart):
             yield MistakeAt(("diffraction",), "belongs to blur; resolution is compared geometrically")
 
 
-_METRIC = (
-    "Measure of the error: the difference in intensity at the image point, relative to Kirchhoff's intensity there "
-    "(`peak`); the absolute difference integrated over the window, relative to the integral of Kirchhoff's intensity "
-    "(`l1`); or the largest difference in the window, relative to Kirchhoff's largest intensity there (`largest`)."
-)
+class _ErrorOfPsfPart(_ClaimPart):
+    """A claim about the error of a point-spread function in Fresnel's approximation."""
+
+    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
+    lens_phase: LensPhaseName = Field(
+        description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
+    )
+    metric: PsfMetric = Field(
+        description="Measure of the error: the difference in intensity at the image point, relative to Kirchhoff's "
+        "intensity there (`peak`); the absolute difference integrated over the window, relative to the integral of "
+        "Kirchhoff's intensity (`l1`); or the largest difference in the window, relative to Kirchhoff's largest "
+        "intensity there (`largest`)."
+    )
+    window: PositiveNumber = Field(
+        description="Radius of the window around the image point, in Airy radii; no effect on the metric `peak`."
+    )
 
 
-class PsfErrorClaim(_ClaimPart):
+class PsfErrorClaim(_ErrorOfPsfPart):
     """A claim about the error of the point-spread function in Fresnel's approximation, on axis at one f-number.
 
     The error is relative to the point-spread function that Kirchhoff's integral gives.
     """
 
     quantity: Literal["psf_error"]
-    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     f_number: FNumber = Field(description="F-number at which the error is claimed.")
     wavelength: PositiveWavelength = Field(description="Wavelength at which the error is claimed.")
-    lens_phase: LensPhaseName = Field(
-        description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
-    )
-    metric: PsfMetric = Field(description=_METRIC)
-    window: PositiveNumber = Field(
-        description="Radius of the window around the image point, in Airy radii; no effect on the metric `peak`."
-    )
 
 
-class FresnelFNumberClaim(_ClaimPart):
+class FresnelFNumberClaim(_ErrorOfPsfPart):
     """A claim about the smallest f-number at which Fresnel's approximation is still accurate enough, on axis.
 
     Accuracy is judged by the error of the point-spread function in Fresnel's approximation, relative to the
@@ -212,18 +215,10 @@ class FresnelFNumberClaim(_ClaimPart):
     """
 
     quantity: Literal["fresnel_f_number"]
-    element: ElementName = Field(description="Lens that the claim is about, by its name in fresnel_validity.elements.")
     error: PositiveFraction = Field(
         description="Largest acceptable error of the point-spread function at the claimed f-number and above."
     )
     wavelength: PositiveWavelength = Field(description="Wavelength to which the claim applies.")
-    lens_phase: LensPhaseName = Field(
-        description="Phase that this lens adds; see light_spot.main_lens.lens_phase for the meaning of the names."
-    )
-    metric: PsfMetric = Field(description=_METRIC)
-    window: PositiveNumber = Field(
-        description="Radius of the window around the image point, in Airy radii; no effect on the metric `peak`."
-    )
 
 
 class CriterionFNumberClaim(_ClaimPart):
