@@ -62,7 +62,8 @@ def test_pixels_saturate_at_the_full_well_or_the_last_number(gain: float | None,
 
 
 def robot(values: dict[str, Any]) -> PreparedStudy:
-    return tradestudy.load(STUDIES / "robot.yaml").with_values(values).plan().study
+    unasked = dict.fromkeys(("raytrix-r5", "decision", "trade_off", "requirements"))
+    return tradestudy.load(STUDIES / "robot.yaml").with_values({**unasked, **values}).plan().study
 
 
 def uncertainty(values: dict[str, Any]) -> float:
