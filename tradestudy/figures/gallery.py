@@ -59,7 +59,7 @@ from tradestudy.results.views.depth import (
     where_usable,
     worst_corner,
 )
-from tradestudy.results.views.designs import design_words, parameter_words
+from tradestudy.results.views.designs import parameter_words
 from tradestudy.results.views.finding import MOST_CURVES
 from tradestudy.results.views.groups import camera_titles, has, titles_in
 from tradestudy.units import LENGTH, pretty, significant
@@ -130,7 +130,7 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
     if kinds:
         caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows"
         caption += "." if len(required) <= MOST_BOUNDS else f", for the two tightest of {len(required)}."
-    caption += _selection_words(tree) if most > MOST_CURVES else _design_words(tree)
+    caption += _selection_words(tree) if most > MOST_CURVES else sweeps.design_sentence(tree, depth)
     if most < len(every) and most == MOST_CURVES:
         left = counted(len(every) - most, "other camera")
         caption += f" {left}: figure in section “Where each camera is usable”."
@@ -161,15 +161,7 @@ def _is_judged_by_radius(measured: xr.Dataset, camera: str) -> bool:
 
 def _selection_words(tree: xr.DataTree) -> str:
     """Say which of the swept designs the curves show, and which cameras; empty if all."""
-    return _design_words(tree) + selection_words(tree)
-
-
-def _design_words(tree: xr.DataTree) -> str:
-    if not (names := swept(tree["depth"].to_dataset())):
-        return ""
-    depth = nominal(tree)
-    values = {name: sweeps.shown_value(depth[name], depth[name].item()) for name in names}
-    return f" Of the swept designs, the figure shows {design_words(tree, values)}."
+    return sweeps.design_sentence(tree, nominal(tree)) + selection_words(tree)
 
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:

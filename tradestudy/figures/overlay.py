@@ -27,9 +27,8 @@ from tradestudy.figures.style import (
     new_figure,
     styled,
 )
-from tradestudy.figures.sweeps import shown_value
+from tradestudy.figures.sweeps import design_sentence
 from tradestudy.results.views.depth import nominal, of_camera, swept, where_measured
-from tradestudy.results.views.designs import design_words
 from tradestudy.results.views.groups import group
 from tradestudy.wording import listed
 
@@ -63,7 +62,8 @@ def overlay_drawing(
         name="overlay",
         caption="Depth uncertainty (half the width of the central 68.27 % interval of one measurement, noise and "
         f"calibration together) in each run: {_line_words(labels)}. Bold where the camera is usable, thin elsewhere. "
-        f"Grey lines: constant fractions of the distance.{_design_words(trees[0], design)}{rest}",
+        "Grey lines: constant fractions of the distance."
+        f"{design_sentence(trees[0], _of_design(trees[0], design))}{rest}",
         alt=f"Log-log chart of depth uncertainty against distance, one colour for each camera and one line style for "
         f"each run. {said}.",
         draw=partial(draw_overlay, trees, labels, drawn, design),
@@ -74,20 +74,10 @@ def _line_words(labels: Sequence[str]) -> str:
     return listed([f"{'solid' if order == 0 else 'dashed'}, {label}" for order, label in enumerate(labels)])
 
 
-def _design_words(tree: xr.DataTree, design: Mapping[str, Any]) -> str:
-    depth = _of_design(tree, design)
-    values = {path: shown_value(depth[path], depth[path].item()) for path in _swept(tree)}
-    return f" Of the swept designs, the figure shows {design_words(tree, values)}." if values else ""
-
-
-def _swept(tree: xr.DataTree) -> tuple[str, ...]:
-    return swept(group(tree, "depth"))
-
-
 def _of_design(tree: xr.DataTree, design: Mapping[str, Any]) -> xr.Dataset:
     """The depth of one design; parameters that it does not name are as declared."""
-    declared = nominal(tree)
-    return group(tree, "depth").sel({path: design.get(path, declared[path].item()) for path in _swept(tree)})
+    depth, declared = group(tree, "depth"), nominal(tree)
+    return depth.sel({path: design.get(path, declared[path].item()) for path in swept(depth)})
 
 
 @styled()

@@ -36,8 +36,8 @@ from tradestudy.figures.style import (
 )
 from tradestudy.figures.value_tables import Tables, grid
 from tradestudy.results.views.depth import swept
-from tradestudy.results.views.designs import path_words
-from tradestudy.results.views.groups import FloatArray, titles_in
+from tradestudy.results.views.designs import design_words, path_words
+from tradestudy.results.views.groups import FloatArray, group, titles_in
 from tradestudy.units import LENGTH, pretty
 from tradestudy.wording import distance
 
@@ -111,6 +111,12 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
         return value
     factor, unit = axis_unit(coordinate)
     return f"{plain_number(value * factor)} {unit}".rstrip()
+
+
+def design_sentence(tree: xr.DataTree, depth: xr.Dataset) -> str:
+    """Say of which swept design a figure shows the depth; empty without a sweep."""
+    values = {name: shown_value(depth[name], depth[name].item()) for name in swept(group(tree, "depth"))}
+    return f" Of the swept designs, the figure shows {design_words(tree, values)}." if values else ""
 
 
 @styled()
