@@ -15,7 +15,7 @@ from tradestudy.figures.style import traces
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Bullets, Callout, PageBreak, Picture, plain_text
 from tradestudy.report.pdf import render_pdf
-from tradestudy.results.views.finding import MOST_CURVES, MOST_WORDS, cameras_by_weight, short
+from tradestudy.results.views.finding import MOST_CURVES, MOST_WORDS, cameras_by_weight, ratio_to_middle, short
 from tradestudy.results.views.terminal import terminal_lines
 from tradestudy.wording import few
 
@@ -174,3 +174,9 @@ def test_a_short_list_counts_what_it_leaves_out() -> None:
     assert few(names, 2) == "N0, N1 and 38 more"
     assert few(names[:3], 2) == "N0, N1 and N2"  # as long as with "1 more"
     assert few(names[:1]) == "N0"
+
+
+def test_a_map_of_depth_whose_middle_is_unbounded_is_drawn_without_a_warning() -> None:
+    values = [[[0.02, np.inf, 0.02], [0.01, np.inf, 0.03]]]
+    one = xr.Dataset({"depth_uncertainty": (("distance", "field_y", "field_x"), values)}, {"distance": [1.0]})
+    np.testing.assert_array_equal(ratio_to_middle(one, 1.0), [[0.0, np.nan, 0.0], [0.0, np.nan, 0.0]])
