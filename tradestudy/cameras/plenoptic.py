@@ -20,7 +20,7 @@ from tradestudy.cameras.camera import (
     lens_contradictions,
     show,
 )
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
 from tradestudy.cameras.depth_measurement import (
     INTERIOR,
     NOISE_PARAMETER,
@@ -444,6 +444,11 @@ class PlenopticCamera(DepthCamera):
                 reference_distance=reference_distance,
             )
         ]
+
+    def target_noise_px(self, corner_noise_px: float) -> FloatArray:
+        """Noise of the disparity as declared, and of both coordinates, all of them of samples."""
+        samples = np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
+        return np.asarray(samples * (self.sample_pitch / self.sensor.pixel_pitch))
 
     def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
         """Whether the pictures of a corner lie on the sensor."""

@@ -17,7 +17,6 @@ from tradestudy.cameras.depth_camera import (
     Limit,
     Method,
     UsableCriteria,
-    declared_disparity_error,
 )
 from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.focused_plenoptic.estimator import (
@@ -470,10 +469,6 @@ class FocusedPlenoptic(PlenopticCamera):
         """Disparity of the two micro-images of a corner, and their position on the array."""
         apart, on_x, on_y = self.observe(errors, x, y, z)
         return apart - self.estimator_baseline(z), on_x, on_y
-
-    def target_noise_px(self, corner_noise_px: float) -> FloatArray:
-        """Noise of the disparity as declared, and of both coordinates on the array."""
-        return np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
 
     def microlenses_seeing(self, distance: FloatArray) -> FloatArray:
         """Mean number of microlenses that see a point."""

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import DerivedValue, Properties
-from tradestudy.cameras.depth_camera import Formula, Method, declared_disparity_error
+from tradestudy.cameras.depth_camera import Formula, Method
 from tradestudy.cameras.depth_measurement import Errors, value_of
 from tradestudy.cameras.focus import SingleLensFocus, require_focus
 from tradestudy.cameras.microlens_exposure import ArrayGeometry, Observation, PlaceOnArray, disparity_error
@@ -355,11 +355,6 @@ class UnfocusedPlenoptic(PlenopticCamera):
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Disparity of a corner, and its position."""
         return self.observe(errors, x, y, z)
-
-    def target_noise_px(self, corner_noise_px: float) -> FloatArray:
-        """Noise of the disparity as declared, and of both coordinates, all in microlenses, the samples of a view."""
-        samples = np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
-        return np.asarray(samples * (self.sample_pitch / self.sensor.pixel_pitch))
 
     def properties(self) -> Properties:
         """Distances, microlenses, views and field of view."""
