@@ -178,6 +178,11 @@ def test_draws_of_coefficients_act_like_each_of_them():
     )
 
 
+@pytest.mark.parametrize("make", [lambda w: FieldOfView(w=w), lambda xi: Omnidirectional(xi=xi)])
+def test_coefficients_may_be_lists_of_numbers(make):
+    assert make([0.2, 0.4]).valid_field.tolist() == [float(make(one).valid_field) for one in (0.2, 0.4)]
+
+
 @pytest.mark.parametrize(
     "model", [FULL, FISHEYE, MODELS[7], MODELS[11], MODELS[12], MODELS[14]], ids=lambda model: model.name
 )

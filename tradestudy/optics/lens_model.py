@@ -233,7 +233,7 @@ class LensModel(ABC):
 
     def _require(self, name: str, *, above: float = -np.inf, low: float = -np.inf, high: float = np.inf) -> None:
         """Refuse a coefficient outside its range, or one that is not finite."""
-        value = getattr(self, name).real
+        value = np.real(getattr(self, name))
         kept = (value > above) & (value >= low) & (value <= high) & (abs(value) < np.inf)
         if kept is not True and not np.all(kept):  # numpy is slow at plain numbers
             ends = [f"above {above:g}"] if np.isfinite(above) else []
