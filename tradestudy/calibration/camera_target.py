@@ -224,7 +224,10 @@ def sample_target(
         maximum_steps=maximum_steps,
     )
     draws = sample.thinned(CHECKED_POINTS)
-    exact = exact_log_posterior(problem, fit.poses, draws)
+    # Derivatives move every corner six times: few draws at a time, so that large boards fit into memory.
+    size = max(1, _CHUNK_NUMBERS // (6 * problem.observed.size))
+    blocks = np.split(draws, range(size, len(draws), size))
+    exact = np.concatenate([exact_log_posterior(problem, fit.poses, block) for block in blocks])
     return CheckedPosterior(sample=sample, check=compare_log_posteriors(exact, log_probability(draws)))
 
 
@@ -257,7 +260,8 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
         residuals = np.concatenate([problem.residuals(tried, start), _pose_misfit(problem, start)], axis=-1)
         basis, factor = _pose_basis(problem, tried, start)
         inner = np.swapaxes(basis, -1, -2) @ residuals[..., None]
-        volume = np.log(np.abs(np.diagonal(factor, axis1=-2, axis2=-1))).sum(axis=(-2, -1))
+        with np.errstate(divide="ignore"):  # a pose that runs away does not converge
+            volume = np.log(np.abs(np.diagonal(factor, axis1=-2, axis2=-1))).sum(axis=(-2, -1))
         found[rest] = problem.priors.log_density(tried) - 0.5 * np.sum(residuals**2, axis=(-2, -1)) - volume
         poses[rest] = start + np.linalg.solve(factor, inner)[..., 0]
         rest = rest[~np.all(np.sum(inner**2, axis=(-2, -1)) < _SETTLED, axis=-1)]
