@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.answers.required_values import _beside_the_nearest, _nearest, _Trial, solve_requirement
+from tradestudy.answers.required_values import _beside_the_nearest, _nearest, _Trial, _Tried, solve_requirement
 from tradestudy.answers.requirement_answer import RequirementAnswer
 from tradestudy.answers.solutions import Solved
 from tradestudy.depth.evaluation import depth_uncertainty
-from tradestudy.errors import StudyError
+from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.units import LENGTH
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -227,6 +229,41 @@ def test_a_value_without_influence_is_said_to_have_none(margin: float) -> None:
     words = _nearest([_Trial(value=value, answer=missed(margin)) for value in (1.0, 2.0, 3.0)], LENGTH)
     assert "depend" in words
     assert " m " not in words
+
+
+def first_beyond(limit: float, *, below: bool) -> Callable[[Iterable[float]], float | None]:
+    return lambda values: next((one for one in values if (one <= limit if below else one >= limit)), None)
+
+
+def test_a_value_beyond_the_nearer_end_at_which_it_is_met_is_named() -> None:
+    rising = [_Trial(value=value, answer=missed(value - 4.0)) for value in (1.0, 2.0, 3.0)]
+    assert _nearest(rising, LENGTH, (), first_beyond(5.0, below=False)).endswith("beyond that end, it is met at 6 m")
+    assert "beyond" not in _nearest(rising, LENGTH, (), first_beyond(0.5, below=True))
+    falling = [_Trial(value=value, answer=missed(-value)) for value in (1.0, 2.0, 3.0)]
+    assert _nearest(falling, LENGTH, (), first_beyond(0.4, below=True)).endswith("beyond that end, it is met at 100 mm")
+    inner = [_Trial(value=value, answer=missed(-abs(value - 2.0) - 1.0)) for value in (1.0, 2.0, 3.0)]
+    assert "beyond" not in _nearest(inner, LENGTH, (), first_beyond(0.4, below=True))
+
+
+def test_a_value_that_acts_only_beyond_the_range_is_not_called_without_influence() -> None:
+    alike = [_Trial(value=value, answer=missed(-1.0)) for value in (1.0, 2.0, 3.0)]
+    words = _nearest(alike, LENGTH, (), first_beyond(0.4, below=True))
+    assert words == "equally far from it everywhere (missed); met at 100 mm"
+    some = [
+        _Trial(value=value, answer=missed(margin)) for value, margin in ((1.0, -math.inf), (2.0, -0.2), (3.0, -0.1))
+    ]
+    assert "closest at 3 m" in _nearest(some, LENGTH)
+
+
+def test_values_beyond_the_range_that_the_study_refuses_are_passed_over() -> None:
+    def judged(value: float) -> list[Any]:
+        if value < 2.0:
+            raise OutOfRangeError("baseline", value=f"{value} m", limit="2 m", remedy="take more")
+        return [(replace(missed(1.0), met=True), {})]
+
+    stub = SimpleNamespace(varying=SimpleNamespace(possible=round), _judged=judged)
+    assert _Tried.met_beyond(stub, [1.4, 2.6]) == 3.0  # type: ignore[arg-type]
+    assert _Tried.met_beyond(stub, [1.4]) is None  # type: ignore[arg-type]
 
 
 def test_the_closest_value_is_found_between_the_places_that_are_tried_first() -> None:

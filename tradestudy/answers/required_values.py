@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -35,6 +36,8 @@ _CLOSE: Final = 1e-4  # relative width of the bracket around the value where a r
 
 _Judged = tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]
 """The answer to one requirement, and that of each camera."""
+_MetBeyond = Callable[[Iterable[float]], float | None]
+"""The first of several values at which it is met."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,12 +104,13 @@ class _Tried:
             self.known[value] = self._judged(value)
         return _hardest(self.known[value], camera)
 
-    def is_met_beyond(self, value: float, camera: str = "") -> bool:
-        """Whether they are met at a value outside the range of the question, which the study may refuse."""
-        try:
-            return _hardest(self._judged(self.varying.possible(value)), camera).met is True
-        except TradestudyError:
-            return False
+    def met_beyond(self, values: Iterable[float], camera: str = "") -> float | None:
+        """The first of values outside the range of the question, which the study may refuse, at which they are met."""
+        for value in map(self.varying.possible, values):
+            with suppress(TradestudyError):
+                if _hardest(self._judged(value), camera).met:
+                    return value
+        return None
 
     def _judged(self, value: float) -> list[_Judged]:
         changed = planned(self.study.with_values(self.varying.changes(value)))
@@ -148,7 +152,7 @@ def _solved(tried: _Tried, study: PreparedStudy, camera: str = "") -> tuple[list
         bracket = abs(ends[1] - ends[0])
         error = 0.0 if varying.is_counted else _error(tried.answer(ends[0], camera), bracket, before, after)
         solutions.append(Solution(value=ends[0], error=error))
-    beyond = partial(tried.is_met_beyond, camera=camera)
+    beyond = partial(tried.met_beyond, camera=camera)
     return solutions, _range_answer(trials, solutions, varying.dimension, varying.declared(study), beyond)
 
 
@@ -171,7 +175,7 @@ def _beside_the_nearest(known: Mapping[float, RequirementAnswer]) -> list[float]
 
 def _alike(margins: Sequence[float]) -> bool:
     """Whether they are equal up to rounding; those of requirements without a value are infinite."""
-    return max(margins) == min(margins) or max(margins) - min(margins) <= 1e-9 * max(map(abs, margins))
+    return max(margins) == min(margins) or max(margins) - min(margins) <= 1e-9 * abs(min(margins)) < math.inf
 
 
 def _range_answer(
@@ -179,7 +183,7 @@ def _range_answer(
     solutions: Sequence[Solution],
     dimension: Dimension,
     declared: Container[float],
-    is_met_beyond: Callable[[float], bool],
+    met_beyond: _MetBeyond,
 ) -> str:
     """The values for which it is met; if there are none, how close it comes and where beyond an end it is met."""
     ends = [pretty(trials[k].value, dimension) for k in (0, -1)]
@@ -188,7 +192,7 @@ def _range_answer(
         return (
             f"met everywhere {between}"
             if trials[0].answer.met
-            else f"met nowhere {between}: {_nearest(trials, dimension, declared, is_met_beyond)}"
+            else f"met nowhere {between}: {_nearest(trials, dimension, declared, met_beyond)}"
         )
     changes = [None, *solutions] if trials[0].answer.met else solutions
     parts = []
@@ -210,23 +214,23 @@ def _nearest(
     trials: Sequence[_Trial],
     dimension: Dimension,
     declared: Container[float] = (),
-    is_met_beyond: Callable[[float], bool] = lambda _value: False,
+    met_beyond: _MetBeyond = lambda _values: None,
 ) -> str:
     """Where it comes closest to being met and how close; among values that are equally close, at the declared one."""
     margins = np.array([one.answer.margin for one in trials])
+    below, above = [trials[0].value / factor for factor in _BEYOND], [trials[-1].value * factor for factor in _BEYOND]
     if _alike(margins.tolist()):
         at = next((k for k, one in enumerate(trials) if one.value in declared), 0)
-        return f"it does not depend on this value ({trials[at].answer.reason})"
+        if (met := met_beyond([*below, *above])) is None:
+            return f"it does not depend on this value ({trials[at].answer.reason})"
+        return f"equally far from it everywhere ({trials[at].answer.reason}); met at {pretty(met, dimension)}"
     closest = np.flatnonzero(margins >= margins.max() - 1e-9 * abs(margins.max())).tolist()
     nearest = next((k for k in closest if trials[k].value in declared), closest[0])
-    value = trials[nearest].value
-    words = f"closest at {pretty(value, dimension)}"
+    words = f"closest at {pretty(trials[nearest].value, dimension)}"
     if margins[nearest] > 0.0:
         words += ", where only its guard band is violated"
     else:
         words += f" ({trials[nearest].answer.reason})"
-    if nearest in (0, len(trials) - 1):
-        values = (value * factor if nearest else value / factor for factor in _BEYOND)
-        met = next(filter(is_met_beyond, values), None)
-        words += "" if met is None else f"; beyond that end, it is met at {pretty(met, dimension)}"
-    return words
+    beyond = {0: below, len(trials) - 1: above}.get(nearest, [])
+    met = met_beyond(beyond)
+    return words if met is None else f"{words}; beyond that end, it is met at {pretty(met, dimension)}"
