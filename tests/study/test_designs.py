@@ -82,17 +82,25 @@ def test_the_feasible_region_is_described_by_the_values_of_its_designs() -> None
 
 @pytest.mark.parametrize(
     ("feasible", "best"),
-    [(0, "50 mm (where the sweep begins)"), (2, "200 mm"), (3, "400 mm (where the sweep ends)")],
+    [
+        (0, "50 mm (where the sweep begins)"),
+        (2, "200 mm"),
+        (3, "400 mm (where the sweep ends)"),
+        (4, "900 mm"),  # declared; the sweep does not reach it
+    ],
 )
 def test_a_best_design_at_the_edge_of_a_sweep_is_called_so(feasible: int, best: str) -> None:
-    met = np.zeros((4, 2, 2))
+    met = np.zeros((5, 2, 2))
     met[feasible, 0] = 1
     results = tree(0, 0)
-    data = results["requirements"].to_dataset().isel(baseline=[0, 1, 2, 2])
-    data["baseline"] = ("baseline", [0.05, 0.1, 0.2, 0.4], data["baseline"].attrs)
+    data = results["requirements"].to_dataset().isel(baseline=[0, 1, 2, 2, 2])
+    data["baseline"] = ("baseline", [0.05, 0.1, 0.2, 0.4, 0.9], {**data["baseline"].attrs, "declared": 0.9})
     dims = ("baseline", "focal_length", "requirement")
     results["requirements"] = xr.DataTree(data.assign(design_met=(dims, met), design_margin_percent=(dims, met)))
     assert f"the rig with baseline {best} and focal length 4 mm" in design_details(results)
+    alike = np.broadcast_to(met[feasible], met.shape)  # the baseline has no influence
+    results["requirements"] = xr.DataTree(data.assign(design_met=(dims, alike), design_margin_percent=(dims, alike)))
+    assert "the rig with baseline 50 mm and focal length 4 mm" in design_details(results)
 
 
 def test_one_feasible_design_and_all_feasible_designs_are_described() -> None:

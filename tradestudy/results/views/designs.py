@@ -163,6 +163,10 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     first = np.where(every, least, np.where(every.any(), -np.inf, least))
     best = np.unravel_index(int(np.argmax(first)), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
+    words = [
+        _best_value_words(data[axis], int(k), least[(*best[:place], slice(None), *best[place + 1 :])])
+        for place, (axis, k) in enumerate(zip(axes, best, strict=True))
+    ]
     worst_first = [int(k) for k in np.argsort(margins[best], kind="stable") if not met[best][k]]
     reasons = data["design_reason"].transpose(*axes, "requirement").values[best][must]
     return Feasible(
@@ -173,9 +177,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
                 dotted_path(tree, axis): value if isinstance(value, str) else float(value)
                 for axis, value in values.items()
             },
-            words=design_words(
-                tree, {axis: _best_value_words(data[axis], int(k)) for axis, k in zip(axes, best, strict=True)}
-            ),
+            words=design_words(tree, dict(zip(axes, words, strict=True))),
             margin=float(least[best]) / 100.0,
         ),
         misses=tuple((str(data["says"].values[must][k]), str(reasons[k])) for k in worst_first),
@@ -188,13 +190,16 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     )
 
 
-def _best_value_words(axis: xr.DataArray, number: int) -> str:
-    """A value of the best design; a longer sweep might have a better one if it is the smallest or the largest."""
-    words, values = value_words(axis, axis.values[number]), axis.values
-    if axis.dtype.kind not in "fiu" or values.size < 4:  # of three, hardly one lies within
+def _best_value_words(axis: xr.DataArray, number: int, margins: npt.NDArray[np.float64]) -> str:
+    """A value of the best design; a longer sweep might have a better one if the margin still rises at its end."""
+    words, value = value_words(axis, axis.values[number]), axis.values[number]
+    if axis.dtype.kind not in "fiu" or np.allclose(margins, margins[number], rtol=1e-9, atol=0.0):
         return words
-    edges = {values.min(): " (where the sweep begins)", values.max(): " (where the sweep ends)"}
-    return words + edges.get(values[number], "")
+    swept = np.sort(axis.values[axis.values != axis.attrs.get("declared")])  # the declared value is one of the designs
+    if swept.size < 4:  # of three, hardly one lies within
+        return words
+    edges = {swept[0]: " (where the sweep begins)", swept[-1]: " (where the sweep ends)"}
+    return words + edges.get(value, "")
 
 
 def _fills_region(every: npt.NDArray[np.bool_]) -> bool:
