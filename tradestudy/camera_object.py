@@ -128,7 +128,7 @@ class Camera:
 
     @property
     def field_of_view(self) -> tuple[float, float]:
-        """Horizontal and vertical field of view at the focus of the camera (with autofocus, at infinity) [rad]."""
+        """Horizontal and vertical field of view at its focus (at infinity if it can focus there) [rad]."""
         left, right, top, bottom = self._calibrated.edge_angles(float("inf"))
         return left + right, top + bottom
 

@@ -65,6 +65,21 @@ def test_all_is_undecided_if_one_camera_has_no_numerical_mass() -> None:
     assert len(every) == 10
 
 
+@pytest.mark.parametrize(("bound", "met"), [("1 kg", None), ("550 g", False)])  # MAHLI has 578 g
+def test_draws_leave_all_undecided_unless_one_camera_misses(bound: str, met: bool | None) -> None:
+    study = hand_lens({"camera": "all", "criterion": {"name": "mass", "below": bound}})
+    assert answer(study)[0].met is met
+    assert is_kept(study.file.requirements["own"], study.prepared.case) is met
+
+
+@pytest.mark.parametrize(("camera", "met"), [("raytrix-r5", None), ("all", None), ("any", True)])
+def test_draws_leave_the_overlap_of_a_single_camera_undecided(camera: str, met: bool | None) -> None:
+    half = {"says": "half", "camera": camera, "overlap": {"above": "50 %", "over": ["1 m", "2 m"]}}
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values({"requirements.own": half, "usable_range": None})
+    assert answer(study)[0].met is met
+    assert is_kept(study.file.requirements["own"], study.prepared.case) is met
+
+
 def test_derived_criteria_count_mechanisms_and_exposures() -> None:
     """MAHLI refocuses by one mechanism; three images of its stack, at 5 s each, keep 140 to 160 mm sharp."""
     study = hand_lens({"camera": "all", "criterion": {"name": "moving parts", "below": 1}})

@@ -26,7 +26,7 @@ from tradestudy.report.document import plain_text
 from tradestudy.report.sections.answer import _stretches
 from tradestudy.results.views.conclusion_list import conclusions
 from tradestudy.results.views.conclusions import best_ranges, measure_first, never_best, rests_on, worths
-from tradestudy.results.views.decision import best_cameras
+from tradestudy.results.views.decision import best_cameras, reversing
 from tradestudy.results.views.designs import parameter_words, path_words
 from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.terminal import conclusions_as_json, terminal_lines
@@ -459,6 +459,14 @@ def test_alternatives_that_reverse_a_choice_at_other_distances_name_theirs() -> 
     (said,) = (one.rest().replace("\N{NO-BREAK SPACE}", " ") for one in conclusions(data) if one.kind == "reversed")
     assert "“loose baseline” (at 0.35 m)" in said
     assert "“yaw drifts” (at 4 m)" in said
+    by = conclusions_as_json(data)["reversed_by"]
+    assert sorted(by, key=str) == [
+        {"reading": says, "at": [at]} for says, at in (("loose baseline", 0.35), ("yaw drifts", 4.0))
+    ]
+    tree = data.copy()
+    alike = tree["decision"].to_dataset()
+    tree["decision"] = xr.DataTree(alike.assign(reading_says=("reading", ["as declared", "other", "other"])))
+    assert reversing(tree) == (("other", [0.35]), ("other", [4.0]))  # not one reading at both
 
 
 def test_readings_can_be_unknowns() -> None:

@@ -231,13 +231,16 @@ def is_kept(requirement: RequirementPart, case: Case) -> bool | None:
 
     None where this cannot be decided, as where a camera lacks the attribute that the requirement bounds.
     """
-    names, together = _names(requirement, case), all if requirement.camera == ALL else any
-    if not requirement.needs_usable_range:
-        verdicts = [check_requirement(requirement, case, name).met for name in names]
-        settling = requirement.camera != ALL
-        return settling if settling in verdicts else None if None in verdicts else not settling
-    points = _spaced(requirement.over, _COARSE)
-    return together(_is_kept_by(requirement, case, name, points) for name in names)
+    settling, is_undecided = requirement.camera != ALL, False
+    for name in _names(requirement, case):
+        if requirement.needs_usable_range:
+            met = _is_kept_by(requirement, case, name, _spaced(requirement.over, _COARSE))
+        else:
+            met = check_requirement(requirement, case, name).met
+        if met is settling:
+            return settling
+        is_undecided |= met is None
+    return None if is_undecided else not settling
 
 
 def _names(requirement: RequirementPart, case: Case) -> list[str]:
@@ -256,12 +259,14 @@ def _key(requirement: RequirementPart, case: Case, name: str) -> _Key | None:
     return requirement, case.cameras[name], case.criteria, case.wavelength, case.fields
 
 
-def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> bool:
+def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> bool | None:
     required = requirement.required
     if isinstance(required, MeasuredPart):
         bound, _ = _bound(required)
         for field in _fields(requirement, case):
             values = _values(requirement, case, name, points, field, distribution) / _scale(required, points)
+            if requirement.quantity == "overlap" and np.isnan(values).all():
+                return None
             kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
             if not kept.all():
                 return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any, Final
@@ -174,9 +175,10 @@ def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
         yield f"The runs belong to different studies, {listed(studies)}; only what they share is compared."
     if len({str(run.record.get("code_hash", "")) for run in runs}) > 1:
         yield "Different versions of the program computed the runs, so results can differ even where no input does."
-    shared, titles = set(common_cameras(runs, "cameras")), titles_of(runs)
-    for run in runs:
-        alone = [titles[key] for key in titles_of([run]) if key not in shared]
+    shared, titles = set(common_cameras(runs, "cameras")), [titles_of([run]) for run in runs]
+    keys = Counter(title for title, _ in {(title, key) for own in titles for key, title in own.items()})
+    for run, own in zip(runs, titles, strict=True):
+        alone = [f"{title} ({key})" if keys[title] > 1 else title for key, title in own.items() if key not in shared]
         if alone:
             yield f"Not in every run, so not compared: {'; '.join(alone)} ({run.name})."
     if results.apart:

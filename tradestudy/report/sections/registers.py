@@ -66,7 +66,7 @@ def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
     yield Table(
         name="camera-table",
         caption="The cameras. Baseline: between the lenses of a stereo rig, across the pupil of a plenoptic camera. "
-        "Field of view: horizontal, at the focus of the camera (with autofocus, at infinity).",
+        "Field of view: horizontal, at the focus of the camera (at infinity if it can focus there).",
         columns=tuple(column for column, _ in columns),
         rows=tuple(tuple(cell(row) for _, cell in columns) for row in rows),
     )
@@ -296,12 +296,13 @@ def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _under_other_readings(tree: xr.DataTree) -> Iterator[Table]:
-    """List the readings that change the verdict on a requirement."""
+    """List the readings that change the verdict on a requirement or who meets it best."""
     changed = [(one, other) for one in requirement_conclusions(tree) for other in one.other_verdicts]
     if changed:
         yield Table(
             name="requirement-readings-table",
-            caption="Readings under which the verdict on a requirement differs from that for the study as declared.",
+            caption="Readings under which the verdict on a requirement differs from that for the study as declared, or "
+            "under which another camera meets it best.",
             columns=(
                 Column(title="Requirement", weight=2),
                 Column(title="Reading", weight=3),

@@ -177,12 +177,12 @@ def _reading_words(tree: xr.DataTree) -> Iterator[str]:
     if where is None:
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
-    alike = len(set(map(tuple, where.values()))) <= 1
-    shared = [distance(place) for place in next(iter(where.values()), [])]
+    alike = len({tuple(places) for _, places in where}) <= 1
+    shared = [distance(place) for place in next((places for _, places in where), [])]
     at = f" at {listed(shared or ['any declared distance'])}" if alike else ""
     pair = " and ".join(with_article(titles[decision.attrs[which]]) for which in ("first", "second"))
     each = few(
-        [f"“{says}”" + (not alike) * f" (at {listed(list(map(distance, places)))})" for says, places in where.items()],
+        [f"“{says}”" + (not alike) * f" (at {listed(list(map(distance, places)))})" for says, places in where],
         2,
     )
     several = f"The alternatives {each} each reverse"

@@ -189,8 +189,8 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
         )
 
 
-def reversing(tree: xr.DataTree) -> dict[str, list[float]] | None:
-    """The distances [m] at which each alternative, in words, reverses the choice of the pair; None if none was tried.
+def reversing(tree: xr.DataTree) -> tuple[tuple[str, list[float]], ...] | None:
+    """Each alternative that reverses the choice of the pair, in words, with the distances [m]; None if none was tried.
 
     Where neither is usable under a reading or in the study itself, or they are tied, nothing is reversed.
     """
@@ -201,8 +201,8 @@ def reversing(tree: xr.DataTree) -> dict[str, list[float]] | None:
     for one in found:
         for name, winner in one.flipped:
             if len(tied(winner)) == len(tied(one.winner)) == 1:
-                where.setdefault(says[name], []).append(one.place)
-    return where
+                where.setdefault(name, []).append(one.place)
+    return tuple((says[name], places) for name, places in where.items())
 
 
 def readings_in_words(data: xr.Dataset) -> dict[str, str]:

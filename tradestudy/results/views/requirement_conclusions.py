@@ -348,7 +348,8 @@ def _margin_words(one: RequirementConclusion) -> str:
 
 
 def _chance_words(one: RequirementConclusion) -> str:
-    if not _UNSURE < one.conformity < 1.0 - _UNSURE:  # or NaN, without an error
+    # NaN without an error; that of all cameras is not that of the tightest.
+    if not _UNSURE < one.conformity < 1.0 - _UNSURE or (one.of == ALL and one.others):
         return ""
     return f"met with a probability of {pretty(one.conformity, FRACTION, digits=2)}, given its numerical error"
 

@@ -87,7 +87,7 @@ def conclusions_as_json(tree: xr.DataTree, seconds: Mapping[str, float] = Mappin
         "hard_cases": hard_case_numbers(tree),
         "rests_on": list(rests_on(tree)),
         "measure_first": measure_first(tree),
-        "reversed_by": [{"reading": says, "at": places} for says, places in (reversing(tree) or {}).items()],
+        "reversed_by": [{"reading": says, "at": places} for says, places in reversing(tree) or ()],
         "assumptions": [
             {"assumption": one.says, "between": one.between, "worth": one.worth, "error": one.error}
             for one in worths(tree)
