@@ -551,17 +551,15 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Ite
     if jobs is not None:
         with closing(Processes(jobs, preload=_NEEDED_BY_WORKERS)) as executor:
             yield executor
-        return
-    if threads is not None:
+    elif threads is not None:
         yield Threads(threads)
-        return
-    assert dask is not None
-    if sys.modules.get("dask") is None:
-        sys.modules.pop("dask", None)  # which main() hides
-    cluster = DaskCluster(dask)
-    cluster.check()  # before anything is computed or written
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the run itself reports every lost worker
-    yield cluster
+    elif dask is not None:
+        if sys.modules.get("dask") is None:
+            sys.modules.pop("dask", None)  # which main() hides
+        cluster = DaskCluster(dask)
+        cluster.check()  # before anything is computed or written
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the run itself reports every lost worker
+        yield cluster
 
 
 def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:
