@@ -85,6 +85,7 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
     said, rests, first = answers(tree, seconds), rests_on(tree), measure_first(tree)
     requirements, perfect, failed = requirement_conclusions(tree), perfectly_calibrated(tree), unconverged(tree)
     judged = [("requirement", one.verdict.capitalize(), [requirement_details(one)]) for one in requirements]
+    where = reversing(tree)
     together = rests and first == f"Measure first: {rests[0]}"
     met = {one.camera for one in requirements if one.at_lower_bound and one.met}  # whose verdicts say it
     found: list[tuple[str, str, Sequence[str]]] = [
@@ -96,7 +97,7 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
         ("weights", "Weighing all criteria", [trade_off_conclusion(tree)]),
         *(("answer", "", [one.removesuffix(".")]) for one in said[1:]),
         ("claims", "Claims", list(_claim_words(tree))),
-        ("reversed" if reversing(tree) else "not reversed", "", list(_reading_words(tree))),
+        ("reversed" if where else "not reversed", "", list(_reading_words(tree, where))),
         ("unconverged", "Not converged", [f"the calibration of {few(failed)}, {_WRONG}"] if failed else []),
         ("rests on", _rest_words(tree) + " (measure first)" * bool(together), rests),
         ("measure first", "", [] if together else [first]),
@@ -171,9 +172,8 @@ def _doubted_words(tree: xr.DataTree) -> Iterator[str]:
         )
 
 
-def _reading_words(tree: xr.DataTree) -> Iterator[str]:
-    """The readings, which sentences call alternatives, under which the other camera of the pair wins."""
-    where = reversing(tree)
+def _reading_words(tree: xr.DataTree, where: Sequence[tuple[str, list[float]]] | None) -> Iterator[str]:
+    """The readings, which sentences call alternatives, under which the other camera of the pair wins (`reversing`)."""
     if where is None:
         return
     decision, titles = group(tree, "decision"), camera_titles(tree)
