@@ -178,6 +178,7 @@ def propagate_through(
     if by_position:
         function = _by_name(function)
     nominal = {name: value.ravel() for name, value in sources.nominal().items()}
+    # One call at the nominal values finds the shape of the output, and arguments that do not fit, before any draw.
     try:
         shape = _real_numbers(function(**nominal)).shape[1:]
     except TypeError as refused:
@@ -199,22 +200,24 @@ def propagate_through(
         )
         for number in range(_REPLICATES)
     ]  # fmt: skip
+    # The median comes first and is only reported; the criterion below uses the ends of the intervals.
     probabilities = np.concatenate([[0.5], 0.5 * (1.0 - levels), 0.5 * (1.0 + levels)])
     while True:
-        for one in replicates:
-            one.lengthen(draws, _BATCH)
-        sorted_values = [np.sort(one.values, axis=-1) for one in replicates]
-        found = np.stack([order_quantile(one, probabilities) for one in sorted_values])
-        mean = found.mean(axis=0)
-        steps = np.mean([_steps(one, probabilities) for one in sorted_values], axis=0)
-        error = np.hypot(found.std(axis=0, ddof=1) / math.sqrt(_REPLICATES), 0.5 * steps)
+        for replicate in replicates:
+            replicate.lengthen(draws, _BATCH)
+        sorted_values = [np.sort(replicate.values, axis=-1) for replicate in replicates]
+        quantiles = np.stack([order_quantile(ascending, probabilities) for ascending in sorted_values])
+        mean = quantiles.mean(axis=0)
+        steps = np.mean([_steps(ascending, probabilities) for ascending in sorted_values], axis=0)
+        error = np.hypot(quantiles.std(axis=0, ddof=1) / math.sqrt(_REPLICATES), 0.5 * steps)
         (low, high), ends = np.split(mean[1:], 2), np.maximum(*np.split(error[1:], 2))
+        # An interval without width, as of a constant output, has no relative tolerance: its ends differ by rounding.
         rounding = _ROUNDING * np.maximum(np.abs(low), np.abs(high))
-        known = float(stdtrit(_REPLICATES - 1, _CONFIDENCE)) * ends <= tolerance * 0.5 * (high - low) + rounding
-        if known.all() or 2 * draws * _REPLICATES > most_draws:
+        precise = float(stdtrit(_REPLICATES - 1, _CONFIDENCE)) * ends <= tolerance * 0.5 * (high - low) + rounding
+        if precise.all() or 2 * draws * _REPLICATES > most_draws:
             break
         draws *= 2
-    values = np.concatenate([one.values for one in replicates], axis=1)
+    values = np.concatenate([replicate.values for replicate in replicates], axis=1)
     return Spread(
         coverage=tuple(levels.tolist()),
         median=mean[0].reshape(shape),
@@ -223,7 +226,7 @@ def propagate_through(
         high=high.reshape(-1, *shape),
         error=ends.reshape(-1, *shape),
         draws=draws * _REPLICATES,
-        converged=bool(known.all()),
+        converged=bool(precise.all()),
         values=values.reshape(*shape, -1),
     )
 
@@ -274,18 +277,18 @@ def _real_numbers(returned: ArrayLike) -> FloatArray:
             remedy="return its numbers in the unit that the results shall have, such as found.to('mm').magnitude",
         )
     try:
-        found = np.asarray(returned)
+        array = np.asarray(returned)
     except ValueError:  # rows of unequal length
-        found = np.asarray(None)
-    real = found.dtype.kind in "buif"
+        array = np.asarray(None)
+    real = array.dtype.kind in "buif"
     if not real or (isinstance(returned, np.ma.MaskedArray) and returned.mask.any()):
         raise OutOfRangeError(
             "the function returned values that are not real numbers",
-            value="masked values" if real else f"an array of type {found.dtype}",
+            value="masked values" if real else f"an array of type {array.dtype}",
             limit="real numbers",
             remedy="return the real part and the imaginary part separately, and no masked values",
         )
-    return found.astype(np.float64, copy=False)
+    return array.astype(np.float64, copy=False)
 
 
 def _steps(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
@@ -294,6 +297,7 @@ def _steps(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
     There, all replicates may err alike, which their scatter does not show. Draws of equal value give it away.
     """
     count = ascending.shape[-1]
+    # Two order statistics on either side of the quantile: in a continuous output, no two of the four are equal.
     low = np.clip((probabilities * count - 0.5).astype(np.int64) - 1, 0, count - 4)
     around = np.diff(ascending[..., low[:, None] + np.arange(4)], axis=-1)
     return np.moveaxis(np.where(around.min(axis=-1) == 0.0, around.max(axis=-1), 0.0), -1, 0)
@@ -306,22 +310,22 @@ def _by_name(function: Function) -> Function:
 
 def _model(function: Function, shape: tuple[int, ...]) -> Model:
     def model(values: Mapping[str, FloatArray]) -> Outcome:
-        draws = max(one.size for one in values.values())
-        given = {name: np.broadcast_to(one.ravel(), (draws,)) for name, one in values.items()}
-        found = _real_numbers(function(**given))
-        if found.shape != (draws, *shape):
+        draws = max(column.size for column in values.values())
+        arguments = {name: np.broadcast_to(column.ravel(), (draws,)) for name, column in values.items()}
+        outputs = _real_numbers(function(**arguments))
+        if outputs.shape != (draws, *shape):
             raise OutOfRangeError(
                 "the function returned an array of the wrong shape",
-                value=str(found.shape),
+                value=str(outputs.shape),
                 limit=str((draws, *shape)),
                 remedy="compute one value, or one array, for every draw",
             )
-        if not np.isfinite(found).all():
+        if not np.isfinite(outputs).all():
             raise OutOfRangeError(
                 "the function returned non-finite values",
-                value=f"{np.sum(~np.isfinite(found))} of {found.size}",
+                value=f"{np.sum(~np.isfinite(outputs))} of {outputs.size}",
                 remedy="limit the distributions to inputs for which the function is defined",
             )
-        return Outcome(values=found.reshape(draws, -1))
+        return Outcome(values=outputs.reshape(draws, -1))
 
     return model

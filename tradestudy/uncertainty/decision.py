@@ -169,26 +169,28 @@ def worth_of_one(utility: FloatArray, parameter: FloatArray, rng: np.random.Gene
     """
     _require(utility)
     best = int(np.argmax(utility.mean(axis=0)))
+    # Only differences decide. Relative to the best decision, the scatter that all decisions share cancels.
     incremental = utility - utility[:, [best]]
     basis = _spline_basis(parameter, incremental)
     coefficients, *_ = np.linalg.lstsq(basis, incremental, rcond=None)
     fitted = basis @ coefficients
-    found = _gain(fitted)
+    raw_gain = _gain(fitted)
     # Residuals of different decisions are correlated; their covariance applies to every coefficient.
     residual = incremental - fitted
     covariance = residual.T @ residual / max(1, len(basis) - basis.shape[1])
     root = _root(np.asarray(np.linalg.pinv(basis.T @ basis), dtype=np.float64))
     across = _root(covariance)
     scatter = basis @ root
-    others = np.array(
+    resampled = np.array(
         [
             _gain(fitted + scatter @ rng.standard_normal((scatter.shape[1], across.shape[0])) @ across.T)
             for _ in range(_RESAMPLED)
         ]
     )
-    bias = max(0.0, float(others.mean()) - found)
+    # The maximum of noisy fits is too high. Noise added to the fit raises it about as much as the fit's own noise did.
+    bias = max(0.0, float(resampled.mean()) - raw_gain)
     sampling = float((fitted.max(axis=1) - fitted[:, best]).std(ddof=1) / math.sqrt(len(fitted)))
-    return Worth(value=max(0.0, found - bias), error=math.hypot(float(others.std(ddof=1)), sampling), bias=bias)
+    return Worth(value=max(0.0, raw_gain - bias), error=math.hypot(float(resampled.std(ddof=1)), sampling), bias=bias)
 
 
 def _gain(fitted: FloatArray) -> float:

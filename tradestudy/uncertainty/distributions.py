@@ -327,6 +327,7 @@ class CurvilinearTrapezoid(_Limited):
         w, d = 0.5 * (self.high - self.low), self.inexactness
         if d == 0.0:
             return np.asarray(self.low + 2.0 * w * p)
+        # By symmetry, only the lower half is inverted. At the probability `corner`, its flank meets the plateau.
         lower = np.minimum(p, 1.0 - p)
         corner = ((w + d) - (w - d) - (w - d) * _log_ratio(w + d, w - d)) / (4.0 * d)
         flank = (w + d) * _flank_depth(4.0 * d * np.minimum(lower, corner) / (w + d))
@@ -345,6 +346,7 @@ def _log_ratio(outer: float, inner: float) -> float:
 def _flank_depth(e: FloatArray) -> FloatArray:
     """Solve s + (1 − s) ln(1 − s) = e on [0, 1] by Newton's method from above; the left side is convex."""
     tiny = np.finfo(float).tiny
+    # The left side is at least s²/2, so the start is never below the root.
     s = np.minimum(np.sqrt(2.0 * np.maximum(e, 0.0)), 1.0 - 1e-12)
     for _ in range(12):
         log = np.log1p(-s)

@@ -67,9 +67,11 @@ def ranked(outcome: Outcome, *, inverse_depth: bool, draws: int) -> tuple[FloatA
             limit=f"({draws}, outputs)",
             remedy="make the parameters, each of shape (draws, 1), broadcast against the outputs",
         )
+    # Most batches have no failures and need no masks.
     if np.all(np.isfinite(values)) and not np.any(outcome.no_overlap) and not np.any(outcome.out_of_range):
         counts = np.zeros((len(CAUSES), values.shape[1]), np.int64)
         return np.ascontiguousarray(depth_from_inverse(values).T if inverse_depth else values.T), counts
+    # Every failed draw counts once: under the first of these causes that applies.
     out_of_range = np.broadcast_to(outcome.out_of_range, values.shape)
     no_overlap = np.broadcast_to(outcome.no_overlap, values.shape) & ~out_of_range
     nonfinite = np.isnan(values) | (values == -np.inf) | (inverse_depth & (values == np.inf))
@@ -136,6 +138,7 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> ScoreAlignment:
     responses = np.concatenate([ranked(model(parameters), inverse_depth=False, draws=2 * size)[0] for model in models])
     responses = responses[np.all(np.isfinite(responses), axis=1)]
     difference = responses[:, :size] - responses[:, size:]
+    # Unit length makes outputs count alike: those at far distances would otherwise outweigh those at near ones.
     norm = np.linalg.norm(difference, axis=1, keepdims=True)
     directions = (difference / np.where(norm > 0.0, norm, 1.0)).T
     if not np.any(directions):

@@ -40,19 +40,21 @@ def sources_of(inputs: Any, *, covariance: Any = None, correlation: Correlation 
         whose distribution is given otherwise.
     """
     by_position, entries = _entries(inputs)
-    single = {names[0]: given for names, given in entries.items() if _is_single(names, given)}
-    groups = [_joint(names, given) for names, given in entries.items() if not _is_single(names, given)]
+    single = {names[0]: value for names, value in entries.items() if _is_single(names, value)}
+    groups = [_joint(names, value) for names, value in entries.items() if not _is_single(names, value)]
     if covariance is not None:
         tied = _joint_normal(single, covariance)
         groups.append(tied)
-        single = {name: given for name, given in single.items() if name not in tied.parameters}
-    marginals = {name: _distribution(name, given) for name, given in single.items()}
+        single = {name: value for name, value in single.items() if name not in tied.parameters}
+    marginals = {name: _distribution(name, value) for name, value in single.items()}
     if correlation is not None:
         _require_correlations(marginals, correlation, [name for group in groups for name in group.parameters])
     if correlation:
         groups.append(_copula(marginals, correlation))
     else:
-        groups += [Source(name=name, distribution=one, error_class=ErrorClass.RIG) for name, one in marginals.items()]
+        groups += [
+            Source(name=name, distribution=marginal, error_class=ErrorClass.RIG) for name, marginal in marginals.items()
+        ]
     return Sources(groups=tuple(groups)), by_position
 
 
@@ -63,7 +65,7 @@ def _entries(inputs: Any) -> tuple[bool, dict[Names, Any]]:
     if hasattr(inputs, "to_dict") and not isinstance(inputs, Mapping):  # a Series, such as the means of a DataFrame
         inputs = inputs.to_dict()
     if isinstance(inputs, Mapping):
-        entries = {key if isinstance(key, tuple) else (key,): given for key, given in inputs.items()}
+        entries = {key if isinstance(key, tuple) else (key,): value for key, value in inputs.items()}
         names = [name for key in entries for name in key]
         if len(entries) == len(inputs) and names and all(entries) and all(isinstance(name, str) for name in names):
             return False, entries
@@ -73,7 +75,7 @@ def _entries(inputs: Any) -> tuple[bool, dict[Names, Any]]:
         if listed.ndim == 2:
             return True, {_numbered(listed.shape[1]): inputs}
         if listed.ndim == 1:
-            return True, {(name,): given for name, given in zip(_numbered(listed.size), inputs, strict=True)}
+            return True, {(name,): value for name, value in zip(_numbered(listed.size), inputs, strict=True)}
     raise OutOfRangeError(
         "inputs",
         value=_shown(inputs),
@@ -99,26 +101,26 @@ def _frame_names(what: str, names: Iterable[Any]) -> Names:
     return listed
 
 
-def _joint(names: Names, given: Any) -> Group:
+def _joint(names: Names, joint: Any) -> Group:
     """The group of inputs that are drawn together: by rows of draws, or from a multivariate normal distribution."""
     shared = f"the inputs {few(names)}"
-    if _is_normal(given):
-        means = np.atleast_1d(given.mean)
+    if _is_normal(joint):
+        means = np.atleast_1d(joint.mean)
         if means.size != len(names):
             raise OutOfRangeError(
                 shared, value=f"a normal distribution of {means.size} variables", limit=f"{len(names)}"
             )
         return JointNormal(
-            name=shared, parameters=names, mean=means, covariance=np.atleast_2d(given.cov), error_class=ErrorClass.RIG
+            name=shared, parameters=names, mean=means, covariance=np.atleast_2d(joint.cov), error_class=ErrorClass.RIG
         )
-    if _is_frame(given):
-        columns = _frame_names("the columns of the draws", given.columns)
+    if _is_frame(joint):
+        columns = _frame_names("the columns of the draws", joint.columns)
         if set(columns) != set(names):
             raise OutOfRangeError(
                 f"the columns of the draws of {shared}", value=", ".join(columns), limit=", ".join(names)
             )
-        given = given[list(names)]
-    draws = _numbers(f"the draws of {shared}", given)
+        joint = joint[list(names)]
+    draws = _numbers(f"the draws of {shared}", joint)
     if draws.ndim != 2 or draws.shape[1] != len(names) or draws.shape[0] < draws.shape[1]:
         raise OutOfRangeError(
             f"the draws of {shared}",
@@ -146,7 +148,7 @@ def _joint_normal(single: Mapping[str, Any], covariance: Any) -> JointNormal:
         raise OutOfRangeError(
             "the covariance names inputs without a mean",
             value=", ".join(unknown),
-            limit=", ".join(name for name, given in single.items() if isinstance(given, numbers.Real)) or "none",
+            limit=", ".join(name for name, value in single.items() if isinstance(value, numbers.Real)) or "none",
             remedy="give the mean of each of them, a number, among the inputs",
         )
     names = tuple(name for name in single if name in names)
@@ -161,69 +163,69 @@ def _joint_normal(single: Mapping[str, Any], covariance: Any) -> JointNormal:
     )
 
 
-def _distribution(name: str, given: Any) -> Distribution:
+def _distribution(name: str, value: Any) -> Distribution:
     """The distribution of a single input."""
-    if not _is_distribution(given):
-        several = isinstance(given, list | tuple) or np.ndim(given) > 0 or hasattr(given, "to_numpy")
+    if not _is_distribution(value):
+        several = isinstance(value, list | tuple) or np.ndim(value) > 0 or hasattr(value, "to_numpy")
         raise OutOfRangeError(
             f"input {name!r}",
-            value=_shown(given),
+            value=_shown(value),
             limit="a distribution",
             remedy="give draws of several inputs as one DataFrame, which keeps their correlation, and draws that are "
             "independent of other inputs as Empirical(…)"
             if several
             else "give Normal(…), Uniform(…) or another, or a number with a covariance that names it",
         )
-    if hasattr(given, "quantile"):
-        distribution: Distribution = given
+    if hasattr(value, "quantile"):
+        distribution: Distribution = value
         return distribution
     try:
-        median, mean = np.asarray(given.ppf(0.5) if hasattr(given, "ppf") else given.icdf(0.5)), given.mean()
-        deviation = given.std() if hasattr(given, "std") else given.standard_deviation()
+        median, mean = np.asarray(value.ppf(0.5) if hasattr(value, "ppf") else value.icdf(0.5)), value.mean()
+        deviation = value.std() if hasattr(value, "std") else value.standard_deviation()
     except TypeError:  # a family of distributions, such as stats.gamma, without its parameters
         median = mean = deviation = np.asarray(math.nan)
-    if median.ndim > 0 or not math.isfinite(median) or hasattr(given, "freeze"):
+    if median.ndim > 0 or not math.isfinite(median) or hasattr(value, "freeze"):
         raise OutOfRangeError(
             f"input {name!r}",
-            value=_shown(given),
+            value=_shown(value),
             limit="one distribution with valid parameters",
             remedy="give numbers as its parameters, such as scipy.stats.norm(0.0, 0.1)",
         )
-    exists = [float(one) if math.isfinite(one) else None for one in (mean, deviation)]
-    return FrozenDistribution(frozen=given, mean=exists[0], standard_deviation=exists[1])
+    exists = [float(moment) if math.isfinite(moment) else None for moment in (mean, deviation)]
+    return FrozenDistribution(frozen=value, mean=exists[0], standard_deviation=exists[1])
 
 
-def _numbers(what: str, given: Any) -> FloatArray:
+def _numbers(what: str, value: Any) -> FloatArray:
     """Array of real numbers."""
     try:
-        array = np.asarray(given)
-        if array.dtype.kind in "buif" and not np.ma.is_masked(given):
+        array = np.asarray(value)
+        if array.dtype.kind in "buif" and not np.ma.is_masked(value):
             return array.astype(np.float64)
     except ValueError:  # rows of unequal length
         pass
-    raise OutOfRangeError(what, value=_shown(given), limit="real numbers")
+    raise OutOfRangeError(what, value=_shown(value), limit="real numbers")
 
 
-def _shown(given: Any) -> str:
-    return repr(given) if len(repr(given)) <= 60 else f"a {type(given).__name__}"
+def _shown(value: Any) -> str:
+    return repr(value) if len(repr(value)) <= 60 else f"a {type(value).__name__}"
 
 
-def _is_frame(given: Any) -> bool:
-    return hasattr(given, "columns") and hasattr(given, "to_numpy")
+def _is_frame(value: Any) -> bool:
+    return hasattr(value, "columns") and hasattr(value, "to_numpy")
 
 
-def _is_normal(given: Any) -> bool:
+def _is_normal(value: Any) -> bool:
     """Whether this is a frozen multivariate normal distribution."""
-    return hasattr(given, "cov_object")
+    return hasattr(value, "cov_object")
 
 
-def _is_single(names: Names, given: Any) -> bool:
-    return len(names) == 1 and not (_is_frame(given) or _is_normal(given))
+def _is_single(names: Names, value: Any) -> bool:
+    return len(names) == 1 and not (_is_frame(value) or _is_normal(value))
 
 
-def _is_distribution(given: Any) -> bool:
-    own = hasattr(given, "quantile") and hasattr(given, "standard_deviation")
-    return own or hasattr(given, "ppf") or hasattr(given, "icdf")
+def _is_distribution(value: Any) -> bool:
+    ours = hasattr(value, "quantile") and hasattr(value, "standard_deviation")
+    return ours or hasattr(value, "ppf") or hasattr(value, "icdf")
 
 
 def _copula(marginals: Mapping[str, Distribution], correlation: Correlation) -> GaussianCopula:

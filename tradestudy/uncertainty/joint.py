@@ -84,6 +84,7 @@ def correlation_factor(correlation: FloatArray) -> FloatArray:
     largest = np.argmax(np.abs(vectors), axis=0)
     vectors = vectors * np.sign(vectors[largest, np.arange(size)])
     factor = vectors[:, kept] * np.sqrt(values[kept])
+    # Rows of unit length keep the variances exact although directions were dropped.
     norms = np.sqrt(np.sum(factor * factor, axis=1, keepdims=True))
     return np.asarray((factor / norms)[:, ::-1])
 
@@ -117,8 +118,8 @@ class _Joint:
 
     @cached_property
     def _content(self) -> tuple[object, ...]:
-        values = (getattr(self, one.name) for one in fields(self) if one.init)
-        return tuple((one.shape, one.tobytes()) if isinstance(one, np.ndarray) else one for one in values)
+        values = (getattr(self, member.name) for member in fields(self) if member.init)
+        return tuple((value.shape, value.tobytes()) if isinstance(value, np.ndarray) else value for value in values)
 
     def __eq__(self, other: object) -> bool:
         """Whether both are of one kind with equal numbers, so that equal cameras of two designs are recognised."""
@@ -283,9 +284,9 @@ class GaussianCopula(_Joint):
         powers = np.clip(self.correlation, -1.0, 1.0)[..., None] ** np.arange(1, coefficients.shape[1] + 1)
         spread = np.array(deviations, float)
         tied = np.einsum("ik,jk,ijk->ij", coefficients, coefficients, powers)
-        found = np.asarray(tied * np.outer(spread, spread))
-        found.setflags(write=False)  # the cached property shares it
-        return found
+        covariance = np.asarray(tied * np.outer(spread, spread))
+        covariance.setflags(write=False)  # the cached property shares it
+        return covariance
 
     def draw(self, scores: FloatArray) -> FloatArray:
         """Map standard normal scores (dimensions, n) to draws (k, n)."""

@@ -74,9 +74,9 @@ def valley_quantile(values: FloatArray, probability: float) -> FloatArray:
     n = values.shape[-1]
     position = float(_position(np.asarray(probability), n))
     low = int(position)
-    at, above = (np.min(np.maximum(values[:, : n - k], values[:, k:]), axis=1) for k in (low, min(low + 1, n - 1)))
+    lower, upper = (np.min(np.maximum(values[:, : n - k], values[:, k:]), axis=1) for k in (low, min(low + 1, n - 1)))
     weight = position - low
-    return np.asarray((1.0 - weight) * at + (weight * above if weight > 0.0 else 0.0))
+    return np.asarray((1.0 - weight) * lower + (weight * upper if weight > 0.0 else 0.0))
 
 
 def _position(probability: FloatArray, n: int) -> FloatArray:
@@ -115,6 +115,8 @@ class ReplicateStatistics:
 def _upper_tail_shape(ascending: FloatArray) -> FloatArray:
     """Shape ξ of a generalised Pareto tail by probability-weighted moments (Hosking and Wallis 1987)."""
     n = ascending.shape[-1]
+    # The length of the tail is that of Pareto-smoothed importance sampling (Vehtari et al.); Hosking and Wallis
+    # recommend the plotting positions (i − 0.35)/n.
     tail = min(n // 5, int(3.0 * np.sqrt(n)))
     excess = ascending[..., n - tail :] - ascending[..., n - tail - 1, None]
     weight = 1.0 - (np.arange(1, tail + 1) - 0.35) / tail
@@ -130,7 +132,7 @@ def _tail_shape(ascending: FloatArray, has_infinite: BoolArray) -> FloatArray:
     """Shape of the heavier tail; +∞ if a draw is infinite, or if there are too few draws to estimate it."""
     if ascending.shape[-1] < _FEWEST_FOR_TAIL:
         return np.full(ascending.shape[0], np.inf)
-    finite = np.where(has_infinite[:, None], 0.0, ascending)
+    finite = np.where(has_infinite[:, None], 0.0, ascending)  # ∞ − ∞ would warn; the last line overwrites these rows
     shape = np.maximum(_upper_tail_shape(finite), _upper_tail_shape(-finite[:, ::-1]))
     return np.where(has_infinite, np.inf, shape)
 
@@ -210,6 +212,7 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
         field.name: np.full((len(PROBABILITIES), outputs) if field.name == "quantiles" else outputs, np.nan)
         for field in fields(ReplicateStatistics)
     }
+    # NaN sorts to the end, so that the ranked draws of an output come first. Outputs with as many of them share a pass.
     for count in np.unique(counts[counts > 0]):
         rows = np.flatnonzero(counts == count)
         statistics = _of_ranked(ascending[rows, :count], depth=depth)

@@ -251,19 +251,17 @@ def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool) -> _Pro
     longest = min(_longest(sampling, outputs), sampling.budget_draws // first)
     replicates = [begin(number) for number in range(first)]
     progress = blank(sampling.first_draws)
-    _add(progress, (look(one, progress.length) for one in replicates), sampling)
+    _add(progress, (look(replicate, progress.length) for replicate in replicates), sampling)
     while progress.wants_more and 2 * progress.length <= longest:
         progress = blank(2 * progress.length)
-        _add(progress, (look(one, progress.length) for one in replicates), sampling)
-    replicates.clear()
+        _add(progress, (look(replicate, progress.length) for replicate in replicates), sampling)
+    replicates.clear()  # frees their draws: from here on, one replicate at a time is in memory
     done = first
     while progress.wants_more and 2 * progress.draws <= sampling.budget_draws:
         if _DRAWS_PER_REPLICATE_NUMBER * 2 * done > progress.length:
             progress.status[progress.status == "budget"] = "memory"
             break
-        for number in range(done, 2 * done, first):
-            added = range(number, number + first)
-            _add(progress, (look(begin(one), progress.length) for one in added), sampling)
+        _add(progress, (look(begin(number), progress.length) for number in range(done, 2 * done)), sampling)
         done *= 2
     return progress
 

@@ -184,6 +184,7 @@ def parameter_tornado(
             for index, name in enumerate(group.parameters)
         )
     )
+    # `alone` has no inactive groups, but the model needs all parameters.
     held = {name: value for name, value in sources.nominal().items() if name not in alone.parameters}
     return tornado(
         lambda values: model({**held, **values}),
@@ -320,16 +321,17 @@ def _saltelli_outputs(
     """Outputs of the matrices A, B and A with each group from B, shape (2 + groups, outputs, draws)."""
     size, coordinates = sources.dimensions, sources.coordinates()
     rng = point_generator(seed=seed, point=point, replicate=replicate)
+    # One sequence of twice the dimensions, so that A and B are evenly distributed also as pairs.
     stream = scrambled_sobol(2 * size, rng)
     blocks = []
     for start in range(0, draws, sampling.batch_draws):
         count = min(sampling.batch_draws, draws - start)
         scores = ndtri(stream(count))
-        base, other = scores[:size], scores[size:]
-        designs = [base, other]
+        base, redrawn = scores[:size], scores[size:]
+        designs = [base, redrawn]
         for name in names:
             mixed = base.copy()
-            mixed[coordinates[name]] = other[coordinates[name]]
+            mixed[coordinates[name]] = redrawn[coordinates[name]]
             designs.append(mixed)
         blocks.append(
             np.stack([ranked(model(sources.draw(design)), inverse_depth=False, draws=count)[0] for design in designs])

@@ -202,16 +202,16 @@ class Sources:
         OutOfRangeError
             One of these names belongs to no group.
         """
-        known = {group.name for group in self.groups}
-        unknown = sorted(set(names) - known)
+        declared = {group.name for group in self.groups}
+        unknown = sorted(set(names) - declared)
         if unknown:
             raise OutOfRangeError(
                 "no group of error sources has this name",
                 value=", ".join(unknown),
-                limit=", ".join(sorted(known)),
+                limit=", ".join(sorted(declared)),
                 remedy="use one of the declared groups",
             )
-        return Sources(groups=self.groups, _frozen=self._frozen | (known - set(names)))
+        return Sources(groups=self.groups, _frozen=self._frozen | (declared - set(names)))
 
     def nominal(self) -> dict[str, FloatArray]:
         """Nominal value of every parameter, each of shape (1, 1)."""

@@ -96,15 +96,15 @@ class WeightSpace:
             if sum(part.shape[1] for part, _ in kept) >= count:
                 break
         else:
-            found = sum(part.shape[1] for part, _ in kept)
+            accepted = sum(part.shape[1] for part, _ in kept)
             raise OutOfRangeError(
                 "ranges of weights",
-                value=f"{found} of {_MOST_BATCHES * count} sets of weights lie within",
+                value=f"{accepted} of {_MOST_BATCHES * count} sets of weights lie within",
                 limit=f"at least 1 in {_MOST_BATCHES}",
                 remedy="fix the weights with the narrowest ranges, or widen those ranges",
             )
-        weights, others = (np.concatenate(parts, axis=1) for parts in zip(*kept, strict=True))
-        return self._ordered(weights), others
+        weights, remaining = (np.concatenate(parts, axis=1) for parts in zip(*kept, strict=True))
+        return self._ordered(weights), remaining
 
     def _weights(self, points: FloatArray) -> FloatArray:
         free, count = list(self.free), points.shape[1]
@@ -113,9 +113,9 @@ class WeightSpace:
         if not free:
             return weights
         rest = 1.0 - math.fsum(low[k] for k in range(len(low)) if k not in free)
-        own_low, own_high = low[free][:, np.newaxis], high[free][:, np.newaxis]
-        widths = (own_high - own_low)[:, 0]
-        above, below = rest - float(own_low.sum()), float(own_high.sum()) - rest
+        free_low, free_high = low[free][:, np.newaxis], high[free][:, np.newaxis]
+        widths = (free_high - free_low)[:, 0]
+        above, below = rest - float(free_low.sum()), float(free_high.sum()) - rest
         dimensions, widest = len(free) - 1, int(np.argmax(widths))
         volumes = [
             max(above, 0.0) ** dimensions / math.factorial(dimensions),
@@ -124,15 +124,15 @@ class WeightSpace:
         ]
         match int(np.argmin(volumes)):
             case 0:
-                weights[free] = own_low + above * _simplex(points)
+                weights[free] = free_low + above * _simplex(points)
             case 1:
-                weights[free] = own_high - below * _simplex(points)
+                weights[free] = free_high - below * _simplex(points)
             case _:
-                others = np.delete(np.arange(len(free)), widest)
-                own = np.empty((len(free), count))
-                own[others] = own_low[others] + widths[others][:, np.newaxis] * points
-                own[widest] = rest - own[others].sum(axis=0)
-                weights[free] = own
+                narrower = np.delete(np.arange(len(free)), widest)
+                within = np.empty((len(free), count))
+                within[narrower] = free_low[narrower] + widths[narrower][:, np.newaxis] * points
+                within[widest] = rest - within[narrower].sum(axis=0)
+                weights[free] = within
         return weights
 
     def _inside(self, weights: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -151,12 +151,13 @@ class WeightSpace:
 def _simplex(points: FloatArray) -> FloatArray:
     """Uniform points of the simplex Σv = 1 from points of the cube, by stick breaking: shape (n + 1, draws)."""
     shares: list[FloatArray] = []
-    left = np.ones(points.shape[1])
+    rest = np.ones(points.shape[1])
     for number, row in enumerate(points):
+        # Of n − k breaks to come, the nearest is at 1 − (1 − u)^(1/(n − k)): written so that small shares keep digits.
         share = -np.expm1(np.log1p(-row) / (len(points) - number))
-        shares.append(left * share)
-        left = left * (1.0 - share)
-    return np.stack([*shares, left])
+        shares.append(rest * share)
+        rest = rest * (1.0 - share)
+    return np.stack([*shares, rest])
 
 
 def range_mistake(low: Sequence[float], high: Sequence[float]) -> str:
@@ -256,16 +257,19 @@ def acceptability(
     rank, first, sums, mean, counts = (np.array(part) for part in zip(*scrambles, strict=True))
     draws = int(counts.sum())
     exact = dimensions == 0
-    found = rank.mean(axis=0)
-    error = np.zeros(found.shape) if exact else np.maximum(_standard_error(rank), 1.0 / draws)
+    mean_rank = rank.mean(axis=0)
+    # A rank that no draw gave has no scatter; its probability is still known only to within one draw.
+    error = np.zeros(mean_rank.shape) if exact else np.maximum(_standard_error(rank), 1.0 / draws)
     with np.errstate(invalid="ignore", divide="ignore"):  # an alternative that is never first has no central weights
         central = sums.sum(axis=0) / first.sum(axis=0)[:, np.newaxis]
+        # A ratio of means: its standard error is that of its residuals, to first order.
         residual = (sums - central * first[..., np.newaxis]) / first.mean(axis=0)[:, np.newaxis]
     central_error = np.zeros(central.shape) if exact else _standard_error(residual)
+    # Fewer than two first ranks per scramble, on average, give no reliable mean of the weights.
     few = first.sum(axis=0) * _DRAWS < (0.5 if exact else 2.0 * _SCRAMBLES)
     central[few], central_error[few] = np.nan, np.nan
     return Acceptability(
-        rank=found,
+        rank=mean_rank,
         rank_error=error,
         central=central,
         central_error=central_error,
@@ -295,10 +299,10 @@ def _scrambles(
 
     for replicate in range(_SCRAMBLES):
         stream = scrambled_sobol(dimensions, point_generator(seed=seed, point="trade-off", replicate=replicate))
-        drawn, others = weights.draw(stream, _DRAWS)
+        drawn, uniforms = weights.draw(stream, _DRAWS)
         count = drawn.shape[1]
         values = np.repeat(measured[..., np.newaxis], count, axis=2)
-        for (row, column), uniform in zip(uncertain, others, strict=True):
+        for (row, column), uniform in zip(uncertain, uniforms, strict=True):
             values[row, column] += errors[row, column] * ndtri(uniform)
         worth = np.stack([scale.value(values[:, j]) for j, scale in enumerate(scales)], axis=1)
         shares = rank_shares(np.einsum("ijk,jk->ki", worth, drawn))
@@ -306,7 +310,7 @@ def _scrambles(
         # Dividing by the draws of each scramble makes scrambles count equally despite a few extra draws.
         sums = np.einsum("ki,jk->ij", first, drawn) / count
         yield (
-            np.stack([one.mean(axis=0) for one in shares], axis=1),
+            np.stack([share.mean(axis=0) for share in shares], axis=1),
             first.mean(axis=0),
             sums,
             drawn.mean(axis=1),
@@ -334,6 +338,6 @@ def rank_shares(worth: FloatArray) -> list[FloatArray]:
     ends[:, :-1] = begins[:, 1:]
     last = np.minimum.accumulate(np.where(ends, place, count)[:, ::-1], axis=1)[:, ::-1]
     back = np.argsort(order, axis=1)
-    start, last = (np.take_along_axis(one, back, axis=1) for one in (start, last))
+    start, last = (np.take_along_axis(places, back, axis=1) for places in (start, last))
     size = last - start + 1
     return [np.where((start <= rank) & (rank <= last), 1.0 / size, 0.0) for rank in range(count)]
