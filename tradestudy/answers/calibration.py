@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -47,31 +47,31 @@ def infer_calibrations(
     TradestudyError
         A calibration cannot be inferred, or contradicts the declared geometry.
     """
-    asked = calibrations_to_infer(study)
-    if not asked:
+    requests = calibrations_to_infer(study)
+    if not requests:
         return study, {}, ""
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
     from tradestudy.calibration.posteriors import infer
 
-    names = [one.name for one in asked.values()]
+    names = [request.name for request in requests.values()]
     try:
-        found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names), strict=True))
+        inferred = dict(zip(requests, steps.map("calibration", infer, list(requests.values()), names), strict=True))
     except (GeometryContradictionError, NotConvergedError, OutOfRangeError):
         refuse_calibrations(study, corners="all views")  # in the words of `plan`, with the place in the study
         raise
-    posteriors = {key: one.calibration for key, one in found.items()}
-    known = replace(study, choices=replace(study.choices, posteriors=posteriors))
-    declared = {key: name for name, key in study.definition.posterior_keys.items() if key in asked}
+    posteriors = {key: result.calibration for key, result in inferred.items()}
+    calibrated = replace(study, choices=replace(study.choices, posteriors=posteriors))
+    declared = {key: name for name, key in study.definition.posterior_keys.items() if key in requests}
     others: dict[str, list[InferredCalibration]] = {}
-    for key, one in found.items():
+    for key, result in inferred.items():
         if key not in declared:
-            others.setdefault(study.file.cameras[asked[key].name].title, []).append(one)
+            others.setdefault(study.file.cameras[requests[key].name].title, []).append(result)
     failed = [
-        f"{title} under {len(failures)} of {len(every)} other sets of values ({failures[0]})"
-        for title, every in others.items()
-        if (failures := ["; ".join(one.failures) for one in every if one.failures])
+        f"{title} under {len(failures)} of {len(calibrations)} other sets of values ({failures[0]})"
+        for title, calibrations in others.items()
+        if (failures := ["; ".join(calibration.failures) for calibration in calibrations if calibration.failures])
     ]
-    return known, {name: found[key] for key, name in declared.items()}, "\n".join(failed)
+    return calibrated, {name: inferred[key] for key, name in declared.items()}, "\n".join(failed)
 
 
 Corners = Literal["not fitted", "few views", "all views"]
@@ -89,8 +89,8 @@ def refuse_calibrations(study: PreparedStudy, *, corners: Corners) -> None:
         A target is visible in too few views or does not determine the camera, no rig fits the corners, or they
         contradict the declared geometry.
     """
-    asked = calibrations_to_infer(study)
-    if not asked:
+    requests = calibrations_to_infer(study)
+    if not requests:
         return
     from tradestudy.calibration.camera_target import TargetToInfer, fit_target, target_problem
     from tradestudy.calibration.corners.rig_measurement import GeometryContradictionError
@@ -98,7 +98,7 @@ def refuse_calibrations(study: PreparedStudy, *, corners: Corners) -> None:
 
     declared = {key for form in (study, *study.readings.values()) for key in form.definition.posterior_keys.values()}
     problems = []
-    for key, request in asked.items():
+    for key, request in requests.items():
         try:
             if isinstance(request, TargetToInfer):
                 fit_target(target_problem(request)[0])
@@ -107,10 +107,10 @@ def refuse_calibrations(study: PreparedStudy, *, corners: Corners) -> None:
         except GeometryContradictionError as error:
             problems += _located(study, error)
         except TradestudyError as error:
-            given = "target" if isinstance(request, TargetToInfer) else "corners"
-            path = ("cameras", request.name, "calibration", given) if key in declared else ("sweep",)
-            which = "" if key in declared else f"{_design_with(study, key)}: "
-            problems.append(study.document.locate(path).problem(path, f"{which}{error}"))
+            source = "target" if isinstance(request, TargetToInfer) else "corners"
+            path = ("cameras", request.name, "calibration", source) if key in declared else ("sweep",)
+            design = "" if key in declared else f"{_design_with(study, key)}: "
+            problems.append(study.document.locate(path).problem(path, f"{design}{error}"))
     if problems := problems or list(_unseen_plans(study)):
         raise StudyError(problems)
 
@@ -139,6 +139,7 @@ def _unseen_plans(study: PreparedStudy) -> Iterator[Problem]:
                 ):
                     continue
                 try:
+                    # Verdicts on requirements use only the first plan; the others give the scatter of a solution.
                     for plan in PLANS if question.requirement is None else PLANS[:1]:
                         planned_problem(request, plan)
                 except TradestudyError as error:
@@ -147,21 +148,21 @@ def _unseen_plans(study: PreparedStudy) -> Iterator[Problem]:
 
 def _located(study: PreparedStudy, error: GeometryContradictionError) -> list[Problem]:
     """Every contradiction between corners and geometry, located at the calibration key of its camera."""
-    found = []
+    problems = []
     for line in str(error).splitlines():
-        name = next(name for name in study.file.cameras if f"cameras.{name}." in line)
-        path = ("cameras", name, "calibration", "corners")
-        found.append(study.document.locate(path).problem(path, line))
-    return found
+        camera_name = next(camera_name for camera_name in study.file.cameras if f"cameras.{camera_name}." in line)
+        path = ("cameras", camera_name, "calibration", "corners")
+        problems.append(study.document.locate(path).problem(path, line))
+    return problems
 
 
 def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]]:
     """Camera, quantity and value for the cameras calibrated from corners; empty if there are none."""
     rows = [
-        (name, *row)
-        for name, one in inferred.items()
-        if one.fit is not None and one.trust is not None
-        for row in (*_rows(one.fit), *_trust_rows(one.fit, one.trust))
+        (camera_name, *row)
+        for camera_name, calibration in inferred.items()
+        if calibration.fit is not None and calibration.trust is not None
+        for row in (*_rows(calibration.fit), *_trust_rows(calibration.fit, calibration.trust))
     ]
     if not rows:
         return {}
@@ -171,38 +172,38 @@ def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]
 
 def rig_trust(inferred: Mapping[str, InferredCalibration]) -> dict[str, FloatArray]:
     """Cross-checks by halves of the views, and residual maps; NaN for cameras without corners, empty if all are."""
-    known = {name: one.trust for name, one in inferred.items() if one.trust is not None}
-    if not known:
+    trusts = {name: calibration.trust for name, calibration in inferred.items() if calibration.trust is not None}
+    if not trusts:
         return {}
 
     def of_each(get: Callable[[CalibrationTrust], FloatArray]) -> FloatArray:
-        nothing = np.full_like(get(next(iter(known.values()))), np.nan)
-        return np.stack([get(known[name]) if name in known else nothing for name in inferred])
+        nothing = np.full_like(get(next(iter(trusts.values()))), np.nan)
+        return np.stack([get(trusts[name]) if name in trusts else nothing for name in inferred])
 
     return {
-        "rig_claimed": of_each(lambda one: one.claimed),
-        "rig_halves_difference": of_each(lambda one: one.halves_difference),
-        "rig_halves_claim": of_each(lambda one: one.halves_claim),
-        "rig_residual": of_each(lambda one: one.residual_map),
+        "rig_claimed": of_each(lambda trust: trust.claimed),
+        "rig_halves_difference": of_each(lambda trust: trust.halves_difference),
+        "rig_halves_claim": of_each(lambda trust: trust.halves_claim),
+        "rig_residual": of_each(lambda trust: trust.residual_map),
     }
 
 
 def rig_lenses(inferred: Mapping[str, InferredCalibration]) -> tuple[dict[str, FloatArray], list[str]]:
     """Changes that other lens models would make, over calibrations and lens models; NaN where none was compared."""
-    known = [one.trust.lenses if one.trust is not None else {} for one in inferred.values()]
-    names = list(dict.fromkeys(name for lenses in known for name in lenses))
+    compared = [calibration.trust.lenses if calibration.trust is not None else {} for calibration in inferred.values()]
+    names = list(dict.fromkeys(lens for lenses in compared for lens in lenses))
     if not names:
         return {}, []
 
     def of_each(get: Callable[[ComparedLens], FloatArray | float]) -> FloatArray:
-        nothing = np.full_like(get(next(lenses[names[0]] for lenses in known if names[0] in lenses)), np.nan)
-        return np.array([[get(lenses[name]) if name in lenses else nothing for name in names] for lenses in known])
+        nothing = np.full_like(get(next(lenses[names[0]] for lenses in compared if names[0] in lenses)), np.nan)
+        return np.array([[get(lenses[lens]) if lens in lenses else nothing for lens in names] for lenses in compared])
 
     return {
-        "rig_lens_support": of_each(lambda one: one.support),
-        "rig_lens_support_deviation": of_each(lambda one: one.support_deviation),
-        "rig_lens_change": of_each(lambda one: one.depth_change),
-        "rig_lens_change_deviation": of_each(lambda one: one.depth_change_deviation),
+        "rig_lens_support": of_each(lambda lens: lens.support),
+        "rig_lens_support_deviation": of_each(lambda lens: lens.support_deviation),
+        "rig_lens_change": of_each(lambda lens: lens.depth_change),
+        "rig_lens_change_deviation": of_each(lambda lens: lens.depth_change_deviation),
     }, names
 
 
@@ -210,10 +211,10 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     yield "views and corners", f"{len(fit.corners.views)} views, {fit.corners.corner_count} corners"
     for side, camera in (("left", fit.left), ("right", fit.right)):
         yield f"residual of the {side} camera alone", pretty(camera.corner_rms_px, PIXELS)
-        for k, name in enumerate(intrinsic_names(fit.corners.lens.free)):
+        for k, parameter in enumerate(intrinsic_names(fit.corners.lens.free)):
             deviation = float(np.sqrt(camera.covariance[k, k]))
-            unit = " px" if name.endswith("_px") else ""
-            words = name.removesuffix("_px").replace("_", " ")
+            unit = " px" if parameter.endswith("_px") else ""
+            words = parameter.removesuffix("_px").replace("_", " ")
             yield f"{side} {words}", f"{with_deviation(float(camera.intrinsics[k]), deviation)}{unit}"
     lens, cameras = fit.corners.lens, cameras_of(fit.explained.shared)
     for side, values in zip(("left", "right"), cameras, strict=True):
@@ -235,18 +236,18 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     direction = shared[TRANSLATION] / baseline
     deviation = float(np.sqrt(direction @ covariance[TRANSLATION, TRANSLATION] @ direction))
     yield "baseline", f"{with_deviation(1e3 * baseline, 1e3 * deviation)} mm"
-    for name, k in (("pitch", -6), ("yaw", -5), ("roll", -4)):
+    for angle, k in (("pitch", -6), ("yaw", -5), ("roll", -4)):
         spread = float(np.sqrt(covariance[k, k]))
-        yield f"relative {name}", f"{with_deviation(float(np.degrees(shared[k])), float(np.degrees(spread)))}°"
+        yield f"relative {angle}", f"{with_deviation(float(np.degrees(shared[k])), float(np.degrees(spread)))}°"
 
 
 def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str]]:
     for z, good, claimed in zip(trust.distances, trust.good_to, trust.claimed, strict=True):
         where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
         yield f"accuracy of this calibration at {where}", f"{to} (claimed: {says})"
-    for name, other in trust.lenses.items():
+    for lens_name, other in trust.lenses.items():
         if other.failure:
-            yield f"lens model {name}", f"cannot be fitted: {other.failure}"
+            yield f"lens model {lens_name}", f"cannot be fitted: {other.failure}"
     yield (
         f"difference between random halves of the views, divided by the claimed difference ({trust.halves} splits)",
         ", ".join(
@@ -266,19 +267,19 @@ def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str
     yield "ratio of the largest to the smallest noise of a view", f"{noise.deviation.max() / noise.deviation.min():.2g}"
     yield from _outlier_rows(fit)
     names = ("bowl", "saddle along the edges", "saddle along the diagonals")
-    for name, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
-        yield f"warp of the board, {name}", f"{with_deviation(1e6 * float(value), 1e6 * float(deviation))} µm"
+    for shape, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
+        yield f"warp of the board, {shape}", f"{with_deviation(1e6 * float(value), 1e6 * float(deviation))} µm"
 
 
 def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     """Corners excluded as outliers, and the number of corners with reduced weight."""
-    there = fit.present
-    low = (fit.weights < 1.0) & there[:, None]
+    present = fit.present
+    low = (fit.weights < 1.0) & present[:, None]
     yield (
         "corners with a weight below 1, in the left and right pictures together",
-        f"{int(low.sum())} of {2 * int(there.sum())}",
+        f"{int(low.sum())} of {2 * int(present.sum())}",
     )
-    for view, side, corner in zip(*np.nonzero((fit.weights == 0.0) & there[:, None]), strict=True):
+    for view, side, corner in zip(*np.nonzero((fit.weights == 0.0) & present[:, None]), strict=True):
         yield f"excluded outlier: view {fit.corners.views[view]}, {('left', 'right')[side]}", f"corner {corner + 1}"
 
 
@@ -287,7 +288,7 @@ _SHOWN_STEPS = 300
 
 def calibration_group(inferred: Mapping[str, InferredCalibration]) -> xr.Dataset:
     """/calibration: the posterior of every camera with an inferred calibration, and the results of the fits."""
-    posterior, names = _posteriors(inferred)
+    posterior, names = _posteriors(inferred.values())
     lenses, lens_names = rig_lenses(inferred)
     values = posterior | rig_rows(inferred) | rig_trust(inferred) | lenses
     distances: dict[str, Any] = {"rig_distance": list(DISTANCES)} if "rig_claimed" in values else {}
@@ -295,115 +296,125 @@ def calibration_group(inferred: Mapping[str, InferredCalibration]) -> xr.Dataset
     return dataset("calibration", values, {"posterior": list(inferred), "parameter": names, **distances, **models})
 
 
-def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[str, Any], list[str]]:
+def _posteriors(calibrations: Collection[InferredCalibration]) -> tuple[dict[str, Any], list[str]]:
     """Variables of the inferred calibrations, padded with NaN over all parameters."""
-    names = list(dict.fromkeys(name for one in calibrations.values() for name in one.sample.names))
-    most = max(len(one.posterior.draws) for one in calibrations.values())
-    ensembles = max(one.sample.chains.shape[0] for one in calibrations.values())
+    names = list(dict.fromkeys(parameter for inferred in calibrations for parameter in inferred.sample.names))
+    most = max(len(inferred.posterior.draws) for inferred in calibrations)
+    ensembles = max(inferred.sample.chains.shape[0] for inferred in calibrations)
 
     def over_parameters(get: Any) -> FloatArray:
-        return np.stack([_spread(one, names, np.asarray(get(one))) for one in calibrations.values()])
+        return np.stack([_spread(inferred, names, np.asarray(get(inferred))) for inferred in calibrations])
 
     def of_each(get: Any) -> list[Any]:
-        return [get(one) for one in calibrations.values()]
+        return [get(inferred) for inferred in calibrations]
 
+    # The last five sampled parameters (warp of the board, noise, motion) are not among those of the linear fit.
     overconfidence = [
-        np.full(len(one.sample.names), np.nan)
-        if one.fit is None
-        else np.concatenate([one.fit.explained.overconfidence, np.full(5, np.nan)])
-        for one in calibrations.values()
+        np.full(len(inferred.sample.names), np.nan)
+        if inferred.fit is None
+        else np.concatenate([inferred.fit.explained.overconfidence, np.full(5, np.nan)])
+        for inferred in calibrations
     ]
     return {
-        "posterior_converged": of_each(lambda one: not one.failures),
-        "posterior_verdict": of_each(lambda one: "; ".join(one.failures)),
-        "posterior_kind": of_each(lambda one: "simulated target" if one.fit is None else "corners of a board"),
-        "posterior_lengths": of_each(lambda one: one.sample.diagnostics.lengths),
+        "posterior_converged": of_each(lambda inferred: not inferred.failures),
+        "posterior_verdict": of_each(lambda inferred: "; ".join(inferred.failures)),
+        "posterior_kind": of_each(
+            lambda inferred: "simulated target" if inferred.fit is None else "corners of a board"
+        ),
+        "posterior_lengths": of_each(lambda inferred: inferred.sample.diagnostics.lengths),
         "posterior_acceptance": np.stack(
             of_each(
-                lambda one: np.pad(
-                    one.sample.diagnostics.acceptance,
-                    (0, ensembles - len(one.sample.diagnostics.acceptance)),
+                lambda inferred: np.pad(
+                    inferred.sample.diagnostics.acceptance,
+                    (0, ensembles - len(inferred.sample.diagnostics.acceptance)),
                     constant_values=np.nan,
                 )
             )
         ),
-        "posterior_marginal_efficiency": of_each(lambda one: one.check.efficiency),
-        "posterior_evaluations": of_each(lambda one: one.sample.evaluations),
-        "posterior_seconds": of_each(lambda one: one.sample.seconds),
-        "laplace_seconds": of_each(lambda one: one.laplace_seconds),
-        "posterior_mean": over_parameters(lambda one: one.sample.draws.mean(axis=0)),
+        "posterior_marginal_efficiency": of_each(lambda inferred: inferred.check.efficiency),
+        "posterior_evaluations": of_each(lambda inferred: inferred.sample.evaluations),
+        "posterior_seconds": of_each(lambda inferred: inferred.sample.seconds),
+        "laplace_seconds": of_each(lambda inferred: inferred.laplace_seconds),
+        "posterior_mean": over_parameters(lambda inferred: inferred.sample.draws.mean(axis=0)),
         "posterior_mean_error": over_parameters(
-            lambda one: one.sample.draws.std(axis=0) / np.sqrt(one.sample.diagnostics.bulk_effective_size)
+            lambda inferred: (
+                inferred.sample.draws.std(axis=0) / np.sqrt(inferred.sample.diagnostics.bulk_effective_size)
+            )
         ),
-        "posterior_deviation": over_parameters(lambda one: one.sample.draws.std(axis=0)),
-        "prior_deviation": over_parameters(lambda one: one.prior_deviation),
-        "laplace_deviation": over_parameters(lambda one: one.laplace_deviation),
-        "posterior_autocorrelation": over_parameters(lambda one: one.sample.diagnostics.autocorrelation_steps),
-        "posterior_r_hat": over_parameters(lambda one: one.sample.diagnostics.r_hat),
-        "posterior_bulk_size": over_parameters(lambda one: one.sample.diagnostics.bulk_effective_size),
-        "posterior_tail_size": over_parameters(lambda one: one.sample.diagnostics.tail_effective_size),
+        "posterior_deviation": over_parameters(lambda inferred: inferred.sample.draws.std(axis=0)),
+        "prior_deviation": over_parameters(lambda inferred: inferred.prior_deviation),
+        "laplace_deviation": over_parameters(lambda inferred: inferred.laplace_deviation),
+        "posterior_autocorrelation": over_parameters(
+            lambda inferred: inferred.sample.diagnostics.autocorrelation_steps
+        ),
+        "posterior_r_hat": over_parameters(lambda inferred: inferred.sample.diagnostics.r_hat),
+        "posterior_bulk_size": over_parameters(lambda inferred: inferred.sample.diagnostics.bulk_effective_size),
+        "posterior_tail_size": over_parameters(lambda inferred: inferred.sample.diagnostics.tail_effective_size),
         "posterior_best": over_parameters(_best),
-        "posterior_lens_model": of_each(lambda one: text_of_lens(one.posterior.lens)),
-        "posterior_pixels": of_each(lambda one: one.posterior.pixels or (0, 0)),
-        "posterior_draw": over_parameters(lambda one: _draws(one, most)),
-        "posterior_trace": over_parameters(lambda one: _trace(one, ensembles)),
+        "posterior_lens_model": of_each(lambda inferred: text_of_lens(inferred.posterior.lens)),
+        "posterior_pixels": of_each(lambda inferred: inferred.posterior.pixels or (0, 0)),
+        "posterior_draw": over_parameters(lambda inferred: _draws(inferred, most)),
+        "posterior_trace": over_parameters(lambda inferred: _trace(inferred, ensembles)),
         "rig_overconfidence": np.stack(
-            [_spread(one, names, row) for one, row in zip(calibrations.values(), overconfidence, strict=True)]
+            [_spread(inferred, names, row) for inferred, row in zip(calibrations, overconfidence, strict=True)]
         ),
     }, names
 
 
-def _draws(one: InferredCalibration, most: int) -> FloatArray:
+def _draws(inferred: InferredCalibration, most: int) -> FloatArray:
     """The propagated draws, over the parameters of the sample; NaN for parameters without draws."""
-    found = np.full((most, len(one.sample.names)), np.nan)
-    columns = [one.sample.names.index(name) for name in one.posterior.names]
-    found[: len(one.posterior.draws), columns] = one.posterior.draws
-    return found
+    draws = np.full((most, len(inferred.sample.names)), np.nan)
+    columns = [inferred.sample.names.index(parameter) for parameter in inferred.posterior.names]
+    draws[: len(inferred.posterior.draws), columns] = inferred.posterior.draws
+    return draws
 
 
-def _best(one: InferredCalibration) -> FloatArray:
+def _best(inferred: InferredCalibration) -> FloatArray:
     """The best fit of a rig calibrated from corners, over the parameters of the sample; NaN for others."""
-    found = np.full(len(one.sample.names), np.nan)
-    if one.posterior.best is not None:
-        found[[one.sample.names.index(name) for name in one.posterior.names]] = one.posterior.best
-    return found
+    values = np.full(len(inferred.sample.names), np.nan)
+    if inferred.posterior.best is not None:
+        values[[inferred.sample.names.index(parameter) for parameter in inferred.posterior.names]] = (
+            inferred.posterior.best
+        )
+    return values
 
 
-def _trace(one: InferredCalibration, ensembles: int) -> FloatArray:
+def _trace(inferred: InferredCalibration, ensembles: int) -> FloatArray:
     """The first walker of each ensemble at evenly spaced steps, shape (ensembles, steps, parameters)."""
-    chains = one.sample.chains[:, :, 0]
+    chains = inferred.sample.chains[:, :, 0]
     steps = (np.arange(_SHOWN_STEPS) * chains.shape[1]) // _SHOWN_STEPS
     padded = np.full((ensembles, _SHOWN_STEPS, chains.shape[-1]), np.nan)
     padded[: len(chains)] = chains[:, steps]
     return padded
 
 
-def _spread(one: InferredCalibration, names: list[str], values: FloatArray) -> FloatArray:
+def _spread(inferred: InferredCalibration, names: list[str], values: FloatArray) -> FloatArray:
     """Place values over a calibration's own parameters (last axis) among the parameters of all calibrations."""
-    found = np.full((*values.shape[:-1], len(names)), np.nan)
-    found[..., [names.index(name) for name in one.sample.names]] = values
-    return found
+    placed = np.full((*values.shape[:-1], len(names)), np.nan)
+    placed[..., [names.index(parameter) for parameter in inferred.sample.names]] = values
+    return placed
 
 
 def saved_posteriors(tree: xr.DataTree) -> dict[str, CalibrationDraws]:
     """The posteriors of a run, by camera, as written beside its results."""
     if "calibration" not in tree.children:
         return {}
-    group, found = tree["calibration"].to_dataset(), {}
-    for name in group["posterior"].values:
-        one = group.sel(posterior=name)
-        of_rig = bool(np.isfinite(one["posterior_best"].values).any())
-        drawn = one["parameter"].values[np.isfinite(one["posterior_draw"].values).any(axis=0)]
-        own = one.sel(parameter=drawn)
-        draws = own["posterior_draw"].values
+    group, posteriors = tree["calibration"].to_dataset(), {}
+    for camera_name in group["posterior"].values:
+        entry = group.sel(posterior=camera_name)
+        of_rig = bool(np.isfinite(entry["posterior_best"].values).any())
+        # The group pads every posterior with NaN to the parameters and draws of all; only its own are wanted.
+        drawn = entry["parameter"].values[np.isfinite(entry["posterior_draw"].values).any(axis=0)]
+        posterior = entry.sel(parameter=drawn)
+        draws = posterior["posterior_draw"].values
         draws = draws[np.isfinite(draws).all(axis=1)]
-        columns, rows = (int(count) for count in own["posterior_pixels"].values)
-        found[str(name)] = CalibrationDraws(
-            names=tuple(map(str, own["parameter"].values)),
+        columns, rows = (int(count) for count in posterior["posterior_pixels"].values)
+        posteriors[str(camera_name)] = CalibrationDraws(
+            names=tuple(map(str, posterior["parameter"].values)),
             draws=draws,
             reference=None if of_rig else draws.mean(axis=0),
-            best=own["posterior_best"].values if of_rig else None,
+            best=posterior["posterior_best"].values if of_rig else None,
             pixels=(columns, rows) if of_rig else None,
-            lens=lens_of_text(str(one["posterior_lens_model"].item())),
+            lens=lens_of_text(str(entry["posterior_lens_model"].item())),
         )
-    return found
+    return posteriors

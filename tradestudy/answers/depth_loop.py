@@ -134,29 +134,29 @@ def loop_points(study: PreparedStudy, part: DepthLoopPart) -> dict[tuple[str, fl
         )
     names = part.cameras or tuple(study.case.cameras)
     seed = study.file.propagation.seed
-    found = {}
-    for name, (number, distance), contrast, electrons in itertools.product(
+    points = {}
+    for camera_name, (number, distance), contrast, electrons in itertools.product(
         names,
         enumerate(part.distances),
         part.contrasts or (picture.texture.contrast,),
         part.electrons or (light.electrons or math.nan,),
     ):
-        camera, reader = study.case.cameras[name], study.file.cameras[name].reader
+        camera, reader = study.case.cameras[camera_name], study.file.cameras[camera_name].reader
         if reader is None:
             raise OutOfRangeError(
-                f"{name} cannot measure depth in its pictures", remedy="leave it out of depth_loop.cameras"
+                f"{camera_name} cannot measure depth in its pictures", remedy="leave it out of depth_loop.cameras"
             )
         if not np.array_equal(camera.modelled_distance(distance), distance):
             raise OutOfRangeError(
-                f"{name} corrects measured depth (depth.scaling), which would count as an error in its pictures",
+                f"{camera_name} corrects measured depth (depth.scaling), which would count as an error in its pictures",
                 remedy="leave it out of depth_loop.cameras, or depth.scaling out of the camera",
             )
         scale = 1.0 if part.texture_scaled_from is None else distance / part.texture_scaled_from
         texture = Texture(contrast=contrast, correlation_length=picture.texture.correlation_length * scale)
         declared = picture.settings(scene.wavelength, camera.sensor)
         settings = replace(declared, texture=texture, light=replace(declared.light, electrons=electrons))
-        found[name, distance, contrast, electrons] = LoopPoint(
-            name=name,
+        points[camera_name, distance, contrast, electrons] = LoopPoint(
+            name=camera_name,
             camera=camera,
             reader=reader,
             settings=settings,
@@ -166,7 +166,7 @@ def loop_points(study: PreparedStudy, part: DepthLoopPart) -> dict[tuple[str, fl
             samples=part.samples,
             seed=seed if distance in part.fitted_at else seed + 1 + number,
         )
-    return found
+    return points
 
 
 def measure_loop(
@@ -190,17 +190,17 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
     small = _cropped(camera, point.distance, _PILOT)
     try:
         with part_of_point(0.0, _TRIED):
-            found, truth = _depth(camera, small, point)
-        measured = _windows(found, truth, point)
+            depth_map, truth = _depth(camera, small, point)
+        measured = _windows(depth_map, truth, point)
         if 0.0 < measured < point.windows:
             side = math.ceil(_PILOT * math.sqrt(_SPARE * point.windows / measured))
             small = _cropped(camera, point.distance, side)
             pictures = math.ceil(side**2 / (small.sensor.rows * small.sensor.columns))
             with part_of_point(_TRIED, 1.0):
-                found, truth = _enough(camera, small, point, pictures)
+                depth_map, truth = _enough(camera, small, point, pictures)
         predicted = float(depth_uncertainty(camera, np.array([point.distance]), "noise")[0])
-        scored, reason = score(found, truth, np.full(truth.depth.shape, predicted), point.window_px), ""
-        errors, bounds = _of_windows_apart(found, truth, point.window_px)
+        scored, reason = score(depth_map, truth, np.full(truth.depth.shape, predicted), point.window_px), ""
+        errors, bounds = _of_windows_apart(depth_map, truth, point.window_px)
     except OutOfRangeError as refused:
         scored, reason = None, str(refused)
         errors = bounds = np.empty(0)
@@ -214,9 +214,9 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
     )
 
 
-def _windows(found: DepthMap, truth: TrueDepth, point: LoopPoint) -> float:
+def _windows(depth_map: DepthMap, truth: TrueDepth, point: LoopPoint) -> float:
     """Number of windows without common pixels that the measured points fill."""
-    return np.count_nonzero((found.reason == Reason.MEASURED) & truth.measurable) / point.window_px**2
+    return np.count_nonzero((depth_map.reason == Reason.MEASURED) & truth.measurable) / point.window_px**2
 
 
 def _enough(camera: DepthCamera, small: DepthCamera, point: LoopPoint, pictures: int) -> tuple[DepthMap, TrueDepth]:
@@ -226,28 +226,29 @@ def _enough(camera: DepthCamera, small: DepthCamera, point: LoopPoint, pictures:
     """
     maps: list[tuple[DepthMap, TrueDepth]] = []
     for number in range(MOST_PICTURES):
-        if maps and sum(_windows(*one, point) for one in maps) >= point.windows:
+        if maps and sum(_windows(depth_map, truth, point) for depth_map, truth in maps) >= point.windows:
             break
         expected = max(pictures, number + 1)
         with part_of_point(number / expected, (number + 1) / expected):
             maps.append(_depth(camera, small, replace(point, seed=point.seed + number * _SEEDS_APART)))
-    return _stacked([found for found, _ in maps]), _stacked([truth for _, truth in maps])
+    return _stacked([depth_map for depth_map, _ in maps]), _stacked([truth for _, truth in maps])
 
 
 def _stacked(maps: Sequence[_Map]) -> _Map:
     """Maps stacked into one, with all their rows."""
-    names = [one.name for one in fields(maps[0])]
-    return replace(maps[0], **{name: np.concatenate([getattr(one, name) for one in maps]) for name in names})
+    names = [field.name for field in fields(maps[0])]
+    return replace(maps[0], **{name: np.concatenate([getattr(part, name) for part in maps]) for name in names})
 
 
-def _of_windows_apart(found: DepthMap, truth: TrueDepth, window_px: float) -> tuple[FloatArray, FloatArray]:
+def _of_windows_apart(depth_map: DepthMap, truth: TrueDepth, window_px: float) -> tuple[FloatArray, FloatArray]:
     """Disparity errors [samples] and the bounds of their windows, for windows without common pixels."""
     step = math.ceil(window_px)
-    apart = np.zeros(found.depth.shape, bool)
+    apart = np.zeros(depth_map.depth.shape, bool)
     apart[::step, ::step] = True
-    apart &= (found.reason == Reason.MEASURED) & truth.measurable & (found.deviation > 0.0)
-    bounds = np.asarray(found.disparity_deviation[apart], np.float64)
-    errors = np.asarray((found.depth - truth.depth)[apart] / found.deviation[apart], np.float64) * bounds
+    apart &= (depth_map.reason == Reason.MEASURED) & truth.measurable & (depth_map.deviation > 0.0)
+    # Both deviations describe the same noise, so their ratio converts errors of depth to errors of disparity.
+    bounds = np.asarray(depth_map.disparity_deviation[apart], np.float64)
+    errors = np.asarray((depth_map.depth - truth.depth)[apart] / depth_map.deviation[apart], np.float64) * bounds
     return errors, bounds
 
 
@@ -270,27 +271,30 @@ def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[D
         light=settings.light, noise=settings.sensor_noise, model=NOISE, pixel_fill=settings.pixel_fill
     )
     taken = {
-        one.name: take_picture(
+        exposure.name: take_picture(
             Tile(
                 camera=point.name,
-                exposure=one,
+                exposure=exposure,
                 scene=plane_across(distance, pattern),
                 recording=recording,
                 samples=point.samples,
                 seed=point.seed,
-                rows=(0, one.sensor.rows),
-                columns=(0, one.sensor.columns),
+                rows=(0, exposure.sensor.rows),
+                columns=(0, exposure.sensor.columns),
             )
         )
-        for one in exposures
+        for exposure in exposures
     }
-    flat = {one.name: flat_picture(taken[one.name][0], white_picture(one, recording), recording) for one in exposures}
+    flat = {
+        exposure.name: flat_picture(taken[exposure.name][0], white_picture(exposure, recording), recording)
+        for exposure in exposures
+    }
     truth = reader.truth(
-        {name: depth for name, (_, depth) in taken.items()}, {name: one.pure for name, one in flat.items()}
+        {name: depth for name, (_, depth) in taken.items()}, {name: picture.pure for name, picture in flat.items()}
     )
     with part_of_point(_RENDERED, 1.0):
-        found = reader.read(flat)
-    return found, truth
+        depth_map = reader.read(flat)
+    return depth_map, truth
 
 
 def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
@@ -321,9 +325,9 @@ def _shifts_of_middles(camera: DepthCamera, distance: float) -> tuple[int, int]:
     if len(exposures) == 1:  # it shares the plane with no other
         return 0, 0
     seen = []
-    for one in exposures:
-        cones, rotation = one.cones(np.zeros(1), np.zeros(1)), np.array(one.pose.rotation)
-        start = rotation @ np.append(cones.start[:, 0], 0.0) + np.array(one.pose.centre)
+    for exposure in exposures:
+        cones, rotation = exposure.cones(np.zeros(1), np.zeros(1)), np.array(exposure.pose.rotation)
+        start = rotation @ np.append(cones.start[:, 0], 0.0) + np.array(exposure.pose.centre)
         ray = rotation @ np.append(cones.slope[:, 0], 1.0)
         seen.append(np.abs(start + (distance - start[2]) / ray[2] * ray)[:2])
     across, down = np.max(seen, axis=0) * magnification / camera.sensor.pixel_pitch
@@ -332,6 +336,7 @@ def _shifts_of_middles(camera: DepthCamera, distance: float) -> tuple[int, int]:
 
 def _searched(camera: DepthCamera, distance: float) -> tuple[float, float]:
     """The searched distances [m]: a range of disparity around the plane, or less if distance and noise permit."""
+    # Disparity is linear in inverse depth, so a range around its middle is symmetric there.
     a = distance * np.array([1.0, 1.001])
     per_px = abs(float(np.diff(1.0 / a)[0] / np.diff(camera.disparity_px(a))[0]))
     noise = float(depth_uncertainty(camera, np.array([distance]), "noise")[0]) / distance**2
@@ -342,19 +347,19 @@ def _searched(camera: DepthCamera, distance: float) -> tuple[float, float]:
 def depth_loop_group(study: PreparedStudy, part: DepthLoopPart, steps: Steps) -> xr.Dataset:
     """/depth_loop over cameras, distances, contrasts and electrons."""
     points = loop_points(study, part)
-    found = measure_loop(points, steps)
+    measured = measure_loop(points, steps)
     cameras = list(dict.fromkeys(key[0] for key in points))
     labels = {
         name: list(dict.fromkeys(key[k] for key in points))
         for k, name in enumerate(("camera", "distance", "contrast", "electrons"))
     }
     shape = tuple(map(len, labels.values()))
-    findings = list(found.values())
+    findings = list(measured.values())
     fits = {
-        name: _fit([one for key, one in found.items() if key[0] == name and key[1] in part.fitted_at])
+        name: _fit([finding for key, finding in measured.items() if key[0] == name and key[1] in part.fitted_at])
         for name in cameras
     }
-    over = [_over_matcher(one, fits[key[0]]) for key, one in found.items()]
+    over = [_over_matcher(finding, fits[key[0]]) for key, finding in measured.items()]
 
     def arranged(values: Sequence[Any]) -> Any:
         return np.array(values).reshape(shape)
@@ -362,13 +367,15 @@ def depth_loop_group(study: PreparedStudy, part: DepthLoopPart, steps: Steps) ->
     return dataset(
         "depth_loop",
         {
-            **{name: arranged(values) for name, values in score_values([one.score for one in findings]).items()},
-            "predicted_availability": arranged([one.available for one in findings]),
-            "reason": arranged([one.reason for one in findings]),
-            "blur_px": arranged([one.blur_px for one in findings]),
+            **{
+                name: arranged(values) for name, values in score_values([finding.score for finding in findings]).items()
+            },
+            "predicted_availability": arranged([finding.available for finding in findings]),
+            "reason": arranged([finding.reason for finding in findings]),
+            "blur_px": arranged([finding.blur_px for finding in findings]),
             "over_matcher": arranged([value for value, _ in over]),
             "over_matcher_error": arranged([error for _, error in over]),
-            "fitted": [float(one in part.fitted_at) for one in labels["distance"]],
+            "fitted": [float(distance in part.fitted_at) for distance in labels["distance"]],
             **_matchers([fits[name] for name in cameras]),
         },
         labels,
@@ -380,36 +387,37 @@ def _fit(findings: Sequence[LoopFinding]) -> MatcherFit | str:
 
     Errors are taken from their median at each distance, as in tests of the matcher, because a bias is not noise.
     """
-    measured = [one for one in findings if one.errors_px.size]
+    measured = [finding for finding in findings if finding.errors_px.size]
     try:
-        require_windows(sum(one.errors_px.size for one in measured))
+        require_windows(sum(finding.errors_px.size for finding in measured))
     except OutOfRangeError as refused:
         return str(refused)
-    errors = np.concatenate([one.errors_px - np.median(one.errors_px) for one in measured])
-    bounds = np.concatenate([one.bounds_px for one in measured])
+    errors = np.concatenate([finding.errors_px - np.median(finding.errors_px) for finding in measured])
+    bounds = np.concatenate([finding.bounds_px for finding in measured])
     return fit_errors(errors, bounds, float(errors.size))
 
 
-def _over_matcher(one: LoopFinding, fit: MatcherFit | str) -> tuple[float, float]:
+def _over_matcher(finding: LoopFinding, fit: MatcherFit | str) -> tuple[float, float]:
     """Standard deviation of the errors of true matches relative to the matcher's prediction, and its standard error."""
-    if isinstance(fit, str) or not one.errors_px.size:
+    if isinstance(fit, str) or not finding.errors_px.size:
         return math.nan, math.nan
-    relative = one.errors_px / fit.matcher.error_px(one.bounds_px)
+    relative = finding.errors_px / fit.matcher.error_px(finding.bounds_px)
     relative = relative[true_matches(relative)]
+    # The standard error follows from the measured kurtosis, because the errors need not be normal.
     spread, kurtosis = float(np.std(relative)), float(np.mean(((relative - relative.mean()) / relative.std()) ** 4))
     return spread, spread * math.sqrt((kurtosis - 1.0) / (4.0 * relative.size))
 
 
 def _matchers(fits: Sequence[MatcherFit | str]) -> dict[str, list[Any]]:
-    found: dict[str, list[Any]] = {"matcher": [one if isinstance(one, str) else one.declaration for one in fits]}
-    for name in ("factor", "floor", "false_matches"):
-        found[f"matcher_{name}"] = [
-            math.nan if isinstance(one, str) else float(getattr(one.matcher, name)) for one in fits
+    values: dict[str, list[Any]] = {"matcher": [fit if isinstance(fit, str) else fit.declaration for fit in fits]}
+    for parameter in ("factor", "floor", "false_matches"):
+        values[f"matcher_{parameter}"] = [
+            math.nan if isinstance(fit, str) else float(getattr(fit.matcher, parameter)) for fit in fits
         ]
-        found[f"matcher_{name}_error"] = [
-            math.nan if isinstance(one, str) else float(getattr(one, f"{name}_error")) for one in fits
+        values[f"matcher_{parameter}_error"] = [
+            math.nan if isinstance(fit, str) else float(getattr(fit, f"{parameter}_error")) for fit in fits
         ]
-    return found
+    return values
 
 
 def matcher_file(data: xr.Dataset, study: str) -> str:

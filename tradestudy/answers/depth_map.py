@@ -82,11 +82,11 @@ class _AtPlaces:
         sensor = self.camera.sensor
         half = np.array([sensor.columns, sensor.rows])
         radius = np.hypot(self.places.across * half[0], self.places.down * half[1]) / np.hypot(*half)
-        radii, found = np.linspace(0.0, 1.0, _RADII), np.empty_like(z)
-        for one in np.unique(z):
-            known = [float(self.camera.noise(np.array([one]), float(share))[0]) for share in radii]
-            found[z == one] = np.interp(radius[z == one], radii, known)
-        return found
+        radii, noise = np.linspace(0.0, 1.0, _RADII), np.empty_like(z)
+        for plane in np.unique(z):
+            at_radii = [float(self.camera.noise(np.array([plane]), float(share))[0]) for share in radii]
+            noise[z == plane] = np.interp(radius[z == plane], radii, at_radii)
+        return noise
 
     def measured_depth(
         self,
@@ -112,43 +112,43 @@ def depth_map(camera: DepthCamera, distance: FloatArray) -> UncertaintyMap | Non
     if not camera.mapped or not has_covariance(camera):
         return None
     across, down = map_places()
-    z, y, x = (one.ravel() for one in np.meshgrid(distance, down, across, indexing="ij"))
-    there = _AtPlaces(camera=camera, places=PicturePlaces(across=x, down=y))
+    z, y, x = (grid.ravel() for grid in np.meshgrid(distance, down, across, indexing="ij"))
+    at_places = _AtPlaces(camera=camera, places=PicturePlaces(across=x, down=y))
     with_calibration = bool(camera.calibration.groups)
     false = false_match_share(camera, "both")
-    found = (
-        linear_distribution(there, z, 0.0, "both", false)
+    predicted = (
+        linear_distribution(at_places, z, 0.0, "both", false)
         if with_calibration
-        else noise_distribution(there, z, 0.0, false)
+        else noise_distribution(at_places, z, 0.0, false)
     )
     linear = replace(camera, propagation=replace(camera.propagation, model="linear"))
     missed = [model_error(linear, distance, "both", field) for field in _MODEL_PLACES]
     shape = len(distance), DOWN, ACROSS
     return UncertaintyMap(
-        uncertainty=found.half_width.reshape(shape),
-        error=np.fmax.reduce([one.half_width for one in missed]),
-        radius=found.error_radius.reshape(shape),
-        radius_error=np.fmax.reduce([one.radius for one in missed]),
+        uncertainty=predicted.half_width.reshape(shape),
+        error=np.fmax.reduce([error.half_width for error in missed]),
+        radius=predicted.error_radius.reshape(shape),
+        radius_error=np.fmax.reduce([error.radius for error in missed]),
     )
 
 
 def depth_map_group(study: PreparedStudy) -> xr.Dataset | None:
     """Maps of all cameras that have one, as declared; None if no camera has one."""
     distance = distances_without_decision(study.case.distance)
-    found = {name: depth_map(camera, distance) for name, camera in study.case.cameras.items()}
-    maps = {name: one for name, one in found.items() if one is not None}
+    by_camera = {name: depth_map(camera, distance) for name, camera in study.case.cameras.items()}
+    maps = {name: mapped for name, mapped in by_camera.items() if mapped is not None}
     if not maps:
         return None
     across, down = map_places()
     with np.errstate(invalid="ignore"):  # the error of an unbounded uncertainty is unknown
-        errors = np.stack([one.uncertainty * one.error[:, None, None] for one in maps.values()])
-        radius_errors = np.stack([one.radius * one.radius_error[:, None, None] for one in maps.values()])
-    uncertainty = np.stack([one.uncertainty for one in maps.values()])
+        errors = np.stack([mapped.uncertainty * mapped.error[:, None, None] for mapped in maps.values()])
+        radius_errors = np.stack([mapped.radius * mapped.radius_error[:, None, None] for mapped in maps.values()])
+    uncertainty = np.stack([mapped.uncertainty for mapped in maps.values()])
     values = {
         "depth_uncertainty": uncertainty,
         "depth_uncertainty_error": errors,
         "relative_uncertainty": uncertainty / distance[:, None, None],
-        "depth_error_radius": np.stack([one.radius for one in maps.values()]),
+        "depth_error_radius": np.stack([mapped.radius for mapped in maps.values()]),
         "depth_error_radius_error": radius_errors,
     }
     return dataset("depth_map", values, {"camera": list(maps), "distance": distance, "down": down, "across": across})

@@ -211,59 +211,70 @@ def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: 
     """
     points = [
         PicturesToRead(
-            reader=one,
-            recording=next(its.tile.recording for its in rendering.pictures if its.camera == one.taken.name),
-            values={its.name: its.values for its in rendering.pictures if its.camera == one.taken.name},
-            depths={its.name: its.depth for its in rendering.pictures if its.camera == one.taken.name},
-            waves=_waves(rendering, one),
+            reader=reader,
+            recording=next(
+                picture.tile.recording for picture in rendering.pictures if picture.camera == reader.taken.name
+            ),
+            values={
+                picture.name: picture.values for picture in rendering.pictures if picture.camera == reader.taken.name
+            },
+            depths={
+                picture.name: picture.depth for picture in rendering.pictures if picture.camera == reader.taken.name
+            },
+            waves=_waves(rendering, reader),
             has_errors=rendering.image.rig == "drawn",
             middle=sum(rendering.scene.extent) / 2.0,
         )
-        for one in readers
+        for reader in readers
     ]
     if not points:
         return []
     # Written as files instead of checkpoints: the maps of large sensors are as large as their pictures.
-    labels = [one.taken.name for one in readers]
+    labels = [reader.taken.name for reader in readers]
     return replace(steps, checkpoints=None).map(STEP, read_depth, points, labels)
 
 
 def _waves(rendering: Rendering, reader: CameraReader) -> dict[str, Waves | None]:
     """Diffraction in the pictures of the camera as designed; None for pictures rendered by rays."""
-    by_waves = {one.name: one.tile.waves is not None for one in rendering.pictures if one.camera == reader.taken.name}
+    by_waves = {
+        picture.name: picture.tile.waves is not None
+        for picture in rendering.pictures
+        if picture.camera == reader.taken.name
+    }
     wavelength = rendering.study.case.wavelength
     return {
-        one.name: waves_of(one, rendering.scene, wavelength) if by_waves[one.name] else None for one in reader.exposures
+        exposure.name: waves_of(exposure, rendering.scene, wavelength) if by_waves[exposure.name] else None
+        for exposure in reader.exposures
     }
 
 
 def read_depth(point: PicturesToRead) -> MeasuredDepth:
     """One camera's depth map, its comparison with the truth, and the pictures computed from it."""
-    one, recording = point.reader, point.recording
+    camera_reader, recording = point.reader, point.recording
     pictures = {
         exposure.name: flat_picture(
             point.values[exposure.name], white_picture(exposure, recording, point.waves[exposure.name]), recording
         )
-        for exposure in one.exposures
+        for exposure in camera_reader.exposures
     }
     tell(_WHITE)
     with part_of_point(_WHITE, _READ):
-        found = one.reader.read(pictures)
-    truth = one.reader.truth(point.depths, {name: its.pure for name, its in pictures.items()})
+        depth_map = camera_reader.reader.read(pictures)
+    truth = camera_reader.reader.truth(point.depths, {name: picture.pure for name, picture in pictures.items()})
     depth = np.asarray(truth.depth, np.float64)
-    predicted, shift = predicted_uncertainty(one.taken.camera, depth, "noise"), np.zeros(depth.shape)
+    predicted, shift = predicted_uncertainty(camera_reader.taken.camera, depth, "noise"), np.zeros(depth.shape)
     if point.has_errors:
-        shift = predicted_uncertainty(one.taken.camera, depth, "calibration")
-    scored = score(found, truth, predicted, one.search.window_px, shift)
+        shift = predicted_uncertainty(camera_reader.taken.camera, depth, "calibration")
+    scored = score(depth_map, truth, predicted, camera_reader.search.window_px, shift)
     return MeasuredDepth(
-        camera=one.taken.name,
-        search=one.search,
-        found=found,
+        camera=camera_reader.taken.name,
+        search=camera_reader.search,
+        found=depth_map,
         truth=truth,
         predicted=predicted,
-        score=replace(scored, matcher=_matcher(point, found, truth)),
-        made=one.reader.made_of(pictures, found, point.middle),
-        frame=one.reader.frame(),
+        score=replace(scored, matcher=_matcher(point, depth_map, truth)),
+        made=camera_reader.reader.made_of(pictures, depth_map, point.middle),
+        frame=camera_reader.reader.frame(),
     )
 
 
@@ -285,11 +296,11 @@ def window_of(settings: PictureSettings, taken: Taken, distance: float) -> float
 def window_at(settings: PictureSettings, camera: DepthCamera, distance: float) -> float:
     """Side of the window [samples] at a distance [m], at most the widest that the camera allows."""
     geometry = camera.picture_geometry(np.array([distance]))
-    asked = settings.asked_window(geometry.magnification, geometry.sample_pitch)
-    return min(float(asked[0]), geometry.compared.widest_px)
+    window = settings.asked_window(geometry.magnification, geometry.sample_pitch)
+    return min(float(window[0]), geometry.compared.widest_px)
 
 
-def _matcher(point: PicturesToRead, found: DepthMap, truth: TrueDepth) -> str:
+def _matcher(point: PicturesToRead, depth_map: DepthMap, truth: TrueDepth) -> str:
     """The matcher fitted to the errors, as a declaration for study files; or why there is none."""
     camera = point.reader.taken.camera
     if point.has_errors and isinstance(camera, DepthCamera) and camera.calibration.groups:
@@ -298,7 +309,7 @@ def _matcher(point: PicturesToRead, found: DepthMap, truth: TrueDepth) -> str:
             "scene.image.rig to as-designed"
         )
     try:
-        return fit_matcher(found, truth, point.reader.search.window_px).declaration
+        return fit_matcher(depth_map, truth, point.reader.search.window_px).declaration
     except OutOfRangeError as reason:
         return f"no matcher can be fitted: {reason}"
 
@@ -322,32 +333,32 @@ def predicted_availability(camera: Camera, distance: float) -> float:
     return math.prod(min(max(share, 0.0), 1.0) for share in shares) if shares else math.nan
 
 
-def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
+def write_depth(measured: MeasuredDepth, folder: Path, depth_format: str) -> None:
     """Write ``depth_map`` with its standard deviation, reasons and true depth, and ``depth_map.json``; depths in m."""
     from PIL import Image
 
-    found, truth, search = one.found, one.truth, one.search
-    what = {
+    depth_map, truth, search = measured.found, measured.truth, measured.search
+    descriptions = {
         "depth_map": "measured depth along the axis, metres; NaN where none was measured",
         "depth_map_deviation": "standard deviation of the measured depth due to noise, metres",
         "depth_map_true": "true depth in the pixels of depth_map, metres",
     }
-    for name, values in one.arrays.items():
-        words = what.get(name, "brightness relative to a white scene")
+    for name, values in measured.arrays.items():
+        words = descriptions.get(name, "brightness relative to a white scene")
         _write_floats(folder / f"{name}.{depth_format}", values, words)
     with replacing(folder / "depth_map_reason.png") as part:
-        Image.fromarray(found.reason).save(part, format="PNG")
+        Image.fromarray(depth_map.reason).save(part, format="PNG")
     with replacing(folder / "depth_map_measurable.png") as part:
         Image.fromarray(truth.measurable.astype(np.uint8) * np.uint8(255)).save(part, format="PNG")
     facts: Mapping[str, Any] = {
         "unit": "m",
         "orientation": "upright: x to the right, y down",
-        "frame": one.frame or "that of the picture",
+        "frame": measured.frame or "that of the picture",
         "searched": [search.near, search.far],
         "window_px": search.window_px,
         "reasons": {str(int(reason)): text for reason, text in REASONS.items()},
         "measurable": "255 where the estimator sees a point in two pictures and nothing hides it",
-        "score": _plain(asdict(one.score)),
+        "score": _plain(asdict(measured.score)),
     }
     replace_file(folder / "depth_map.json", f"{json_text(facts)}\n".encode())
 
@@ -355,11 +366,11 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
 def _plain(value: Any) -> Any:
     """The value with NaN replaced by None, which JSON can represent."""
     if isinstance(value, dict):
-        return {key: _plain(one) for key, one in value.items()}
+        return {key: _plain(entry) for key, entry in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def _write_floats(path: Path, values: Samples, what: str) -> None:
+def _write_floats(path: Path, values: Samples, description: str) -> None:
     from PIL import Image
 
     with replacing(path) as part:
@@ -367,7 +378,7 @@ def _write_floats(path: Path, values: Samples, what: str) -> None:
             with part.open("wb") as file:
                 np.save(file, values)
         else:
-            Image.fromarray(values).save(part, format="TIFF", description=what)
+            Image.fromarray(values).save(part, format="TIFF", description=description)
 
 
 _CLASSES: Final = 6
@@ -377,57 +388,60 @@ _FILLED: Final = 0.8  # of the share of the largest blocks that contain a depth
 
 def score_values(scores: Sequence[DepthScore | None]) -> dict[str, list[float]]:
     """The variables ``depth_…`` of /depth_loop or /pictures; without a score, 0 for counts and NaN for estimates."""
-    found = {}
+    columns = {}
     for variable in [key for key in GROUPS["depth_loop"] if key.startswith("depth_") and not key.endswith("_error")]:
-        name, error = variable.removeprefix("depth_"), f"{variable}_error"
+        attribute, error = variable.removeprefix("depth_"), f"{variable}_error"
         unknown = math.nan if error in GROUPS["depth_loop"] else 0.0
-        found[variable] = [unknown if one is None else float(getattr(one, name)) for one in scores]
+        columns[variable] = [unknown if scored is None else float(getattr(scored, attribute)) for scored in scores]
         if error in GROUPS["depth_loop"]:
-            found[error] = [math.nan if one is None else one.standard_errors[name] for one in scores]
-    return found
+            columns[error] = [math.nan if scored is None else scored.standard_errors[attribute] for scored in scores]
+    return columns
 
 
 def depth_map_values(depths: Sequence[MeasuredDepth], cameras: Mapping[str, Camera]) -> dict[str, Any]:
     """The variables of /pictures about measured depth."""
-    blocks = [_block(one) for one in depths]
-    maps = [_reduced(one, block) for one, block in zip(depths, blocks, strict=True)]
-    shape = tuple(max(one.shape[k] for some in maps for one in some.values()) for k in (0, 1))
-    classes = [_classes(one) for one in depths]
-    middles = [float(np.nanmedian(one.truth.depth[one.truth.measurable])) if one.score.seen else 0.0 for one in depths]
+    blocks = [_block(depth) for depth in depths]
+    maps = [_reduced(depth, block) for depth, block in zip(depths, blocks, strict=True)]
+    shape = tuple(max(array.shape[k] for reduced in maps for array in reduced.values()) for k in (0, 1))
+    classes = [_classes(depth) for depth in depths]
+    middles = [
+        float(np.nanmedian(depth.truth.depth[depth.truth.measurable])) if depth.score.seen else 0.0 for depth in depths
+    ]
     return {
-        **score_values([one.score for one in depths]),
+        **score_values([depth.score for depth in depths]),
         "predicted_availability": [
-            predicted_availability(cameras[one.camera], middle) if middle else math.nan
-            for one, middle in zip(depths, middles, strict=True)
+            predicted_availability(cameras[depth.camera], middle) if middle else math.nan
+            for depth, middle in zip(depths, middles, strict=True)
         ],
-        "matcher": [one.score.matcher for one in depths],
-        "map_block": [float(one) for one in blocks],
-        **{name: [padded(some[name], shape) for some in maps] for name in maps[0]},
-        **{name: [some[name] for some in classes] for name in classes[0]},
+        "matcher": [depth.score.matcher for depth in depths],
+        "map_block": [float(block) for block in blocks],
+        **{name: [padded(reduced[name], shape) for reduced in maps] for name in maps[0]},
+        **{name: [classed[name] for classed in classes] for name in classes[0]},
     }
 
 
-def _block(one: MeasuredDepth) -> int:
+def _block(measured: MeasuredDepth) -> int:
     """The smallest block side, a power of two, for which hardly fewer blocks contain a depth than for the largest.
 
     Smaller blocks would be empty between the micro-images of the types that are out of focus.
     """
-    measured = np.isfinite(one.found.depth)
-    sides = [1 << k for k in range(_LARGEST_BLOCK.bit_length()) if max(measured.shape) <= LARGEST << k]
-    sides = [side for side in sides if side <= min(measured.shape)] or [1]
-    shares = [float(np.mean(np.any(_in_blocks(measured, side), axis=-1))) for side in sides]
+    has_depth = np.isfinite(measured.found.depth)
+    sides = [1 << k for k in range(_LARGEST_BLOCK.bit_length()) if max(has_depth.shape) <= LARGEST << k]
+    sides = [side for side in sides if side <= min(has_depth.shape)] or [1]
+    shares = [float(np.mean(np.any(_in_blocks(has_depth, side), axis=-1))) for side in sides]
     return next(side for side, share in zip(sides, shares, strict=True) if share >= _FILLED * shares[-1])
 
 
-def _reduced(one: MeasuredDepth, block: int) -> dict[str, FloatArray]:
-    found, truth = one.found, one.truth
-    surface = np.isfinite(truth.depth) & ~np.isin(found.reason, (Reason.NO_LIGHT, Reason.LESS_SHARP))
+def _reduced(measured: MeasuredDepth, block: int) -> dict[str, FloatArray]:
+    depth_map, truth = measured.found, measured.truth
+    surface = np.isfinite(truth.depth) & ~np.isin(depth_map.reason, (Reason.NO_LIGHT, Reason.LESS_SHARP))
+    # Pixels without a depth for reasons of the microlens array say nothing about what hides what.
     hidden = np.where(surface | truth.measurable, ~truth.measurable, np.nan)
-    sharp = one.made.get("all_in_focus")
+    sharp = measured.made.get("all_in_focus")
     return {
-        "map_depth": _blockwise(found.depth, block, np.nanmedian),
+        "map_depth": _blockwise(depth_map.depth, block, np.nanmedian),
         "map_depth_error": _blockwise(
-            np.where(truth.measurable, found.depth - truth.depth, np.nan), block, np.nanmedian
+            np.where(truth.measurable, depth_map.depth - truth.depth, np.nan), block, np.nanmedian
         ),
         "map_hidden": _blockwise(hidden, block, np.nanmean),
         "map_sharp": np.full((1, 1), np.nan)
@@ -447,21 +461,21 @@ def _blockwise(values: NDArray[Any], block: int, middle: Any) -> FloatArray:
     """One number for each block from its finite values; NaN for a block without any."""
     parts = np.asarray(_in_blocks(values, block), np.float64)
     known = np.any(np.isfinite(parts), axis=-1)
-    found = np.full(known.shape, np.nan)
+    blockwise = np.full(known.shape, np.nan)
     if np.any(known):
-        found[known] = middle(np.where(np.isfinite(parts[known]), parts[known], np.nan), axis=-1)
-    return found
+        blockwise[known] = middle(np.where(np.isfinite(parts[known]), parts[known], np.nan), axis=-1)
+    return blockwise
 
 
-def _classes(one: MeasuredDepth) -> dict[str, FloatArray]:
+def _classes(measured: MeasuredDepth) -> dict[str, FloatArray]:
     """Errors by class of true depth; their standard errors follow from the number of windows in each class."""
     names = ("distance", "bias", "bias_error", "spread", "spread_error", "predicted")
-    found = {f"class_{name}": np.full(_CLASSES, np.nan) for name in names}
-    both = np.isfinite(one.found.depth) & one.truth.measurable
-    true = np.asarray(one.truth.depth[both], np.float64)
-    error, predicted = (one.found.depth - one.truth.depth)[both], one.predicted[both]
+    columns = {f"class_{column}": np.full(_CLASSES, np.nan) for column in names}
+    usable = np.isfinite(measured.found.depth) & measured.truth.measurable
+    true = np.asarray(measured.truth.depth[usable], np.float64)
+    error, predicted = (measured.found.depth - measured.truth.depth)[usable], measured.predicted[usable]
     for k, among in enumerate(np.array_split(np.argsort(true, kind="stable"), _CLASSES)):
-        windows = among.size / one.search.window_px**2
+        windows = among.size / measured.search.window_px**2
         if windows < 2.0:
             continue
         middle, spread = middle_and_spread(error[among])
@@ -473,6 +487,6 @@ def _classes(one: MeasuredDepth) -> dict[str, FloatArray]:
             spread * math.sqrt(VARIANCE_OF_SPREAD / windows),
             np.median(predicted[among]),
         )
-        for name, value in zip(names, values, strict=True):
-            found[f"class_{name}"][k] = value
-    return found
+        for column, value in zip(names, values, strict=True):
+            columns[f"class_{column}"][k] = value
+    return columns

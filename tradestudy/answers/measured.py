@@ -179,17 +179,17 @@ def _as_errors(
     camera: DepthCamera, distance: FloatArray, disparity: FloatArray, slope: FloatArray, offset: Fitted, scale: Fitted
 ) -> dict[str, Fitted]:
     """The yaw [rad] and the error of the baseline [m] that cause an offset and a scale, by the camera's own model."""
-    found = {}
-    for name, trial in _TRIALS.items():
-        if name not in camera.error_vocabulary or camera.calibration.vocabulary is not None:
+    fits = {}
+    for parameter, trial in _TRIALS.items():
+        if parameter not in camera.error_vocabulary or camera.calibration.vocabulary is not None:
             continue
-        inverse = camera.read(distance, 0.0, {name: np.full((1, 1), trial)}).inverse_depth[0]
+        inverse = camera.read(distance, 0.0, {parameter: np.full((1, 1), trial)}).inverse_depth[0]
         px = (inverse - 1.0 / distance) * distance**2 * slope / trial
-        if name == "yaw":
-            found["yaw"] = offset.times(1.0 / float(np.median(px)))
+        if parameter == "yaw":
+            fits["yaw"] = offset.times(1.0 / float(np.median(px)))
         else:
-            found["baseline_shift"] = scale.times(1.0 / float(np.median(px / disparity)))
-    return found
+            fits["baseline_shift"] = scale.times(1.0 / float(np.median(px / disparity)))
+    return fits
 
 
 def _locking(
@@ -239,43 +239,43 @@ def _of_scale(wave: Ripple, declared: FloatArray) -> str:
 
 def measurements_group(study: PreparedStudy) -> xr.Dataset:
     """/measurements over the rows of all tables, and what each table implies."""
-    tables = {name: _Table.of(study, name, part) for name, part in study.file.measurements.items()}
-    every = list(tables.values())
+    by_name = {table_name: _Table.of(study, table_name, part) for table_name, part in study.file.measurements.items()}
+    tables = list(by_name.values())
     values: dict[str, Any] = {
-        "table_of": [name for name, one in tables.items() for _ in one.measured.lines],
-        "line": [line for one in every for line in one.measured.lines],
-        "distance_of_row": np.concatenate([one.measured.distance for one in every]),
-        "used": np.concatenate([one.used.astype(float) for one in every]),
+        "table_of": [name for name, table in by_name.items() for _ in table.measured.lines],
+        "line": [line for table in tables for line in table.measured.lines],
+        "distance_of_row": np.concatenate([table.measured.distance for table in tables]),
+        "used": np.concatenate([table.used.astype(float) for table in tables]),
     }
     for quantity in QUANTITIES:
-        values[quantity] = np.concatenate([getattr(one.measured, quantity) for one in every])
-    for name in (one.name for one in fields(Predicted)):
-        values[f"predicted_{name}"] = np.concatenate([getattr(one.predicted, name) for one in every])
-    values["error_px"] = np.concatenate([one.implied.errors_px for one in every])
+        values[quantity] = np.concatenate([getattr(table.measured, quantity) for table in tables])
+    for name in (field.name for field in fields(Predicted)):
+        values[f"predicted_{name}"] = np.concatenate([getattr(table.predicted, name) for table in tables])
+    values["error_px"] = np.concatenate([table.implied.errors_px for table in tables])
     values |= {
-        "camera_of": [one.part.camera for one in every],
-        "source": [one.part.source for one in every],
-        "spread_from": [one.measured.spread for one in every],
-        "ratio": [one.ratios for one in every],
-        "declared_noise_px": [one.implied.declared_noise_px for one in every],
-        "ripple_phase": [one.implied.ripple.phase for one in every],
-        "ripple_share": [one.implied.ripple.share for one in every],
-        "ripple_probability": [one.implied.ripple.probability for one in every],
-        "ripple_points": [one.implied.ripple.points for one in every],
-        "ripple_reason": [one.implied.ripple.reason for one in every],
-        "noise_verdict": [one.implied.of_noise for one in every],
-        "calibration_verdict": [one.implied.of_calibration for one in every],
-        "scale_verdict": [one.implied.of_scale for one in every],
-        "fitted_camera": [one.fitted_camera(study) for one in every],
+        "camera_of": [table.part.camera for table in tables],
+        "source": [table.part.source for table in tables],
+        "spread_from": [table.measured.spread for table in tables],
+        "ratio": [table.ratios for table in tables],
+        "declared_noise_px": [table.implied.declared_noise_px for table in tables],
+        "ripple_phase": [table.implied.ripple.phase for table in tables],
+        "ripple_share": [table.implied.ripple.share for table in tables],
+        "ripple_probability": [table.implied.ripple.probability for table in tables],
+        "ripple_points": [table.implied.ripple.points for table in tables],
+        "ripple_reason": [table.implied.ripple.reason for table in tables],
+        "noise_verdict": [table.implied.of_noise for table in tables],
+        "calibration_verdict": [table.implied.of_calibration for table in tables],
+        "scale_verdict": [table.implied.of_scale for table in tables],
+        "fitted_camera": [table.fitted_camera(study) for table in tables],
     }
-    curves = [one.curve(study) for one in every]
-    values |= {f"curve_{name}": [one[name] for one in curves] for name in curves[0]}
+    curves = [table.curve(study) for table in tables]
+    values |= {f"curve_{name}": [curve[name] for curve in curves] for name in curves[0]}
     for name in FITS:
-        found = [one.implied.fits[name] for one in every]
-        values[name] = [one.value for one in found]
-        values[f"{name}_error"] = [one.error for one in found]
-        values[f"{name}_interval"] = [(one.low, one.high) for one in found]
-    labels = {"table": list(tables), "quantity": list(QUANTITIES), "statistic": ["median", "smallest", "largest"]}
+        fits = [table.implied.fits[name] for table in tables]
+        values[name] = [fit.value for fit in fits]
+        values[f"{name}_error"] = [fit.error for fit in fits]
+        values[f"{name}_interval"] = [(fit.low, fit.high) for fit in fits]
+    labels = {"table": list(by_name), "quantity": list(QUANTITIES), "statistic": ["median", "smallest", "largest"]}
     return dataset("measurements", values, {**labels, "end": ["low", "high"]})
 
 
@@ -297,8 +297,8 @@ class _Table:
             read_measurements(study.document.folder_of(path) / part.file),
         )
         predicted = predict(camera, measured.distance)
-        found = implied(camera, measured, predicted, zero_fitted=part.zero == "fitted")
-        return cls(name=name, part=part, measured=measured, predicted=predicted, implied=found)
+        fitted = implied(camera, measured, predicted, zero_fitted=part.zero == "fitted")
+        return cls(name=name, part=part, measured=measured, predicted=predicted, implied=fitted)
 
     @property
     def used(self) -> BoolArray:
@@ -319,13 +319,13 @@ class _Table:
         """The predicted error of the spread column over a dense grid, or of the bias without one, for figures."""
         z = self.measured.distance
         dense = np.geomspace(z.min(), z.max(), _DENSE)
-        found = predict(study.case.cameras[self.part.camera], dense)
-        predicted = getattr(found, self.measured.spread or "bias")
+        prediction = predict(study.case.cameras[self.part.camera], dense)
+        predicted = getattr(prediction, self.measured.spread or "bias")
         return {
             "distance": dense,
             "predicted": predicted,
-            "disparity_px": found.disparity_px,
-            "px_per_m": found.px_per_m,
+            "disparity_px": prediction.disparity_px,
+            "px_per_m": prediction.px_per_m,
         }
 
     def fitted_camera(self, study: PreparedStudy) -> str:
@@ -337,31 +337,33 @@ class _Table:
         changed = standalone(study.definition).with_values({f"{above}.{path}": value for path, value in values.items()})
         entry = changed.document.entry(above)
         assert isinstance(entry, MappingEntry)
-        said = f"# Fitted to the measurements {self.name} of the study {study.file.study}; other values as declared."
-        return f"{said}\n{yaml_of(entry)}"
+        heading = f"# Fitted to the measurements {self.name} of the study {study.file.study}; other values as declared."
+        return f"{heading}\n{yaml_of(entry)}"
 
     def _fitted_values(self, study: PreparedStudy) -> Iterator[tuple[str, Any]]:
         """Paths below the camera and their values, each with what it was fitted to."""
         fits, note, factor = self.implied.fits, f"fitted to {self.part.file}", 1.0
         baseline = study.file.cameras[self.part.camera].model_dump().get("baseline")
+        # A scale fitted to the bias becomes a calibration error of the baseline below, which must not count twice.
         if self.implied.of_scale == INCONSISTENT and isinstance(baseline, float) and math.isnan(fits["scale"].error):
             factor = fits["ripple_scale"].value
-            said = f"{note}: focal length times baseline from sub-pixel locking, with the declared focal length"
-            yield "baseline", {"value": f"{baseline * factor:.6g} m", "basis": "derived", "note": said}
+            remark = f"{note}: focal length times baseline from sub-pixel locking, with the declared focal length"
+            yield "baseline", {"value": f"{baseline * factor:.6g} m", "basis": "derived", "note": remark}
+        # Disparity is proportional to the baseline, and so is the disparity noise that explains the same depth noise.
         noise = fits["noise_px"].times(factor)
         if noise.low > 0.0:
             column = self.measured.spread
             also = {"sigma": "", "rms": ", bias included", "absolute_error": ", as if normal and without bias"}[column]
-            said = f"{note}: 95 % interval {noise.low:.3g} to {noise.high:.3g} px{also}"
-            yield "depth.disparity_error", {"value": f"{noise.value:.4g} px", "basis": "derived", "note": said}
+            remark = f"{note}: 95 % interval {noise.low:.3g} to {noise.high:.3g} px{also}"
+            yield "depth.disparity_error", {"value": f"{noise.value:.4g} px", "basis": "derived", "note": remark}
             yield "depth.error_of", {"value": "disparity", "basis": "derived", "note": note}
-        for name, fit, unit in (("yaw", "yaw", "rad"), ("baseline", "baseline_shift", "m")):
-            one = fits[fit]
-            if math.isfinite(one.error):
+        for parameter, fit, unit in (("yaw", "yaw", "rad"), ("baseline", "baseline_shift", "m")):
+            fitted = fits[fit]
+            if math.isfinite(fitted.error):
                 yield (
-                    f"calibration.errors.{name}",
+                    f"calibration.errors.{parameter}",
                     {
                         key: {"value": f"{value:.6g} {unit}", "basis": "derived", "note": note}
-                        for key, value in (("mean", one.value), ("standard_deviation", one.error))
+                        for key, value in (("mean", fitted.value), ("standard_deviation", fitted.error))
                     },
                 )

@@ -68,9 +68,13 @@ def cameras_group(study: PreparedStudy) -> xr.Dataset:
             "left_out": [_left_out(part, cameras[name]) for name, part in parts.items()],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
-            "property_value": [math.nan if isinstance(one, str) else float(one.value) for *_, one in properties],
-            "property_units": ["" if isinstance(one, str) else one.dimension.unit or "1" for *_, one in properties],
-            "property_words": [one if isinstance(one, str) else "" for *_, one in properties],
+            "property_value": [
+                math.nan if isinstance(quantity, str) else float(quantity.value) for *_, quantity in properties
+            ],
+            "property_units": [
+                "" if isinstance(quantity, str) else quantity.dimension.unit or "1" for *_, quantity in properties
+            ],
+            "property_words": [quantity if isinstance(quantity, str) else "" for *_, quantity in properties],
         },
         {"camera": list(cameras)},
     )
@@ -92,10 +96,10 @@ def assumptions_group(study: PreparedStudy) -> xr.Dataset:
     document = study.definition.under_tolerance
     rows = [*_set_for_this_run(document), *_declared(document), *_defaults(study)]
     values: dict[str, Sequence[str | None]] = {
-        name: [row[name] for row in rows] for name in ("value", "basis", "note", "cameras")
+        column: [row[column] for row in rows] for column in ("value", "basis", "note", "cameras")
     }
     if warned := implausible(study):
-        values["warning"] = [f"{one.path}: {one.what}" for one in warned]
+        values["warning"] = [f"{warning.path}: {warning.what}" for warning in warned]
     return dataset("assumptions", values, {"path": [row["path"] for row in rows]})
 
 
@@ -112,10 +116,10 @@ def _set_for_this_run(document: Document) -> Iterator[dict[str, str | None]]:
 
 
 def _declared(document: Document) -> Iterator[dict[str, str | None]]:
-    given = {override.path for override in document.overrides}
+    overridden = {override.path for override in document.overrides}
     written: dict[tuple[Place, Path], list[Path]] = {}
     for path in (*document.annotations, *_without_basis(document)):
-        if path not in given:
+        if path not in overridden:
             written.setdefault((document.locate(path), _camera_and_tail(path)[1]), []).append(path)
     for (_, tail), paths in written.items():
         annotation = document.annotations.get(paths[0], Annotation())
@@ -130,9 +134,9 @@ def _declared(document: Document) -> Iterator[dict[str, str | None]]:
 
 def _without_basis(document: Document) -> Iterator[Path]:
     """Values of cameras and scene that the study gives without a basis or note, and without a --set for this run."""
-    given = [override.path for override in document.overrides]
+    overridden = [override.path for override in document.overrides]
     for path, entry in walk(document.root, ()):
-        if not path or entry.annotation is not None or any(path[: len(one)] == one for one in given):
+        if not path or entry.annotation is not None or any(path[: len(prefix)] == prefix for prefix in overridden):
             continue
         camera, tail = _camera_and_tail(path)
         is_input = tail[0] not in _NO_INPUTS if camera and tail else tail[:1] == ("scene",) and tail[1:2] not in _ASKED
@@ -164,8 +168,12 @@ def _defaults(study: PreparedStudy) -> Iterator[dict[str, str | None]]:
 def _note(study: PreparedStudy, name: str) -> str:
     """The note declared under a camera; it may no longer be true of values that this run sets."""
     note = study.file.cameras[name].note or ""
-    own = {tail for camera, tail in (_camera_and_tail(one.path) for one in study.document.overrides) if camera == name}
-    changed = own - {("note",), ("title",)}
+    overridden = {
+        tail
+        for camera, tail in (_camera_and_tail(override.path) for override in study.document.overrides)
+        if camera == name
+    }
+    changed = overridden - {("note",), ("title",)}
     return (
         f"{note} (Values of this camera were set for this run after the note was written.)"
         if note and changed
@@ -180,11 +188,12 @@ def _camera_and_tail(path: Path) -> tuple[str, Path]:
 
 def contradictions_group(study: PreparedStudy) -> xr.Dataset:
     """/contradictions: inputs that contradict each other."""
-    found = contradictions(study)
+    entries = contradictions(study)
     values = {
-        name: [getattr(row, name) for _, row in found] for name in ("what", "stated", "implied", "used", "consequence")
+        column: [getattr(row, column) for _, row in entries]
+        for column in ("what", "stated", "implied", "used", "consequence")
     }
-    return dataset("contradictions", {"camera": [camera for camera, _ in found], **values}, {})
+    return dataset("contradictions", {"camera": [camera for camera, _ in entries], **values}, {})
 
 
 _NONE = Change(relative=math.nan, evidence="computed")
@@ -192,32 +201,32 @@ _NONE = Change(relative=math.nan, evidence="computed")
 
 def effects_group(plan: Plan) -> xr.Dataset:
     """/effects over decisions, and over the problems of the study that they belong to."""
-    decisions = [(one, decision) for one in plan.problems for decision in one.decisions]
+    decisions = [(choice, decision) for choice in plan.problems for decision in choice.decisions]
     changes = [_row(decision.changes) for _, decision in decisions]
-    together = [_row(one.changes) for one in plan.problems]
+    together = [_row(choice.changes) for choice in plan.problems]
     return dataset(
         "effects",
         {
-            "problem_of": [one.name for one, _ in decisions],
+            "problem_of": [choice.name for choice, _ in decisions],
             "slot": [decision.slot for _, decision in decisions],
             "model": [decision.model for _, decision in decisions],
             "chosen": [float(decision.chosen) for _, decision in decisions],
             "forced": [float(decision.forced) for _, decision in decisions],
-            "reason": [one.problem.reasons.get(decision.slot, "") for one, decision in decisions],
-            "change": [[one.relative for one in row] for row in changes],
-            "evidence": [[_evidence(one) for one in row] for row in changes],
-            "change_at": [[one.at for one in row] for row in changes],
-            "joint_change": [[one.relative for one in row] for row in together],
-            "joint_evidence": [[_evidence(one) for one in row] for row in together],
-            "forced_change": [[one.relative for one in _row(problem.by_forcing)] for problem in plan.problems],
-            "tolerance": [[one.asked.get(q, math.nan) for q in QUANTITIES] for one in plan.problems],
-            "problem_title": [one.problem.title for one in plan.problems],
-            "summary": [summary(one) for one in plan.problems],
+            "reason": [choice.problem.reasons.get(decision.slot, "") for choice, decision in decisions],
+            "change": [[change.relative for change in row] for row in changes],
+            "evidence": [[_evidence(change) for change in row] for row in changes],
+            "change_at": [[change.at for change in row] for row in changes],
+            "joint_change": [[change.relative for change in row] for row in together],
+            "joint_evidence": [[_evidence(change) for change in row] for row in together],
+            "forced_change": [[change.relative for change in _row(choice.by_forcing)] for choice in plan.problems],
+            "tolerance": [[choice.asked.get(q, math.nan) for q in QUANTITIES] for choice in plan.problems],
+            "problem_title": [choice.problem.title for choice in plan.problems],
+            "summary": [summary(choice) for choice in plan.problems],
         },
         {
-            "decision": [f"{one.name}: {decision.slot}: {decision.model}" for one, decision in decisions],
+            "decision": [f"{choice.name}: {decision.slot}: {decision.model}" for choice, decision in decisions],
             "quantity": list(QUANTITIES),
-            "problem": [one.name for one in plan.problems],
+            "problem": [choice.name for choice in plan.problems],
         },
     )
 

@@ -52,73 +52,77 @@ def requirements_group(
 ) -> xr.Dataset:
     """/requirements over requirements, and over (swept parameters, requirement)."""
     requirements, axes = study.file.requirements, sweep_axes(study)
-    found = {name: judge.answer(one, study.case) for name, one in requirements.items()}
-    only_depth = all(one.asks_for_depth for one in requirements.values())
+    judged = {name: judge.answer(requirement, study.case) for name, requirement in requirements.items()}
+    only_depth = all(requirement.asks_for_depth for requirement in requirements.values())
     cameras = list(study.case.cameras if only_depth else study.case.all_cameras)
-    deciding = [one for one, _ in found.values()]
-    by_camera = [[every.get(name) for name in cameras] for _, every in found.values()]
-    margins = [[math.nan if one is None else 100.0 * one.margin for one in row] for row in by_camera]
+    deciding = [answer for answer, _ in judged.values()]
+    by_camera = [[all_answers.get(camera) for camera in cameras] for _, all_answers in judged.values()]
+    margins = [[math.nan if answer is None else 100.0 * answer.margin for answer in row] for row in by_camera]
     values: dict[str, Any] = {
-        "says": [one.says for one in requirements.values()],
-        "priority": [one.priority for one in requirements.values()],
-        "quantity": [one.quantity for one in requirements.values()],
-        "of": [one.camera for one in requirements.values()],
-        "met": [_verdict(one) for one in deciding],
-        "camera_deciding": [one.camera for one in deciding],
-        "value": [one.value for one in deciding],
-        "value_error": [one.error for one in deciding],
-        "bound": [one.bound for one in deciding],
+        "says": [requirement.says for requirement in requirements.values()],
+        "priority": [requirement.priority for requirement in requirements.values()],
+        "quantity": [requirement.quantity for requirement in requirements.values()],
+        "of": [requirement.camera for requirement in requirements.values()],
+        "met": [_verdict(answer) for answer in deciding],
+        "camera_deciding": [answer.camera for answer in deciding],
+        "value": [answer.value for answer in deciding],
+        "value_error": [answer.error for answer in deciding],
+        "bound": [answer.bound for answer in deciding],
         "bound_is_relative": [
-            isinstance(one.required, BoundOverPart) and one.required.is_relative for one in requirements.values()
+            isinstance(requirement.required, BoundOverPart) and requirement.required.is_relative
+            for requirement in requirements.values()
         ],
-        "bound_text": [_bound_words(one.required) for one in requirements.values()],
-        "over_near": [one.over[0] if one.over else math.nan for one in requirements.values()],
-        "over_far": [one.over[-1] if one.over else math.nan for one in requirements.values()],
-        "place": [one.place for one in deciding],
-        "margin_percent": [100.0 * one.margin for one in deciding],
-        "margin_sigma": [one.margin_in_errors for one in deciding],
-        "conformity": [one.conformity for one in deciding],
-        "within_tolerance": _near_its_bound(study, found.values()),
-        "reason": [one.reason for one in deciding],
-        "limited_by": [one.limit for one in deciding],
+        "bound_text": [_bound_words(requirement.required) for requirement in requirements.values()],
+        "over_near": [requirement.over[0] if requirement.over else math.nan for requirement in requirements.values()],
+        "over_far": [requirement.over[-1] if requirement.over else math.nan for requirement in requirements.values()],
+        "place": [answer.place for answer in deciding],
+        "margin_percent": [100.0 * answer.margin for answer in deciding],
+        "margin_sigma": [answer.margin_in_errors for answer in deciding],
+        "conformity": [answer.conformity for answer in deciding],
+        "within_tolerance": _near_its_bound(study, judged.values()),
+        "reason": [answer.reason for answer in deciding],
+        "limited_by": [answer.limit for answer in deciding],
         **_rests_on(study, deciding),
         **_with_matching_at_its_bound(study, judge),
         **_under_other_readings(study, judge),
-        "camera_met": [[-1 if one is None else _verdict(one) for one in row] for row in by_camera],
+        "camera_met": [[-1 if answer is None else _verdict(answer) for answer in row] for row in by_camera],
         "camera_margin_percent": margins,
-        "camera_reason": [["" if one is None else one.reason for one in row] for row in by_camera],
+        "camera_reason": [["" if answer is None else answer.reason for answer in row] for row in by_camera],
     }
     coordinates: dict[str, Any] = {"requirement": list(requirements), "camera": cameras}
     if study.readings:
         coordinates["reading"] = list(study.readings)
     if axes:
-        judge.check([(one, design.case) for design in designs for one in design.file.requirements.values()], steps)
+        judge.check(
+            [(requirement, design.case) for design in designs for requirement in design.file.requirements.values()],
+            steps,
+        )
         answers = [
             [judge.answer(design.file.requirements[name], design.case) for name in requirements] for design in designs
         ]
-        table = [[one for one, _ in row] for row in answers]
+        table = [[answer for answer, _ in row] for row in answers]
         shape = (*(len(axis.labels) for axis in axes), len(requirements))
 
-        def shaped(of: list[list[Any]]) -> np.ndarray[Any, Any]:
-            return np.array(of).reshape(shape)
+        def shaped(rows: list[list[Any]]) -> np.ndarray[Any, Any]:
+            return np.array(rows).reshape(shape)
 
         values |= {
-            "design_met": shaped([[_verdict(one) for one in row] for row in table]),
-            "design_camera": shaped([[one.camera for one in row] for row in table]),
-            "design_margin_percent": shaped([[100.0 * one.margin for one in row] for row in table]),
-            "design_margin_sigma": shaped([[one.margin_in_errors for one in row] for row in table]),
+            "design_met": shaped([[_verdict(answer) for answer in row] for row in table]),
+            "design_camera": shaped([[answer.camera for answer in row] for row in table]),
+            "design_margin_percent": shaped([[100.0 * answer.margin for answer in row] for row in table]),
+            "design_margin_sigma": shaped([[answer.margin_in_errors for answer in row] for row in table]),
             "design_within_tolerance": shaped([_near_its_bound(study, row) for row in answers]),
-            "design_reason": shaped([[one.reason for one in row] for row in table]),
-            "design_limited_by": shaped([[one.limit for one in row] for row in table]),
+            "design_reason": shaped([[answer.reason for answer in row] for row in table]),
+            "design_limited_by": shaped([[answer.limit for answer in row] for row in table]),
         }
         if len(axes) == 1 and _is_numeric(axes[0]):
             columns = list(zip(*answers, strict=True))
-            found_stretches = [
+            stretches = [
                 _stretches(study, name, axes[0], column, judge)
                 for name, column in zip(requirements, columns, strict=True)
             ]
             absent = {"met_from": math.nan, "met_to": math.nan, "met_to_within": math.nan, "met_camera": ""}
-            values |= padded_attributes(found_stretches, absent)
+            values |= padded_attributes(stretches, absent)
         steps.progress("requirements", 1.0)
     return over_designs("requirements", values, coordinates, axes)
 
@@ -169,8 +173,8 @@ def _rests_on(study: PreparedStudy, deciding: Sequence[RequirementAnswer]) -> di
         )
         shares.append(math.nan if cause is None else cause.share)
     return {
-        "rests_on": [one.words for one in inputs],
-        "rests_on_basis": [one.basis for one in inputs],
+        "rests_on": [entry.words for entry in inputs],
+        "rests_on_basis": [entry.basis for entry in inputs],
         "rests_on_share": shares,
     }
 
@@ -179,19 +183,21 @@ def _with_matching_at_its_bound(study: PreparedStudy, judge: Judge) -> dict[str,
     """Requirements on cameras with a declared matcher, answered as if that matcher reached the theoretical bound."""
     case = study.case
     best = replace(case, cameras={name: at_bound(camera) for name, camera in case.cameras.items()})
-    found = [
-        judge.answer(one, best)[0] if one.quantity in _BY_MATCHING and _concerns_a_matcher(one, case, best) else None
-        for one in study.file.requirements.values()
+    answers = [
+        judge.answer(requirement, best)[0]
+        if requirement.quantity in _BY_MATCHING and _concerns_a_matcher(requirement, case, best)
+        else None
+        for requirement in study.file.requirements.values()
     ]
-    if not any(found):
+    if not any(answers):
         return {}
     return {
-        "bound_alone_met": [-1 if one is None else _verdict(one) for one in found],
-        "bound_alone_camera": ["" if one is None else one.camera for one in found],
-        "bound_alone_value": [math.nan if one is None else one.value for one in found],
-        "bound_alone_value_error": [math.nan if one is None else one.error for one in found],
-        "bound_alone_place": [math.nan if one is None else one.place for one in found],
-        "bound_alone_reason": ["" if one is None else one.reason for one in found],
+        "bound_alone_met": [-1 if answer is None else _verdict(answer) for answer in answers],
+        "bound_alone_camera": ["" if answer is None else answer.camera for answer in answers],
+        "bound_alone_value": [math.nan if answer is None else answer.value for answer in answers],
+        "bound_alone_value_error": [math.nan if answer is None else answer.error for answer in answers],
+        "bound_alone_place": [math.nan if answer is None else answer.place for answer in answers],
+        "bound_alone_reason": ["" if answer is None else answer.reason for answer in answers],
     }
 
 
@@ -199,15 +205,15 @@ def _under_other_readings(study: PreparedStudy, judge: Judge) -> dict[str, Any]:
     """The answers under each reading other than the study as declared."""
     if not study.readings:
         return {}
-    found = [
+    answers = [
         [judge.answer(reading.file.requirements[name], reading.case)[0] for reading in study.readings.values()]
         for name in study.file.requirements
     ]
     return {
         "reading_says": [study.file.readings[name].says for name in study.readings],
-        "reading_met": [[_verdict(one) for one in row] for row in found],
-        "reading_camera": [[one.camera for one in row] for row in found],
-        "reading_reason": [[one.reason for one in row] for row in found],
+        "reading_met": [[_verdict(answer) for answer in row] for row in answers],
+        "reading_camera": [[answer.camera for answer in row] for row in answers],
+        "reading_reason": [[answer.reason for answer in row] for row in answers],
     }
 
 
@@ -227,20 +233,20 @@ def _tolerance(study: PreparedStudy, requirement: RequirementPart) -> float:
 
 
 def _near_its_bound(
-    study: PreparedStudy, found: Iterable[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]
+    study: PreparedStudy, answers: Iterable[tuple[RequirementAnswer, Mapping[str, RequirementAnswer]]]
 ) -> list[float]:
     """1 for every answer that omitted effects could reverse, 0 for the others."""
     requirements = study.file.requirements.values()
     of_ends = study.file.accuracy.asked().tolerances["usable_range"]
     return [
-        float(_could_be_reversed(deciding, every.values(), required.camera, _tolerance(study, required), of_ends))
-        for (deciding, every), required in zip(found, requirements, strict=True)
+        float(_could_be_reversed(deciding, all_answers.values(), required.camera, _tolerance(study, required), of_ends))
+        for (deciding, all_answers), required in zip(answers, requirements, strict=True)
     ]
 
 
 def _could_be_reversed(
     deciding: RequirementAnswer,
-    every: Collection[RequirementAnswer],
+    answers: Collection[RequirementAnswer],
     cameras: str,
     of_value: float,
     of_ends: float,
@@ -253,8 +259,8 @@ def _could_be_reversed(
     if deciding.met is None:
         return False
     if deciding.met is (cameras != ALL):
-        return all(one.could_be_overturned(of_value, of_ends) for one in every if one.met is deciding.met)
-    return any(one.could_be_overturned(of_value, of_ends) for one in every)
+        return all(answer.could_be_overturned(of_value, of_ends) for answer in answers if answer.met is deciding.met)
+    return any(answer.could_be_overturned(of_value, of_ends) for answer in answers)
 
 
 def _verdict(answer: RequirementAnswer) -> int:
@@ -283,14 +289,14 @@ def _stretches(
     Where any camera may meet it, those of each camera by itself.
     """
     places = [float(label) for label in axis.labels]
-    of = study.file.requirements[name].camera
+    concerned = study.file.requirements[name].camera
     runs = [
         (camera, numbers)
-        for camera in (column[0][1] if of == ANY else (of,))
-        for is_met, numbers in _runs([_is_met_by(camera, one) for one in column])
+        for camera in (column[0][1] if concerned == ANY else (concerned,))
+        for is_met, numbers in _runs([_is_met_by(camera, answers) for answers in column])
         if is_met
     ]
-    found = []
+    stretches = []
     for camera, numbers in runs:
         first, last = numbers[0], numbers[-1]
         (low, low_error), (high, high_error) = (
@@ -299,8 +305,10 @@ def _stretches(
             else (places[end], 0.0)
             for end, neighbour in ((first, first - 1), (last, last + 1))
         )
-        found.append(_Stretch(met_from=low, met_to=high, met_to_within=max(low_error, high_error), met_camera=camera))
-    return found
+        stretches.append(
+            _Stretch(met_from=low, met_to=high, met_to_within=max(low_error, high_error), met_camera=camera)
+        )
+    return stretches
 
 
 def _runs(values: Sequence[bool]) -> list[tuple[bool, list[int]]]:
@@ -310,8 +318,8 @@ def _runs(values: Sequence[bool]) -> list[tuple[bool, list[int]]]:
 
 def _is_met_by(camera: str, answers: _Answers) -> bool:
     """Whether one camera, or all together if it is "all", meets a requirement."""
-    deciding, every = answers
-    return every.get(camera, deciding).met is True
+    deciding, by_camera = answers
+    return by_camera.get(camera, deciding).met is True
 
 
 def _root(

@@ -63,12 +63,14 @@ class TakenScene:
     @property
     def arrays(self) -> dict[str, dict[str, NDArray[Any]]]:
         """The content of the files of pictures and depths by camera and by name of the file without its ending."""
-        found: dict[str, dict[str, NDArray[Any]]] = {}
-        for one in self.rendering.pictures:
-            found.setdefault(one.camera, {}).update({one.name: one.values, f"{one.name}_depth": one.depth})
+        arrays: dict[str, dict[str, NDArray[Any]]] = {}
+        for picture in self.rendering.pictures:
+            arrays.setdefault(picture.camera, {}).update(
+                {picture.name: picture.values, f"{picture.name}_depth": picture.depth}
+            )
         for measured in self.depths:
-            found[measured.camera].update(measured.arrays)
-        return found
+            arrays[measured.camera].update(measured.arrays)
+        return arrays
 
 
 def files_of_pictures(study: PreparedStudy) -> list[str]:
@@ -107,8 +109,8 @@ def take_scene(study: PreparedStudy, directory: Path | None, steps: Steps, *, de
     written = write_pictures(rendering, directory) if directory is not None else []
     depths = measure_depth(rendering, readers, steps)
     if directory is not None:
-        for one in depths:
-            write_depth(one, directory / one.camera, rendering.image.depth_format)
+        for measured in depths:
+            write_depth(measured, directory / measured.camera, rendering.image.depth_format)
         files = [path for pattern in files_of_pictures(study) for path in sorted(directory.glob(pattern))]
         list_written(directory, [path.relative_to(directory).as_posix() for path in files])
     return TakenScene(rendering=rendering, depths=depths, written=written)
@@ -121,50 +123,50 @@ def pictures_group(taken: TakenScene) -> xr.Dataset:
     """/pictures over pictures with their rows and columns, and over the cameras that measured depth in them."""
     pictures = taken.rendering.pictures
     reduced = [_reduced(one) for one in pictures]
-    rows, columns = (max(one[0].shape[k] for one in reduced) for k in (0, 1))
+    rows, columns = (max(brightness.shape[k] for brightness, _ in reduced) for k in (0, 1))
     values: dict[str, Any] = {
-        "brightness": [padded(one[0], (rows, columns)) for one in reduced],
-        "true_depth": [padded(one[1], (rows, columns)) for one in reduced],
-        "detail": [padded(_detail(one), (_DETAIL, _DETAIL)) for one in pictures],
-        "camera_of": [one.camera for one in pictures],
-        "block": [float(_block(one)) for one in pictures],
-        "columns": [float(one.values.shape[1]) for one in pictures],
-        "rows": [float(one.values.shape[0]) for one in pictures],
-        "pixel_pitch": [one.pixel_pitch for one in pictures],
-        "saturated": [float(one.saturated) for one in pictures],
-        "sampling_error": [one.sampling_error for one in pictures],
-        "by_waves": [float(one.tile.waves is not None) for one in pictures],
-        "model_error": [one.model_error for one in pictures],
+        "brightness": [padded(brightness, (rows, columns)) for brightness, _ in reduced],
+        "true_depth": [padded(depth, (rows, columns)) for _, depth in reduced],
+        "detail": [padded(_detail(picture), (_DETAIL, _DETAIL)) for picture in pictures],
+        "camera_of": [picture.camera for picture in pictures],
+        "block": [float(_block(picture)) for picture in pictures],
+        "columns": [float(picture.values.shape[1]) for picture in pictures],
+        "rows": [float(picture.values.shape[0]) for picture in pictures],
+        "pixel_pitch": [picture.pixel_pitch for picture in pictures],
+        "saturated": [float(picture.saturated) for picture in pictures],
+        "sampling_error": [picture.sampling_error for picture in pictures],
+        "by_waves": [float(picture.tile.waves is not None) for picture in pictures],
+        "model_error": [picture.model_error for picture in pictures],
     }
-    labels = {"picture": [f"{one.camera} {one.name}" for one in pictures]}
+    labels = {"picture": [f"{picture.camera} {picture.name}" for picture in pictures]}
     if taken.depths:
-        values |= depth_map_values(taken.depths, {one.name: one.camera for one in taken.rendering.cameras})
-        labels["mapped_camera"] = [one.camera for one in taken.depths]
+        values |= depth_map_values(taken.depths, {camera.name: camera.camera for camera in taken.rendering.cameras})
+        labels["mapped_camera"] = [measured.camera for measured in taken.depths]
     return dataset("pictures", values, labels)
 
 
-def _block(one: TakenPicture) -> int:
-    largest: int = max(one.values.shape)
+def _block(picture: TakenPicture) -> int:
+    largest: int = max(picture.values.shape)
     return math.ceil(largest / LARGEST)
 
 
-def _reduced(one: TakenPicture) -> tuple[FloatArray, FloatArray]:
+def _reduced(picture: TakenPicture) -> tuple[FloatArray, FloatArray]:
     """Brightness and depth of blocks; incomplete blocks at the right and bottom edges are left out."""
-    side = _block(one)
-    rows, columns = (size // side for size in one.values.shape)
-    inside = one.values[: rows * side, : columns * side].astype(np.float64)
+    side = _block(picture)
+    rows, columns = (size // side for size in picture.values.shape)
+    inside = picture.values[: rows * side, : columns * side].astype(np.float64)
     blocks = inside.reshape(rows, side, columns, side).mean(axis=(1, 3))
     middle = slice(side // 2, None, side)
-    return blocks / _brightest(one), one.depth[middle, middle][:rows, :columns].astype(np.float64)
+    return blocks / _brightest(picture), picture.depth[middle, middle][:rows, :columns].astype(np.float64)
 
 
-def _detail(one: TakenPicture) -> FloatArray:
-    top, left = (max(0, (size - _DETAIL) // 2) for size in one.values.shape)
-    return one.values[top : top + _DETAIL, left : left + _DETAIL].astype(np.float64) / _brightest(one)
+def _detail(picture: TakenPicture) -> FloatArray:
+    top, left = (max(0, (size - _DETAIL) // 2) for size in picture.values.shape)
+    return picture.values[top : top + _DETAIL, left : left + _DETAIL].astype(np.float64) / _brightest(picture)
 
 
-def _brightest(one: TakenPicture) -> float:
-    return max(float(np.max(one.values)), np.finfo(np.float64).tiny)
+def _brightest(picture: TakenPicture) -> float:
+    return max(float(np.max(picture.values)), np.finfo(np.float64).tiny)
 
 
 _SEARCHED = 1.1  # times the distance of a plane, and divided by it: any range would do
@@ -206,28 +208,30 @@ def _problems_of_depth_maps(study: PreparedStudy, rig: Rig | None) -> Iterator[P
     extent, cameras = extent_and_cameras(study, rig=rig)
     for taken in cameras:
         recording = recording_of(image, picture, taken.camera.sensor)
-        if what := _saturated(taken.name, taken.camera, recording, sum(extent) / 2.0):
+        if problem := _saturated(taken.name, taken.camera, recording, sum(extent) / 2.0):
             where = ("scene", "picture", "light")
-            yield study.document.locate(where).problem(where, what)
+            yield study.document.locate(where).problem(where, problem)
 
 
 def _problems_of_loop(study: PreparedStudy) -> Iterator[Problem]:
     where, loop = ("depth_loop",), study.file.depth_loop
     assert loop is not None
-    found: set[str] = set()
+    checked: set[str] = set()
     try:
         for point in loop_points(study, loop).values():
             near, far = point.distance / _SEARCHED, point.distance * _SEARCHED
             search = DepthSearch(near=near, far=far, window_px=point.window_px)
-            if point.name not in found:
+            if point.name not in checked:
                 point.reader(camera=point.camera, search=search)
             settings = point.settings
             recording = Recording(
                 light=settings.light, noise=settings.sensor_noise, model=NOISE, pixel_fill=settings.pixel_fill
             )
-            if point.name not in found and (what := _saturated(point.name, point.camera, recording, point.distance)):
-                yield study.document.locate(where).problem(where, what)
-            found.add(point.name)
+            if point.name not in checked and (
+                problem := _saturated(point.name, point.camera, recording, point.distance)
+            ):
+                yield study.document.locate(where).problem(where, problem)
+            checked.add(point.name)
     except OutOfRangeError as error:
         yield study.document.locate(where).problem(where, str(error))
 
