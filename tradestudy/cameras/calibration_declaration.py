@@ -146,11 +146,11 @@ class TargetPart(Part):
             yield MistakeAt.several(mistakes)
 
     def _mistakes_of_views(self) -> Iterator[MistakeAt]:
-        given = [name for name in _DRAWN if getattr(self, name) is not None]
+        given_keys = [key for key in _DRAWN if getattr(self, key) is not None]
         if self.poses is not None:
-            for name in given:
-                yield MistakeAt((name,), "poses determines every view; remove this (null removes an inherited one)")
-        elif missing := [name for name in _DRAWN if name not in given]:
+            for key in given_keys:
+                yield MistakeAt((key,), "poses determines every view; remove this (null removes an inherited one)")
+        elif missing := [key for key in _DRAWN if key not in given_keys]:
             yield MistakeAt((), f"needs {', '.join(missing)} (or poses instead of {', '.join(_DRAWN)})")
 
     def _mistakes_of_tilt(self) -> Iterator[MistakeAt]:
@@ -173,6 +173,7 @@ class TargetPart(Part):
 def _largest_angle(poses: tuple[PosePart, ...]) -> float:
     """Largest angle between the planes of two boards [rad]."""
     normals = np.array([pose.normal for pose in poses])
+    # The sine keeps small angles exact, where the cosine would lose half of the digits.
     sines = np.linalg.norm(np.cross(normals[:, None], normals[None]), axis=-1)
     return float(np.arcsin(np.clip(sines, 0.0, 1.0)).max())
 
@@ -269,29 +270,32 @@ class StabilityPart(Part):
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """As for every part, but materials matter only if the temperature changes."""
         matter = self.temperature is not None
-        yield from (one for one in super().assumed() if matter or self.needed_by.get(one[0][0]) != ("temperature",))
+        for path, value in super().assumed():
+            if matter or self.needed_by.get(path[0]) != ("temperature",):
+                yield path, value
 
     def _mistakes(self) -> Iterator[MistakeAt]:
         if mistakes := [*self._mistakes_of_ambient_conditions()]:
             yield MistakeAt.several(mistakes)
 
     def _mistakes_of_ambient_conditions(self) -> Iterator[MistakeAt]:
-        changes = [name for name in ("temperature", "pressure") if getattr(self, name) is not None]
-        for name in changes:
-            if getattr(self.calibrated_at, name) + lowest(getattr(self, name)) <= 0.0:
-                end = "absolute zero" if name == "temperature" else "zero pressure"
+        changes = [change for change in ("temperature", "pressure") if getattr(self, change) is not None]
+        for change in changes:
+            if getattr(self.calibrated_at, change) + lowest(getattr(self, change)) <= 0.0:
+                end = "absolute zero" if change == "temperature" else "zero pressure"
                 yield MistakeAt(
-                    (name,), f"can take stability.calibrated_at.{name} down to {end}; give a smaller change"
+                    (change,), f"can take stability.calibrated_at.{change} down to {end}; give a smaller change"
                 )
+        # These have a default, so that no change requires them.
         optional = ("calibrated_at", "sensor_expansion", "baseline_expansion", "microlens_centers")
-        for name, users in self.needed_by.items():
+        for key, users in self.needed_by.items():
             using = [user for user in users if user in changes]
-            given = name in self.model_fields_set and getattr(self, name) is not None
-            if using and not given and name not in optional:
-                yield MistakeAt((using[0],), f"needs stability.{name} too")
-            if given and not using:
+            is_given = key in self.model_fields_set and getattr(self, key) is not None
+            if using and not is_given and key not in optional:
+                yield MistakeAt((using[0],), f"needs stability.{key} too")
+            if is_given and not using:
                 yield MistakeAt(
-                    (name,), f"has no effect without stability.{' or stability.'.join(users)}; add it, or remove this"
+                    (key,), f"has no effect without stability.{' or stability.'.join(users)}; add it, or remove this"
                 )
 
 
@@ -421,17 +425,17 @@ class CalibrationPart(Part):
     @property
     def source(self) -> SourceName:
         """The source of the errors' distribution."""
-        return next((name for name in _SOURCES if getattr(self, name) is not None), "errors")
+        return next((source for source in _SOURCES if getattr(self, source) is not None), "errors")
 
     def _mistakes(self) -> Iterator[MistakeAt]:
         if mistakes := [*self._mistakes_of_source(), *self._mistakes_of_correlations()]:
             yield MistakeAt.several(mistakes)
 
     def _mistakes_of_source(self) -> Iterator[MistakeAt]:
-        given = [name for name in _SOURCES if getattr(self, name) is not None]
-        for name in given[1:]:
+        sources = [source for source in _SOURCES if getattr(self, source) is not None]
+        for other in sources[1:]:
             yield MistakeAt(
-                (name,), f"a calibration has only one source, and {given[0]} is given already; remove one of the two"
+                (other,), f"a calibration has only one source, and {sources[0]} is given already; remove one of the two"
             )
         if self.corners is not None and not self.camera.corners_calibrate:
             what = f"corners of two cameras calibrate a stereo rig; a {self.kind} camera takes target or posterior"
@@ -446,19 +450,19 @@ class CalibrationPart(Part):
             yield from self._mistakes_of_priors()
 
     def _mistakes_of_priors(self) -> Iterator[MistakeAt]:
-        given = self.errors.given()
-        if not given:
+        errors = self.errors.given()
+        if not errors:
             yield MistakeAt(("target",), "needs errors, the priors of the parameters that it determines")
-        known = self.camera.error_vocabulary
-        priors = {name for name in given if known[name].error_class is ErrorClass.RIG}
-        for name in given:
-            shape = given[name].resolved_shape
+        vocabulary = self.camera.error_vocabulary
+        priors = {name for name in errors if vocabulary[name].error_class is ErrorClass.RIG}
+        for name in errors:
+            shape = errors[name].resolved_shape
             if name in priors and shape not in ("normal", "uniform"):
                 yield MistakeAt(
                     ("errors", name), f"{shape} is not a valid prior for a target; a normal or uniform one is expected"
                 )
-        for name, others in self.correlations.items():
-            if priors & {name, *others}:
+        for name, partners in self.correlations.items():
+            if priors & {name, *partners}:
                 what = (
                     "priors for a target are independent, because the target determines the correlations; remove this "
                     "(null removes an inherited one)"
@@ -466,10 +470,10 @@ class CalibrationPart(Part):
                 yield MistakeAt(("correlations", name), what)
 
     def _mistakes_of_correlations(self) -> Iterator[MistakeAt]:
-        given, seen = self.errors.given(), set[frozenset[str]]()
-        wrong = [*self._unknown_names(given)]
-        for first, others in self.correlations.items():
-            for second in others:
+        errors, seen = self.errors.given(), set[frozenset[str]]()
+        wrong = [*self._unknown_names(errors)]
+        for first, partners in self.correlations.items():
+            for second in partners:
                 pair, path = frozenset((first, second)), ("correlations", first, second)
                 if len(pair) == 1:
                     wrong.append(MistakeAt(path, "an error cannot be correlated with itself; name two errors"))
@@ -477,21 +481,22 @@ class CalibrationPart(Part):
                     wrong.append(
                         MistakeAt(path, f"the pair of {first} and {second} is given already; give each pair once")
                     )
-                elif pair <= given.keys() and (classes := self._class_conflict(first, second)) is not None:
+                elif pair <= errors.keys() and (classes := self._class_conflict(first, second)) is not None:
                     wrong.append(MistakeAt(path, f"errors drawn {classes} cannot be correlated"))
                 seen.add(pair)
         yield from wrong or _indefinite(self.correlations)
 
-    def _unknown_names(self, given: Mapping[str, object]) -> Iterator[MistakeAt]:
-        for first, others in self.correlations.items():
-            for path, name in ((("correlations", first), first), *((("correlations", first, n), n) for n in others)):
-                if name not in given:
-                    yield MistakeAt(path, f"{name!r} is not among the errors of this camera{nearest_name(name, given)}")
+    def _unknown_names(self, errors: Mapping[str, object]) -> Iterator[MistakeAt]:
+        for first, partners in self.correlations.items():
+            for path, name in ((("correlations", first), first), *((("correlations", first, n), n) for n in partners)):
+                if name not in errors:
+                    what = f"{name!r} is not among the errors of this camera{nearest_name(name, errors)}"
+                    yield MistakeAt(path, what)
 
     def _class_conflict(self, first: str, second: str) -> str | None:
         """How often each of two parameters is drawn; None where both are drawn equally often."""
-        one, other = (self.camera.error_vocabulary[name].error_class for name in (first, second))
-        return None if one is other else f"{one.value} and errors drawn {other.value}"
+        first_class, second_class = (self.camera.error_vocabulary[name].error_class for name in (first, second))
+        return None if first_class is second_class else f"{first_class.value} and errors drawn {second_class.value}"
 
 
 def _distribution_of(parameter: ErrorParameter) -> type[DistributionPart[Any, Any]]:
@@ -503,9 +508,10 @@ def _distribution_of(parameter: ErrorParameter) -> type[DistributionPart[Any, An
 def correlated(correlations: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
     """Groups of errors that are correlated, directly or through others, in the order of their first errors."""
     groups: list[list[str]] = []
-    for first, others in correlations.items():
-        joined = [group for group in groups if {first, *others} & set(group)]
-        names = dict.fromkeys([*(name for group in joined for name in group), first, *others])
+    for first, partners in correlations.items():
+        # A new row may connect groups that were separate until now.
+        joined = [group for group in groups if {first, *partners} & set(group)]
+        names = dict.fromkeys([*(name for group in joined for name in group), first, *partners])
         groups = [group for group in groups if group not in joined]
         groups.append(list(names))
     return [tuple(group) for group in groups if len(group) > 1]
@@ -517,8 +523,8 @@ def correlation_matrix(
     """Correlation matrix of these errors: 1 on the diagonal, 0 where nothing is given."""
     matrix = np.eye(len(names))
     at = {name: index for index, name in enumerate(names)}
-    for first, others in correlations.items():
-        for second, value in others.items():
+    for first, partners in correlations.items():
+        for second, value in partners.items():
             if first in at and second in at:
                 matrix[at[first], at[second]] = matrix[at[second], at[first]] = value
     return matrix
@@ -583,6 +589,6 @@ def _parts_of_family(
             for name, parameter in vocabulary
             if name in known_parameters
         }
-        known = create_model(f"{title}Known", __base__=KnownPart, __doc__=KnownPart.__doc__, **values)
-        parts["known"] = (known, Field(default_factory=known))
+        known_part = create_model(f"{title}Known", __base__=KnownPart, __doc__=KnownPart.__doc__, **values)
+        parts["known"] = (known_part, Field(default_factory=known_part))
     return parts

@@ -98,23 +98,23 @@ class StudyDefinition:
         """
         if self.tolerance is None:
             return self.document
-        own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
+        keys = [key for key in QUANTITIES if self.document.entry(f"accuracy.{key}") is not None]
         # Noise alone is answered only where the study gives its tolerance, so that key must stay.
-        replaced = {f"accuracy.{name}": self.tolerance if name == "depth_noise" else None for name in own}
-        asked = with_values(self.document, {"accuracy.tolerance": self.tolerance, **replaced})
-        spot, accuracy = self.declared.light_spot, validate_changes(asked, self.document, self.declared).accuracy
+        replaced = {f"accuracy.{key}": self.tolerance if key == "depth_noise" else None for key in keys}
+        document = with_values(self.document, {"accuracy.tolerance": self.tolerance, **replaced})
+        spot, accuracy = self.declared.light_spot, validate_changes(document, self.document, self.declared).accuracy
         tolerance = accuracy.asked().tolerances["pixel_intensity"]
         if spot is None or not spot.methods or tolerance <= spot.tolerance:
-            return asked
+            return document
         loosened = ScalarEntry.of(f"{100 * min(tolerance, LOOSEST_PICTURE):g} %")
-        return with_values(asked, {"light_spot.tolerance": loosened})
+        return with_values(document, {"light_spot.tolerance": loosened})
 
     def _problems_of_refocusing(self) -> Iterator[Problem]:
         """Shifts, pairs of views and blurs that a camera cannot have."""
         designs, part = self.designs, self.file.refocusing
         if part is None:
             return
-        for name in part.asked({key: one.refocuses for key, one in designs.items()}):
+        for name in part.asked({key: design.refocuses for key, design in designs.items()}):
             camera = designs[name].refocusing
             checks = {"shifts": camera.require_shifts, "pairs": camera.require_pair, "blur": camera.require_blur}
             for key, check in checks.items():
@@ -129,21 +129,21 @@ class StudyDefinition:
             return {}
         from tradestudy.calibration.posteriors import to_infer
 
-        found = {}
+        requests = {}
         for name, key in self.posterior_keys.items():
             part, camera = self.file.cameras[name], self.designs[name]
             assert isinstance(part, DepthCameraDeclaration)
             assert isinstance(camera, DepthCamera)
-            asked = to_infer(
+            request = to_infer(
                 name,
                 camera,
                 part.calibration,
                 folder=calibration_folder(self.document, name),
                 seed=self.file.propagation.seed,
             )
-            if asked is not None:
-                found[key] = asked
-        return found
+            if request is not None:
+                requests[key] = request
+        return requests
 
     @cached_property
     def posterior_keys(self) -> Mapping[str, str]:
@@ -186,6 +186,7 @@ class StudyDefinition:
             texts = [document.path_of(path) for path, value in values.items() if isinstance(value, str)]
             document = in_si(document, texts)
         declared, parts = validate_changes(document, self.document, self.declared), self.declared.cameras
+        # A camera's disparity error may be derived from the scene, so under another scene every camera is built anew.
         same = {
             name: design
             for name, design in self.designs.items()
@@ -221,10 +222,8 @@ class StudyDefinition:
                 for path, file in (self.file.scene.image.files() if self.file.scene and self.file.scene.image else ())
             }
             | {
-                path: self.document.folder_of(path) / part.file
-                for path, part in (
-                    (("measurements", name, "file"), one) for name, one in self.file.measurements.items()
-                )
+                ("measurements", name, "file"): self.document.folder_of(("measurements", name, "file")) / part.file
+                for name, part in self.file.measurements.items()
             }
         )
 
@@ -236,14 +235,14 @@ class StudyDefinition:
         StudyError
             If this is not a tolerance; reported at ``--tolerance``.
         """
-        asked = replace(self, tolerance=relative)
+        definition = replace(self, tolerance=relative)
         try:
-            asked.file  # noqa: B018 - validated here so that an invalid tolerance is refused where it is given
+            definition.file  # noqa: B018 - validated here so that an invalid tolerance is refused where it is given
         except StudyError as error:
             # Every tolerance of the study reports the same mistake.
-            own = [one for one in error.problems if one.path == "accuracy.tolerance"] or error.problems
-            raise StudyError([replace(one, file="--tolerance") for one in own]) from None
-        return asked
+            kept = [problem for problem in error.problems if problem.path == "accuracy.tolerance"] or error.problems
+            raise StudyError([replace(problem, file="--tolerance") for problem in kept]) from None
+        return definition
 
     def entries_of_reading(self, name: str) -> dict[str, Entry]:
         """Entries that a reading sets, by path."""
@@ -260,18 +259,18 @@ class StudyDefinition:
         StudyError
             With every mistake of every reading.
         """
-        found: dict[str, StudyDefinition] = {}
+        readings: dict[str, StudyDefinition] = {}
         problems: list[Problem] = []
         for name in self.file.readings:
             try:
-                found[name] = self.with_values(self.entries_of_reading(name), written_at=("readings", name, "set"))
+                readings[name] = self.with_values(self.entries_of_reading(name), written_at=("readings", name, "set"))
             except StudyError as error:
                 problems += [
                     replace(problem, what=f"in reading '{name}': {problem.what}") for problem in error.problems
                 ]
         if problems:
             raise StudyError(problems)
-        return found
+        return readings
 
 
 def _designs(document: Document, file: StudyFile, known: Mapping[str, Camera]) -> dict[str, Camera]:
@@ -295,7 +294,7 @@ def _designs(document: Document, file: StudyFile, known: Mapping[str, Camera]) -
             mistakes = [mistake]
         except TradestudyError as error:
             mistakes = [MistakeAt((), str(error))]
-        problems += [document.problem(("cameras", name, *one.tail), one.what) for one in mistakes]
+        problems += [document.problem(("cameras", name, *mistake.tail), mistake.what) for mistake in mistakes]
     if problems:
         raise StudyError(problems)
     return cameras
@@ -326,14 +325,13 @@ def _picture_law(scene: ScenePart | None, part: DepthCameraDeclaration) -> Pictu
     if scene is None or scene.picture is None:
         what = "is derived from the picture, but scene.picture (texture, window, light, sensor) is missing"
         raise MistakeAt(("depth", "disparity_error"), what)
-    own, settings = part.depth.matcher, scene.picture.settings(scene.wavelength, part.sensor.sensor())
-    given = {
-        key: value for part in (scene.picture.matcher, own) if part is not None for key, value in part.given().items()
-    }
+    own_matcher, settings = part.depth.matcher, scene.picture.settings(scene.wavelength, part.sensor.sensor())
+    matchers = filter(None, (scene.picture.matcher, own_matcher))
+    values = {key: value for matcher in matchers for key, value in matcher.given().items()}
     return PictureDisparityError(
         settings=settings,
         models=closed_form_models(settings, microlenses=part.camera.pictured_by_microlenses),
-        matcher=Matcher(**given),
+        matcher=Matcher(**values),
     )
 
 
@@ -348,7 +346,7 @@ def _mistakes_of_calibration(document: Document, name: str, part: CameraDeclarat
             mistakes += given_twice(part.calibration, saved)
         except TradestudyError as error:
             mistakes.append(MistakeAt(("posterior", "file"), str(error)))
-    return [MistakeAt(("calibration", *one.tail), one.what) for one in mistakes]
+    return [MistakeAt(("calibration", *mistake.tail), mistake.what) for mistake in mistakes]
 
 
 def saved_posterior(document: Document, name: str, file: str, design: DepthCamera) -> Calibration:

@@ -119,8 +119,8 @@ def checked(document: Document) -> StudyDefinition:
     try:
         definition = StudyDefinition.of(document)
     except StudyError as error:
-        found = _stated_once(document, [*error.problems, *_single_cameras(document, error)])
-        raise StudyError([_with_cause(document, one) for one in found]) from None
+        problems = _stated_once(document, [*error.problems, *_single_cameras(document, error)])
+        raise StudyError([_with_cause(document, problem) for problem in problems]) from None
     return with_questions_checked(definition)
 
 
@@ -143,15 +143,16 @@ def with_questions_checked(definition: StudyDefinition) -> StudyDefinition:
         except StudyError as error:
             problems += error.problems
     if problems:
-        raise StudyError([_with_cause(definition.document, one) for one in dict.fromkeys(problems)])
+        raise StudyError([_with_cause(definition.document, problem) for problem in dict.fromkeys(problems)])
     return definition
 
 
 def _with_cause(document: Document, problem: Problem) -> Problem:
     """The problem of a part, with the values in it that were set from outside and may cause it."""
-    given = [f"{dotted(one.path)}={one.text or 'null'}" for one in document.overrides]
-    inside = [one for one in given if problem.path and one.startswith(f"{problem.path}.")]
-    if not inside or (problem.file == OUTSIDE.file and len(given) == 1):
+    assignments = [f"{dotted(override.path)}={override.text or 'null'}" for override in document.overrides]
+    inside = [assignment for assignment in assignments if problem.path and assignment.startswith(f"{problem.path}.")]
+    # With a single override, a problem at the override itself needs no cause.
+    if not inside or (problem.file == OUTSIDE.file and len(assignments) == 1):
         return problem
     return replace(problem, what=f"{problem.what}; set for this run: {', '.join(inside)}")
 
@@ -159,31 +160,33 @@ def _with_cause(document: Document, problem: Problem) -> Problem:
 def _stated_once(document: Document, problems: Sequence[Problem]) -> list[Problem]:
     """The problems; one that cameras inherit is reported once, at the camera that the others are like."""
     cameras = document.tree.get("cameras")
+    # Names may contain dots, so that one can begin like a path in another: the longest that fits is the camera's.
     names = sorted(cameras, key=len, reverse=True) if isinstance(cameras, dict) else []
-    found: list[Problem] = []
+    reported: list[Problem] = []
     by_content: dict[tuple[str, str], dict[str, Problem]] = {}
     for problem in problems:
         name = next((name for name in names if f"{problem.path}.".startswith(f"cameras.{name}.")), None)
         shared = by_content.setdefault((problem.path.removeprefix(f"cameras.{name}"), problem.what), {})
         if name is None or name in shared:
-            found.append(problem)
+            reported.append(problem)
         else:
             shared[name] = problem
     for shared in by_content.values():
         origins = {name: _origin(document, name, shared) for name in shared}
         for origin in dict.fromkeys(origins.values()):
-            also = [f"cameras.{name}" for name, other in origins.items() if name != origin == other]
+            also = [f"cameras.{name}" for name, camera_origin in origins.items() if name != origin == camera_origin]
             what = shared[origin].what + (f" (also in {', '.join(also)})" if also else "")
-            found.append(replace(shared[origin], what=what))
-    return found
+            reported.append(replace(shared[origin], what=what))
+    return reported
 
 
 def _origin(document: Document, name: str, shared: Mapping[str, Problem]) -> str:
     """The camera from which a camera inherits a shared problem; itself if it inherits none."""
-    place, other = _place(shared[name]), document.like.get(name, "")
-    if other in shared and place in (_place(shared[other]), document.locate(("cameras", name))):
-        return _origin(document, other, shared)
-    return next((one for one in shared if _place(shared[one]) == place and one not in document.like), name)
+    place, origin = _place(shared[name]), document.like.get(name, "")
+    if origin in shared and place in (_place(shared[origin]), document.locate(("cameras", name))):
+        return _origin(document, origin, shared)
+    # Cameras from one file share its mistakes although none is like another.
+    return next((camera for camera in shared if _place(shared[camera]) == place and camera not in document.like), name)
 
 
 def _place(problem: Problem) -> Place:
@@ -194,7 +197,8 @@ def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
     """A note for every camera with mistakes that was imported as a single camera: its rig may need two files."""
     for reading in document.imported:
         path = ("cameras", reading.camera)
-        if reading.said[-1][1] == ONE_CAMERA and any(one.path.startswith(".".join(path)) for one in error.problems):
+        is_wrong = any(problem.path.startswith(".".join(path)) for problem in error.problems)
+        if reading.said[-1][1] == ONE_CAMERA and is_wrong:
             yield document.locate((*path, "kind")).problem((*path, "from"), f"gives {ONE_CAMERA}")
 
 
@@ -269,17 +273,17 @@ def _problems_of_measurements(study: PreparedStudy) -> Iterator[Problem]:
 def _problems_of_corners(study: PreparedStudy) -> Iterator[Problem]:
     """Corner files that cannot be read, or that contradict the declared sensor."""
     forms = {"": study, **study.readings}
-    parts = [part for one in forms.values() for part in one.file.cameras.values()]
+    parts = [part for form in forms.values() for part in form.file.cameras.values()]
     if not any(isinstance(part, DepthCameraDeclaration) and part.calibration.source == "corners" for part in parts):
         return
     from tradestudy.calibration.posteriors import CornersToInfer, corners_of  # loads all of calibration
 
-    known: set[str] = set()
+    seen: set[str] = set()
     for reading, form in forms.items():
         for key, request in form.definition.calibrations_to_infer().items():
-            if key in known or not isinstance(request, CornersToInfer):
+            if key in seen or not isinstance(request, CornersToInfer):
                 continue
-            known.add(key)
+            seen.add(key)
             try:
                 corners_of(request)
             except TradestudyError as error:

@@ -134,7 +134,7 @@ _LARGE_TOLERANCE: Final = 0.05  # at or above this, a tolerance without a unit w
 
 def implausible(study: PreparedStudy) -> tuple[Problem, ...]:
     """Warnings about unusual values, one for each place; values with a stated basis are exempt."""
-    found = [
+    problems = [
         *_equal_titles(study),
         *_outside_the_usual(study),
         *_light(study),
@@ -153,8 +153,8 @@ def implausible(study: PreparedStudy) -> tuple[Problem, ...]:
         *_contradictory(study),
     ]
     distinct: dict[tuple[str, int, int, str], Problem] = {}
-    for one in found:
-        distinct.setdefault((one.file, one.line, one.column, one.what), one)
+    for problem in problems:
+        distinct.setdefault((problem.file, problem.line, problem.column, problem.what), problem)
     return tuple(distinct.values())
 
 
@@ -162,26 +162,28 @@ def contradictions(study: PreparedStudy) -> list[tuple[str, Contradiction]]:
     """Cross-check the inputs of every camera of a study."""
     tolerance = study.file.accuracy.asked().tolerances["depth_uncertainty"]
     picture = None if study.file.scene is None else study.file.scene.picture
-    found = []
+    by_camera = []
     for name, camera in study.case.all_cameras.items():
-        own = [*camera.contradictions(study.file.cameras[name].stated, tolerance)]
+        of_camera = [*camera.contradictions(study.file.cameras[name].stated, tolerance)]
         if picture is not None:
             noise = picture.noise(camera.sensor)
-            own += digitiser_contradictions(camera.sensor, noise.full_well_electrons, noise.bits)
-        found += [(name, one) for one in own]
-    return found
+            of_camera += digitiser_contradictions(camera.sensor, noise.full_well_electrons, noise.bits)
+        by_camera += [(name, contradiction) for contradiction in of_camera]
+    return by_camera
 
 
 def _contradictory(study: PreparedStudy) -> Iterator[Problem]:
     """Inputs that determine one quantity differently, unless the one that `check` names has a basis."""
-    for name, one in contradictions(study):
-        path = ("cameras", name, *one.path)
+    for name, contradiction in contradictions(study):
+        path = ("cameras", name, *contradiction.path)
         entry = study.document.entry(path)
         in_pixels = str(study.document.tree["cameras"][name].get("lenses", {}).get("focal_length", "")).endswith("px")
-        chosen = one.path == ("principal_distance",) and (entry is not None or in_pixels)
+        # A rule for the principal distance that is written, or implied by a focal length in pixels, is a choice.
+        chosen = contradiction.path == ("principal_distance",) and (entry is not None or in_pixels)
         if chosen or _has_basis(study.document, path):
             continue
-        what = f"{one.what}: {one.stated}, but {one.implied}; {one.consequence or f'used: {one.used}'}"
+        end = contradiction.consequence or f"used: {contradiction.used}"
+        what = f"{contradiction.what}: {contradiction.stated}, but {contradiction.implied}; {end}"
         yield study.document.problem(path, what)
 
 
@@ -233,8 +235,8 @@ def _meant(text: str, usual: _Range) -> str:
     number = _NUMBER.match(text)
     if number is None:
         return ""
-    others = [f"{number[0]} {unit}" for unit in _OTHER_UNITS.get(usual.dimension, ())]
-    fits = [one for one in others if usual.low < parse(one, usual.dimension) <= usual.high]
+    candidates = [f"{number[0]} {unit}" for unit in _OTHER_UNITS.get(usual.dimension, ())]
+    fits = [candidate for candidate in candidates if usual.low < parse(candidate, usual.dimension) <= usual.high]
     return f"; did you mean {fits[0]}?" if len(fits) == 1 else ""
 
 
@@ -251,17 +253,17 @@ def _light(study: PreparedStudy) -> Iterator[Problem]:
     declared = study.document.entry(path)
     if picture is None or not isinstance(declared, ScalarEntry) or _has_basis(study.document, path):
         return
-    found = {}
+    overfull = {}
     for name, camera in study.case.cameras.items():
         f_numbers, full = camera.picture_geometry(study.case.distance).light_f_number, picture.noise(camera.sensor)
         most = float(
             np.nanmax(mean_electrons(picture.light.light(camera.sensor), f_numbers, camera.sensor.pixel_pitch))
         )
         if most > full.full_well_electrons:
-            found[name] = (most, full.full_well_electrons)
-    if found:
-        most, well = max(found.values(), key=lambda one: one[0] / one[1])
-        what = f"the pixels of {listed(list(found))} collect up to {pretty(most, ELECTRONS)} on the axis, more than "
+            overfull[name] = (most, full.full_well_electrons)
+    if overfull:
+        most, well = max(overfull.values(), key=lambda pair: pair[0] / pair[1])
+        what = f"the pixels of {listed(list(overfull))} collect up to {pretty(most, ELECTRONS)} on the axis, more than "
         yield study.document.problem(path, f"{what}the full well of {pretty(well, ELECTRONS)}{_SILENCED}")
 
 
@@ -277,7 +279,7 @@ def _unequal_pixels(study: PreparedStudy) -> Iterator[Problem]:
     }
     if len(pitches) > 1:
         path = ("scene", "picture", "light")
-        sizes = " and ".join(pretty(one, LENGTH) for one in sorted(pitches))
+        sizes = " and ".join(pretty(pitch, LENGTH) for pitch in sorted(pitches))
         what = f"pixels of {sizes} are taken to collect equal light; with at_pixel_pitch, larger ones collect more"
         yield study.document.problem(path, what)
 
@@ -289,13 +291,13 @@ def _beside_the_spectrum(study: PreparedStudy) -> Iterator[Problem]:
         return
     if study.file.effects.forced().get("spectrum") == OFF:  # the whole study is at the wavelength
         return
-    lines = [one.wavelength for one in scene.picture.spectrum]
+    lines = [line.wavelength for line in scene.picture.spectrum]
     if not min(lines) * (1.0 - 1e-9) <= scene.wavelength <= max(lines) * (1.0 + 1e-9):
-        ends = " to ".join(pretty(one, LENGTH) for one in sorted({min(lines), max(lines)}))
-        own = pretty(scene.wavelength, LENGTH)
+        ends = " to ".join(pretty(end, LENGTH) for end in sorted({min(lines), max(lines)}))
+        wavelength = pretty(scene.wavelength, LENGTH)
         what = (
-            f"{own} lies outside scene.picture.spectrum ({ends}), which derived disparity errors use; all other "
-            f"answers, such as lateral resolution, depth of field and rendered pictures, use {own}"
+            f"{wavelength} lies outside scene.picture.spectrum ({ends}), which derived disparity errors use; all other "
+            f"answers, such as lateral resolution, depth of field and rendered pictures, use {wavelength}"
         )
         yield study.document.problem(("scene", "wavelength"), what)
 
@@ -303,16 +305,16 @@ def _beside_the_spectrum(study: PreparedStudy) -> Iterator[Problem]:
 def _declared_outside(study: PreparedStudy) -> Iterator[Problem]:
     """Declared values outside the range of the assumption that varies them."""
     part = study.file.value_of_information
-    for name, one in part.assumptions.items() if part is not None else ():
-        for path in one.paths:
-            entry, (dimension, low, high) = study.document.entry(path), question_ends(one)
+    for name, assumption in part.assumptions.items() if part is not None else ():
+        for path in assumption.paths:
+            entry, (dimension, low, high) = study.document.entry(path), question_ends(assumption)
             try:
                 value = math.nan if entry is None else parse(text_of(entry), dimension)
             except UnitError:  # such as "derived"
                 continue
             if value < low * (1.0 - 1e-9) or value > high * (1.0 + 1e-9):
                 what = (
-                    f"{one.low} to {one.high} does not include the declared value of {path}, "
+                    f"{assumption.low} to {assumption.high} does not include the declared value of {path}, "
                     f"{pretty(value, dimension)}; only values within the range are drawn"
                 )
                 place = ("value_of_information", "assumptions", name, "low" if value < low else "high")
@@ -323,9 +325,9 @@ def _imported(study: PreparedStudy) -> Iterator[Problem]:
     """Calibration files with an unusual unit of length, lens model, camera matrix or principal point."""
     for name, camera in study.file.cameras.items():
         path = ("cameras", name, "from")
-        for convention, what in _OF_IMPORTS.items():
+        for convention, template in _OF_IMPORTS.items():
             if says := camera.read_as.get(convention):
-                yield study.document.problem(path, what.format(says))
+                yield study.document.problem(path, template.format(says))
 
 
 def _off_centre(study: PreparedStudy) -> Iterator[Problem]:
@@ -335,9 +337,9 @@ def _off_centre(study: PreparedStudy) -> Iterator[Problem]:
         parts = {side: getattr(geometry, side, None) for side in ("left", "right")} | {name: geometry}
         if PICTURE_SIZE in camera.read_as or not isinstance(sensor, SensorPart):
             continue
-        centres = {side: one.principal_point for side, one in parts.items() if isinstance(one, CalibratedCameraPart)}
-        other = getattr(camera, "right_sensor", None) or sensor
-        sizes = {side: other.pixels if side == "right" else sensor.pixels for side in centres}
+        centres = {side: part.principal_point for side, part in parts.items() if isinstance(part, CalibratedCameraPart)}
+        right_sensor = getattr(camera, "right_sensor", None) or sensor
+        sizes = {side: right_sensor.pixels if side == "right" else sensor.pixels for side in centres}
         if says := off_centre({side: (centre, sizes[side]) for side, centre in centres.items()}):
             path = ("cameras", name, "sensor", "pixels")
             yield study.document.problem(path, _OF_IMPORTS[OFF_CENTRE].format(says))
@@ -346,13 +348,13 @@ def _off_centre(study: PreparedStudy) -> Iterator[Problem]:
 def _not_inherited(study: PreparedStudy) -> Iterator[Problem]:
     """Values set from outside for a camera that others are like: these keep the study's value unless it is set too."""
     document = study.document
-    given = {one.path for one in document.overrides}
-    for one in document.overrides:
-        present = [name for name in one.kept_by if name in study.file.cameras]
-        others = [name for name in present if (one.path[0], name, *one.path[2:]) not in given]
-        if others:
-            what = f"does not change {listed(others)}, declared like {one.path[1]}; set it there too if it should"
-            yield document.problem(one.path, what)
+    set_paths = {override.path for override in document.overrides}
+    for override in document.overrides:
+        present = [name for name in override.kept_by if name in study.file.cameras]
+        unchanged = [name for name in present if (override.path[0], name, *override.path[2:]) not in set_paths]
+        if unchanged:
+            like = f"{listed(unchanged)}, declared like {override.path[1]}"
+            yield document.problem(override.path, f"does not change {like}; set it there too if it should")
 
 
 def _assumed_pitches(study: PreparedStudy) -> Iterator[Problem]:
@@ -375,7 +377,8 @@ def _idle_matcher(study: PreparedStudy) -> Iterator[Problem]:
     scene, cameras = study.file.scene, study.file.cameras.values()
     if scene is None or scene.picture is None or scene.picture.matcher is None:
         return
-    if not any(isinstance(one, DepthCameraDeclaration) and one.depth.declared_error_px is None for one in cameras):
+    measuring = [camera for camera in cameras if isinstance(camera, DepthCameraDeclaration)]
+    if all(camera.depth.declared_error_px is not None for camera in measuring):
         path = ("scene", "picture", "matcher")
         what = "has no effect: it adds to derived disparity errors, and every camera declares its disparity error"
         yield study.document.problem(path, what)
@@ -403,6 +406,7 @@ def _posteriors(study: PreparedStudy) -> Iterator[Problem]:
         if camera.calibration.remark:
             yield study.document.problem(path, camera.calibration.remark)
         for group in camera.calibration.groups if camera.calibration.source == "posterior" else ():
+            # The standard deviation of n normal draws has a relative standard error of 1/√(2 n).
             if isinstance(group, JointDraws) and (error := (2.0 * len(group.draws)) ** -0.5) > 2.0 * tolerance:
                 what = (
                     f"{len(group.draws)} draws determine a standard deviation to about {pretty(error, FRACTION, 2)}; "
@@ -439,21 +443,21 @@ def _large(text: str) -> Iterator[str]:
 def _beyond_the_scene(study: PreparedStudy) -> Iterator[Problem]:
     """Requirements that reach beyond the distances of the scene, and distances of the decision there."""
     distance, file = study.case.distance, study.file
-    asked: list[tuple[Path, tuple[float, ...], str]] = [
+    judged: list[tuple[Path, tuple[float, ...], str]] = [
         (
-            ("requirements", name, one.quantity, "over" if one.over[0] < one.over[1] else "at"),
-            one.over,
+            ("requirements", name, requirement.quantity, "over" if requirement.over[0] < requirement.over[1] else "at"),
+            requirement.over,
             "the requirement is evaluated",
         )
-        for name, one in file.requirements.items()
-        if one.over
+        for name, requirement in file.requirements.items()
+        if requirement.over
     ]
     for index, at in enumerate(file.decision.at if file.decision else ()):
-        asked.append((("decision", "at", index), (at, at), "the cameras are compared"))
-    for path, (near, far), what in asked:
+        judged.append((("decision", "at", index), (at, at), "the cameras are compared"))
+    for path, (near, far), judgement in judged:
         if distance.size and not distance[0] * (1.0 - 1e-9) <= near <= far <= distance[-1] * (1.0 + 1e-9):
             yield study.document.problem(
                 path,
                 f"{'reaches' if near < far else 'lies'} beyond the distances of the scene, {distance[0]:g} m to "
-                f"{distance[-1]:g} m: {what} there too, but figures and tables end with the scene",
+                f"{distance[-1]:g} m: {judgement} there too, but figures and tables end with the scene",
             )

@@ -97,6 +97,7 @@ def _content(path: Path, place: Place) -> bytes:
     if not stat.S_ISREG(mode):
         raise refused(place, "it is not a regular file; a file is expected")
     with path.open("rb") as file:
+        # One byte beyond the limit is enough to tell that a file is too large.
         content = file.read(MOST_BYTES + 1)
         if content.startswith(lytro.CONTAINER):
             try:
@@ -123,6 +124,7 @@ def refused(place: Place, what: str) -> UnreadableError:
 def _nearest_file(path: Path) -> str:
     """For messages: the file with the most similar name in the same folder; empty if there is none."""
     try:
+        # A folder may have so many files that reading all their names would take long.
         names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(1000), strict=False)]
         names = [name for name in names if name != path.name]  # that of a broken link
     except OSError:
@@ -179,103 +181,104 @@ class SharedCameras:
         CameraFileError
             The camera, its file or the camera that it is like cannot be used.
         """
-        own = self.written.members[name].entry
-        if not isinstance(own, MappingEntry) or not own.members.keys() & set(SHARING):
-            return own
-        if own.members.keys() >= set(SHARING):
-            place = own.members["like"].key_place
+        own_values = self.written.members[name].entry
+        if not isinstance(own_values, MappingEntry) or not own_values.members.keys() & set(SHARING):
+            return own_values
+        if own_values.members.keys() >= set(SHARING):
+            place = own_values.members["like"].key_place
             raise CameraFileError(place.problem(("like",), "a camera may have from: or like:, not both"))
-        word = "from" if "from" in own.members else "like"
-        if word == "like" and "mode" in own.members:
+        key = "from" if "from" in own_values.members else "like"
+        if key == "like" and "mode" in own_values.members:
             what = (
                 "a camera that is like another has its mode; to choose one, write from: and the file instead of like:"
             )
-            raise CameraFileError(own.members["mode"].key_place.problem(("mode",), what))
-        source = own.members[word].entry
-        if word == "from":
+            raise CameraFileError(own_values.members["mode"].key_place.problem(("mode",), what))
+        source = own_values.members[key].entry
+        if key == "from":
             try:
                 if files := self.calibration_files(source):
-                    return self.from_calibration(name, own, files)
+                    return self.from_calibration(name, own_values, files)
             except CameraFileError:
-                self.note_unknown_keys(name, own)
+                self.note_unknown_keys(name, own_values)
                 raise
         if not (isinstance(source, ScalarEntry) and isinstance(source.value, str)):
-            expected = "the name of a file" if word == "from" else "the name of a camera"
-            raise CameraFileError(source.place.problem((word,), f"{expected} is expected"))
-        read = self.from_file if word == "from" else self.like_camera
-        below = read(name, source.value, source.place, (*chain, name))
+            expected = "the name of a file" if key == "from" else "the name of a camera"
+            raise CameraFileError(source.place.problem((key,), f"{expected} is expected"))
+        load = self.from_file if key == "from" else self.like_camera
+        below = load(name, source.value, source.place, (*chain, name))
         if below is None or self.values > MOST_VALUES:  # reported at the camera that exceeded the limit
             return None
         self.values += count_values(below)
         if self.values > MOST_VALUES:
             what = f"the cameras together contain more than {MOST_VALUES} values"
-            raise CameraFileError(source.place.problem((word,), what))
-        return self.with_own_values(below, own, name, (*SHARING, *(("mode",) if word == "from" else ())))
+            raise CameraFileError(source.place.problem((key,), what))
+        return self.with_own_values(below, own_values, name, (*SHARING, *(("mode",) if key == "from" else ())))
 
-    def with_own_values(self, below: Entry, own: MappingEntry, name: str, but: Sequence[str]) -> Entry:
+    def with_own_values(self, below: Entry, own_values: MappingEntry, name: str, but: Sequence[str]) -> Entry:
         """Merge a camera's own values, except some keys, into those of a file or another camera."""
-        changed = replace(own, members={key: member for key, member in own.members.items() if key not in but})
+        kept = {key: member for key, member in own_values.members.items() if key not in but}
+        changed = replace(own_values, members=kept)
         self.problems += problems_of_removals(below, changed, ("cameras", name))
         return merged(below, changed)
 
-    def from_calibration(self, name: str, own: MappingEntry, files: Sequence[CameraFile]) -> Entry | None:
+    def from_calibration(self, name: str, own_values: MappingEntry, files: Sequence[CameraFile]) -> Entry | None:
         """Merge the study's values of a camera into those of its calibration files."""
-        request = self.request(own)
+        request = self.request(own_values)
         try:
             below, said = imported(files, request)
         except NoLengthUnitError as error:
             self.note(name, error.problem)
-            return self.read_in_any_unit(name, own, files, request)
+            return self.read_in_any_unit(name, own_values, files, request)
         self.imported.append(Reading(camera=name, said=said))
-        return self.with_own_values(below, _without_size(own, below, request), name, (*SHARING, *OF_IMPORTS))
+        return self.with_own_values(below, _without_size(own_values, below, request), name, (*SHARING, *OF_IMPORTS))
 
     def read_in_any_unit(
-        self, name: str, own: MappingEntry, files: Sequence[CameraFile], request: Request
+        self, name: str, own_values: MappingEntry, files: Sequence[CameraFile], request: Request
     ) -> Entry | None:
         """A camera read in some possible unit of length, so that its mistakes beside the missing unit are found too."""
-        unknown = self.note_unknown_keys(name, own)
+        unknown = self.note_unknown_keys(name, own_values)
         for unit in ("m", "cm", "mm"):
             with suppress(CameraFileError):  # the baseline is impossible in this unit
                 below, _ = imported(files, replace(request, length_unit=unit))
-                own = _without_size(own, below, request)
-                return self.with_own_values(below, own, name, (*SHARING, *OF_IMPORTS, *unknown))
+                own_values = _without_size(own_values, below, request)
+                return self.with_own_values(below, own_values, name, (*SHARING, *OF_IMPORTS, *unknown))
         return None
 
     def calibration_files(self, entry: Entry) -> list[CameraFile]:
         """The calibration files that a camera names; empty if it names a camera file."""
         named = entry.items if isinstance(entry, ListEntry) else (entry,)
-        if not all(isinstance(one, ScalarEntry) and isinstance(one.value, str) for one in named):
+        if not all(isinstance(item, ScalarEntry) and isinstance(item.value, str) for item in named):
             return []
-        found: list[CameraFile] = []
-        for one in named:
-            path = self.folder / plain(one)
+        files: list[CameraFile] = []
+        for item in named:
+            path = self.folder / plain(item)
             try:
-                file = recognised(path, _text_or_bytes(path), plain(one))
+                file = recognised(path, _text_or_bytes(path), plain(item))
             except UnreadableError as error:
-                if one is entry:
+                if item is entry:
                     return []  # `from_file` reports the reason
                 what = f"'{error.problems[0].file}': {error.problems[0].what}"
-                raise CameraFileError(one.place.problem(("from",), what)) from None
+                raise CameraFileError(item.place.problem(("from",), what)) from None
             if file is not None:
-                found.append(file)
-            elif one is not entry:
+                files.append(file)
+            elif item is not entry:
                 what = f"'{path}' is not a calibration file; a list may name only calibration files"
-                raise CameraFileError(one.place.problem(("from",), what))
-        return found
+                raise CameraFileError(item.place.problem(("from",), what))
+        return files
 
-    def request(self, own: MappingEntry) -> Request:
+    def request(self, own_values: MappingEntry) -> Request:
         """Options of the study for reading the calibration files."""
-        given: dict[str, str | tuple[str, ...]] = {}
+        options: dict[str, str | tuple[str, ...]] = {}
         for key in OF_IMPORTS:
-            if key not in own.members:
+            if key not in own_values.members:
                 continue
-            entry = own.members[key].entry
+            entry = own_values.members[key].entry
             value = plain(entry)
             problem = wrong_request(key, value)
             if problem:
                 raise CameraFileError(entry.place.problem((key,), problem))
-            given[key] = tuple(map(str, value)) if key == "pair" else value
-        return Request(**given, pixels=_pixels(own), fitted_lens=_fitted_lens(own))  # type: ignore[arg-type]
+            options[key] = tuple(map(str, value)) if key == "pair" else value
+        return Request(**options, pixels=_pixels(own_values), fitted_lens=_fitted_lens(own_values))  # type: ignore[arg-type]
 
     def from_file(self, name: str, file: str, place: Place, _chain: tuple[str, ...]) -> Entry | None:
         """Read a camera's own file."""
@@ -287,6 +290,8 @@ class SharedCameras:
             entry, problems = self.files[file] if file in self.files else load_entries(path)
         except UnreadableError as error:
             first, *others = error.problems
+            # A mistake at the first character concerns the file as a whole, and is reported where the study names the
+            # file.
             if others or not first.line == first.column == 1:
                 self.problems += error.problems
                 return None
@@ -306,9 +311,10 @@ class SharedCameras:
             if key in entry.members:
                 what = f"a camera file must be complete; write {key}: in the study"
                 raise CameraFileError(entry.members[key].key_place.problem((key,), what))
-        own = self.written.members[name].entry
-        assert isinstance(own, MappingEntry)
-        entry, mode = in_mode(entry, child(own, "mode"), file)
+        own_values = self.written.members[name].entry
+        assert isinstance(own_values, MappingEntry)
+        entry, mode = in_mode(entry, child(own_values, "mode"), file)
+        # `path_of` leads elsewhere only for entries of the catalogue.
         return entry if path == self.folder / file else of_catalogue(entry, path.stem, mode)
 
     def path_of(self, file: str, place: Place) -> Path:
@@ -338,21 +344,21 @@ class SharedCameras:
         elif len(chain) >= LONGEST_CHAIN:
             what = f"more than {LONGEST_CHAIN} cameras refer to each other in a chain"
         elif other not in self.written.members:
-            known = [camera for camera in self.written.members if camera != name]
-            what = f"no camera is called '{other}'{nearest_name(other, known)}"
+            declared = [camera for camera in self.written.members if camera != name]
+            what = f"no camera is called '{other}'{nearest_name(other, declared)}"
         if what:
             raise CameraFileError(place.problem(("like",), what))
         self.like[name] = other
         below = self.camera(other, chain)
         return below if isinstance(below, MappingEntry) else None
 
-    def note_unknown_keys(self, name: str, own: MappingEntry) -> list[str]:
+    def note_unknown_keys(self, name: str, own_values: MappingEntry) -> list[str]:
         """Report unknown keys beside calibration files that could not be read: a misspelt option may be the cause."""
         known = dict.fromkeys((*OF_IMPORTS, *_keys_of_cameras()))
-        unknown = [key for key in own.members if key not in known]
+        unknown = [key for key in own_values.members if key not in known]
         for key in unknown:
             what = f"unknown key{nearest_name(key, known)}"
-            self.note(name, own.members[key].key_place.problem((key,), what))
+            self.note(name, own_values.members[key].key_place.problem((key,), what))
         return unknown
 
     def note(self, name: str, problem: Problem) -> None:
@@ -360,7 +366,7 @@ class SharedCameras:
         self.problems.append(replace(problem, path=f"cameras.{name}.{problem.path}".removesuffix(".")))
 
 
-def in_mode(entry: MappingEntry, asked: Entry | None, file: str) -> tuple[MappingEntry, str]:
+def in_mode(entry: MappingEntry, mode_entry: Entry | None, file: str) -> tuple[MappingEntry, str]:
     """The camera of a file in one of its modes, and the mode; the first one if none is asked for, "" without modes.
 
     Raises
@@ -369,17 +375,17 @@ def in_mode(entry: MappingEntry, asked: Entry | None, file: str) -> tuple[Mappin
         There is no such mode.
     """
     written = child(entry, "modes")
-    if written is None and asked is None:
+    if written is None and mode_entry is None:
         return entry, ""
     modes = written.members if isinstance(written, MappingEntry) else {}
     if not modes:
-        where = entry.members["modes"].key_place if written is not None else asked.place  # type: ignore[union-attr]
+        where = entry.members["modes"].key_place if written is not None else mode_entry.place  # type: ignore[union-attr]
         what = f"'{file}' has no modes; remove this key" if written is None else "modes by their names are expected"
         raise CameraFileError(where.problem(("mode" if written is None else "modes",), what))
-    mode = next(iter(modes)) if asked is None else tree.text_of(asked)
-    if asked is not None and mode not in modes:
+    mode = next(iter(modes)) if mode_entry is None else tree.text_of(mode_entry)
+    if mode_entry is not None and mode not in modes:
         what = f"'{file}' has no mode '{mode}', but {', '.join(modes)}"
-        raise CameraFileError(asked.place.problem(("mode",), what))
+        raise CameraFileError(mode_entry.place.problem(("mode",), what))
     rest = {key: member for key, member in entry.members.items() if key != "modes"}
     if not isinstance(modes[mode].entry, MappingEntry):
         raise CameraFileError(
@@ -428,30 +434,29 @@ def kind_of(entry: Entry) -> str:
     return "a list" if isinstance(entry, ListEntry) else "a mapping"
 
 
-def _pixels(own: MappingEntry) -> tuple[int, int] | None:
+def _pixels(own_values: MappingEntry) -> tuple[int, int] | None:
     """The size of the pictures that a study states; None if it states none, or not one."""
-    sensor = child(own, "sensor")
+    sensor = child(own_values, "sensor")
     value = child(sensor, "pixels") if isinstance(sensor, MappingEntry) else None
-    found: object = None if value is None else plain(value)
-    if not (isinstance(found, list) and len(found) == 2):
+    size: object = None if value is None else plain(value)
+    if not (isinstance(size, list) and len(size) == 2):
         return None
-    columns, rows = found
-    if all(type(one) is int and 0 < one <= _MOST_PIXELS for one in (columns, rows)):
+    columns, rows = size
+    if all(type(count) is int and 0 < count <= _MOST_PIXELS for count in (columns, rows)):
         return columns, rows
     return None
 
 
-def _without_size(own: MappingEntry, below: Entry, request: Request) -> MappingEntry:
+def _without_size(own_values: MappingEntry, below: Entry, request: Request) -> MappingEntry:
     """A camera's own values without a size of pictures that is that of the files, which may be rotated in ``below``."""
     said = child(child(below, "read_as"), PICTURE_SIZE)
     if request.pixels is None or said is None or not plain(said).startswith(size_words(request.pixels)):
-        return own
-    sensor = own.members["sensor"]
+        return own_values
+    sensor = own_values.members["sensor"]
     assert isinstance(sensor.entry, MappingEntry)
     kept = {key: member for key, member in sensor.entry.members.items() if key != "pixels"}
-    return replace(
-        own, members={**own.members, "sensor": Member(sensor.key_place, replace(sensor.entry, members=kept))}
-    )
+    without = Member(sensor.key_place, replace(sensor.entry, members=kept))
+    return replace(own_values, members={**own_values.members, "sensor": without})
 
 
 class _FittedLens(Part):
@@ -460,7 +465,7 @@ class _FittedLens(Part):
     lens_model: FittedLensModel | None = None
 
 
-def _fitted_lens(own: MappingEntry) -> FittedLensModel | None:
+def _fitted_lens(own_values: MappingEntry) -> FittedLensModel | None:
     """The lens model that a camera declares for the fit to its corners; None without one.
 
     Raises
@@ -468,7 +473,7 @@ def _fitted_lens(own: MappingEntry) -> FittedLensModel | None:
     CameraFileError
         The model is not valid.
     """
-    entry: Entry | None = own
+    entry: Entry | None = own_values
     for key in ("calibration", "corners"):
         entry = child(entry, key) if isinstance(entry, MappingEntry) else None
     if not isinstance(entry, MappingEntry) or "lens_model" not in entry.members:

@@ -138,7 +138,7 @@ class RawPictureSynthesis:
         reach = _VIEW_REACH * float(np.linalg.norm(self._grid.basis[:, 0]))
         return self._gathered(1.0 / self.camera.virtual_depth(depth), place, reach, is_view=True)
 
-    def filled_depth(self, found: DepthMap) -> Samples:
+    def filled_depth(self, depth_map: DepthMap) -> Samples:
         """Depth of every sample [m] for `view`: smoothed measurements, with gaps filled from the nearest sample.
 
         Raises
@@ -148,12 +148,12 @@ class RawPictureSynthesis:
         """
         from scipy.ndimage import distance_transform_edt, median_filter
 
-        rows, columns = np.nonzero(np.isfinite(found.depth))
+        rows, columns = np.nonzero(np.isfinite(depth_map.depth))
         if not rows.size:
             raise OutOfRangeError(
                 "number of depths in the map", value="0", limit="1 or more", remedy="use a scene with texture"
             )
-        depth = np.asarray(found.depth[rows, columns], np.float64)
+        depth = np.asarray(depth_map.depth[rows, columns], np.float64)
         inverse = 1.0 / self.camera.virtual_depth(depth)
         at = np.stack([columns, rows]).astype(float)
         grid, lens = self._grid, self._nearest(at, image=True)
@@ -236,15 +236,15 @@ class RawPictureReader(DepthReader):
     def _inverse_virtual_depths(self) -> Samples:
         """1/v at the searched distances; decreases with distance."""
         v = self.camera.virtual_depth(self.search.distances)
-        found = 1.0 / v
-        if not (np.all(np.isfinite(found)) and np.all(v * v[0] > 0.0)):
+        inverse = 1.0 / v
+        if not (np.all(np.isfinite(inverse)) and np.all(v * v[0] > 0.0)):
             raise OutOfRangeError(
                 "the searched depths lie on both sides of the plane that is imaged onto the microlens array",
                 value=f"{self.search.near:g} to {self.search.far:g} m",
                 limit="one side",
                 remedy="narrow scene.distances, or move the total covering plane",
             )
-        return np.asarray(found)
+        return np.asarray(inverse)
 
     @cached_property
     def _rendered(self) -> Samples:
@@ -272,13 +272,13 @@ class RawPictureReader(DepthReader):
         if camera.estimator in ("adjacent-pair", "same-type-pair"):
             reach = neighbour_distance(camera.estimator, array) / camera.sensor.pixel_pitch * (1.0 + 1e-6)
         span = math.ceil(2.0 * reach / np.linalg.norm(grid.basis[:, 0]))
-        found = [
+        steps = [
             (i, j)
             for i in range(-span, span + 1)
             for j in range(-span, span + 1)
             if (i, j) != (0, 0) and self._length((i, j)) <= reach and (not same_type or (i - j) % array.types == 0)
         ]
-        return tuple(sorted(found, key=self._length))
+        return tuple(sorted(steps, key=self._length))
 
     def _length(self, step: Step) -> float:
         """Baseline of a step [px]."""
@@ -311,22 +311,22 @@ class RawPictureReader(DepthReader):
         picture = pictures["raw"]
         values = smoothed(squares(self._grid, picture.values, picture.pure))
         variance = squares(self._grid, picture.variance, picture.pure)
-        found = {}
+        matches = {}
         for number, step in enumerate(self._steps):
             tell(number / len(self._steps))
-            found[step] = self._matches(step, values, variance)
+            matches[step] = self._matches(step, values, variance)
         for step in self._steps:
-            opposite = found[-step[0], -step[1]]
-            self._reject_contradicted(step, found[step], opposite)
-        inverse, deviation, reason = self._combined(found)
+            opposite = matches[-step[0], -step[1]]
+            self._reject_contradicted(step, matches[step], opposite)
+        inverse, deviation, reason = self._combined(matches)
         return self._on_sensor(picture, inverse, deviation, reason)
 
-    def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:
+    def made_of(self, pictures: Mapping[str, FlatPicture], depth_map: DepthMap, middle: float) -> dict[str, Samples]:
         """Pictures refocused on the middle of the scene, sharp throughout, and seen from the left and the right."""
         synthesis = RawPictureSynthesis(camera=self.camera, search=self.search, picture=pictures["raw"])
         made = {"refocused": synthesis.refocused(middle)} if self.search.near <= middle <= self.search.far else {}
-        if np.any(np.isfinite(found.depth)):
-            depth, aside = synthesis.filled_depth(found), _VIEW_SHIFT * self.camera.main_lens.pupil_diameter
+        if np.any(np.isfinite(depth_map.depth)):
+            depth, aside = synthesis.filled_depth(depth_map), _VIEW_SHIFT * self.camera.main_lens.pupil_diameter
             made["all_in_focus"] = synthesis.view(depth)
             made["view_left"] = synthesis.view(depth, (-aside, 0.0))
             made["view_right"] = synthesis.view(depth, (aside, 0.0))
@@ -341,16 +341,16 @@ class RawPictureReader(DepthReader):
             deviation=np.full(shape, np.nan, np.float32),
             reason=np.full(shape, Reason.NO_PARTNER, np.uint8),
         )
-        other = grid.beside(step)
-        there = np.flatnonzero(other[used] >= 0)
-        for begin in range(0, there.size, _LENSES_AT_ONCE):
-            part = there[begin : begin + _LENSES_AT_ONCE]
-            one = self._matched(step, used[part], other[used[part]], values, variance)
-            matches.disparity[part], matches.deviation[part] = one.disparity, one.deviation
-            matches.reason[part] = one.reason
+        partner = grid.beside(step)
+        paired = np.flatnonzero(partner[used] >= 0)
+        for begin in range(0, paired.size, _LENSES_AT_ONCE):
+            part = paired[begin : begin + _LENSES_AT_ONCE]
+            matched = self._matched(step, used[part], partner[used[part]], values, variance)
+            matches.disparity[part], matches.deviation[part] = matched.disparity, matched.deviation
+            matches.reason[part] = matched.reason
         return matches
 
-    def _matched(self, step: Step, lenses: Indices, others: Indices, values: Samples, variance: Samples) -> Matches:
+    def _matched(self, step: Step, lenses: Indices, partners: Indices, values: Samples, variance: Samples) -> Matches:
         grid = self._grid
         move = grid.basis @ np.array(step)
         length = self._length(step)
@@ -359,21 +359,21 @@ class RawPictureReader(DepthReader):
         gradient = gradient_along(values[lenses], (float(along[0]), float(along[1])))[:, inner, inner]
         window = odd_window(self.search.window_px)
         reference = values[lenses, inner, inner]
-        base = grid.corner[:, lenses] - grid.corner[:, others] + move[:, np.newaxis] + MARGIN
+        base = grid.corner[:, lenses] - grid.corner[:, partners] + move[:, np.newaxis] + MARGIN
         ends = length * self._searched
         steps = range(math.floor(ends[0]) - 2, math.floor(ends[1]) + 4)
 
         place = grid.corner[:, lenses] - grid.image_centre[:, lenses]
-        arrives = grid.corner[:, lenses] + move[:, np.newaxis] - grid.image_centre[:, others]
+        arrives = grid.corner[:, lenses] + move[:, np.newaxis] - grid.image_centre[:, partners]
         own_shift = self._shift_along(place, lenses, along)
 
         def difference(k: int) -> tuple[Samples, Samples, BoolArray]:
             step_along = (along * k)[:, np.newaxis]
-            found = moved(values, others, base + step_along, grid.side) - reference
-            shift = self._shift_along(arrives + step_along, others, along) * self._defocus(others, k / length)
+            change = moved(values, partners, base + step_along, grid.side) - reference
+            shift = self._shift_along(arrives + step_along, partners, along) * self._defocus(partners, k / length)
             shift -= own_shift * self._defocus(lenses, k / length)
-            noise = variance[lenses, inner, inner] + moved(variance, others, base + step_along, grid.side)
-            return found + gradient * shift, noise, np.isfinite(found)
+            noise = variance[lenses, inner, inner] + moved(variance, partners, base + step_along, grid.side)
+            return change + gradient * shift, noise, np.isfinite(change)
 
         return match_windows(
             [
@@ -390,8 +390,8 @@ class RawPictureReader(DepthReader):
     def _defocus(self, lenses: Indices, inverse_virtual_depth: float) -> Samples:
         """Ratio of a ray's distance from the chief ray on the sensor to its height on the microlens."""
         focal_lengths = np.asarray(self.camera.microlenses.focal_lengths)[self._types[lenses]]
-        found = 1.0 - self._grid.gap[lenses] / focal_lengths + inverse_virtual_depth
-        return np.asarray(found, np.float32)[:, np.newaxis, np.newaxis]
+        ratio = 1.0 - self._grid.gap[lenses] / focal_lengths + inverse_virtual_depth
+        return np.asarray(ratio, np.float32)[:, np.newaxis, np.newaxis]
 
     @cached_property
     def _centroid_ratios(self) -> Samples:
@@ -423,7 +423,7 @@ class RawPictureReader(DepthReader):
         distance = np.sqrt(np.square(x)[:, np.newaxis, :] + np.square(y)[:, :, np.newaxis])
         bins = np.minimum(distance * np.float32(_TABLE_RADII / self._table_end), _TABLE_RADII - 1).astype(np.intp)
         ratio = self._centroid_ratios.ravel()[bins + (_TABLE_RADII * self._types[lenses])[:, np.newaxis, np.newaxis]]
-        across, down = (np.float32(one) for one in along)
+        across, down = (np.float32(component) for component in along)
         return np.asarray(ratio * (across * x[:, np.newaxis, :] + down * y[:, :, np.newaxis]))
 
     @property
@@ -437,7 +437,7 @@ class RawPictureReader(DepthReader):
         d = forth.disparity[row, y, x]
         partner, px, py = self._partner(step, row, x, y, d)
         ok = (partner >= 0) & (px >= 0) & (py >= 0) & (px < forth.disparity.shape[2]) & (py < forth.disparity.shape[1])
-        row, y, x, partner, px, py = (one[ok] for one in (row, y, x, partner, px, py))
+        row, y, x, partner, px, py = (indices[ok] for indices in (row, y, x, partner, px, py))
         apart = np.abs(back.disparity[partner, py, px] - forth.disparity[row, y, x])
         spread = np.hypot(back.deviation[partner, py, px], forth.deviation[row, y, x])
         wrong = apart > np.maximum(_LARGEST_DISAGREEMENT * spread, _SAME_SURFACE_PX)
@@ -450,38 +450,38 @@ class RawPictureReader(DepthReader):
         grid, used = self._grid, self._used
         number = np.full(grid.first.size + 1, -1, np.intp)
         number[used] = np.arange(used.size)
-        others = grid.beside(step)[used[row]]
+        partners = grid.beside(step)[used[row]]
         move = grid.basis @ np.array(step)
         along = move / self._length(step)
         place = [
-            grid.corner[k, used[row]] + pixel + move[k] + along[k] * disparity - grid.corner[k, others]
+            grid.corner[k, used[row]] + pixel + move[k] + along[k] * disparity - grid.corner[k, partners]
             for k, pixel in ((0, x), (1, y))
         ]
-        return number[others], *(np.rint(one).astype(np.intp) for one in place)
+        return number[partners], *(np.rint(coordinate).astype(np.intp) for coordinate in place)
 
-    def _combined(self, found: Mapping[Step, Matches]) -> tuple[Samples, Samples, NDArray[np.uint8]]:
+    def _combined(self, matches: Mapping[Step, Matches]) -> tuple[Samples, Samples, NDArray[np.uint8]]:
         """1/v, its standard deviation and reasons in the squares, combined by the estimator's rule."""
-        first = next(iter(found.values()))
+        first = next(iter(matches.values()))
         shape = first.disparity.shape
         best, deviation = np.full(shape, np.nan, np.float32), np.full(shape, np.inf, np.float32)
         reason = np.full(shape, Reason.NO_PARTNER, np.uint8)
-        rank = np.full(shape, np.inf, np.float32)
-        for step, one in found.items():
+        rank, takes_widest = np.full(shape, np.inf, np.float32), self.camera.estimator == "widest-pair"
+        for step, pair in matches.items():
             length = np.float32(self._length(step))
-            good = one.reason == Reason.MEASURED
-            worth = one.deviation / length if self.camera.estimator != "widest-pair" else -length + 0.0 * one.deviation
+            good = pair.reason == Reason.MEASURED
+            worth = -length + 0.0 * pair.deviation if takes_widest else pair.deviation / length
             better = good & (worth < rank)
             rank[better] = worth[better]
-            best[better], deviation[better] = one.disparity[better] / length, one.deviation[better] / length
+            best[better], deviation[better] = pair.disparity[better] / length, pair.deviation[better] / length
             reason[better] = Reason.MEASURED
             explained = (reason == Reason.NO_PARTNER) & ~good
-            reason[explained] = one.reason[explained]
+            reason[explained] = pair.reason[explained]
         if self.camera.estimator == "least-squares":
-            return *self._least_squares(found, best, deviation), reason
+            return *self._least_squares(matches, best, deviation), reason
         return best, deviation, reason
 
     def _least_squares(
-        self, found: Mapping[Step, Matches], best: Samples, best_deviation: Samples
+        self, matches: Mapping[Step, Matches], best: Samples, best_deviation: Samples
     ) -> tuple[Samples, Samples]:
         """Weighted mean of all pairs that agree with the most precise one.
 
@@ -489,10 +489,10 @@ class RawPictureReader(DepthReader):
         """
         total, weights, squares = (np.zeros(best.shape, np.float32) for _ in range(3))
         shared = np.zeros(best.shape, np.float32)
-        for step, one in found.items():
+        for step, pair in matches.items():
             length = np.float32(self._length(step))
-            value, deviation = one.disparity / length, one.deviation / length
-            agrees = (one.reason == Reason.MEASURED) & (
+            value, deviation = pair.disparity / length, pair.deviation / length
+            agrees = (pair.reason == Reason.MEASURED) & (
                 np.abs(value - best) <= _LARGEST_DISAGREEMENT * np.hypot(deviation, best_deviation)
             )
             weight = np.where(agrees, 1.0 / np.square(deviation), 0.0).astype(np.float32)
@@ -523,7 +523,7 @@ class RawPictureReader(DepthReader):
             measured &= ~less
         depth, rate = self._depth(np.where(measured, w, np.nan))
         if not self.camera.is_centred:
-            row, rows, columns = (one[measured[rows, columns]] for one in (row, rows, columns))
+            row, rows, columns = (indices[measured[rows, columns]] for indices in (row, rows, columns))
             depth[rows, columns] = self._depth_at(self._used[row], np.stack([columns, rows]), w[rows, columns])
         baseline = self.camera.estimator_baseline(self.search.distances) / self.camera.sensor.pixel_pitch
         reasons[measured & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
@@ -566,14 +566,14 @@ class RawPictureReader(DepthReader):
     def _depth_at(self, lenses: Indices, at: Samples, inverse: Samples) -> Samples:
         """Depth [m] by the known values of the calibration, from 1/v at pixels (2, points) behind microlenses."""
         grid, camera = self._grid, self.camera
-        found = np.full(inverse.shape, np.nan)
+        depth = np.full(inverse.shape, np.nan)
         for begin in range(0, inverse.size, _PIXELS_AT_ONCE):
             part = slice(begin, begin + _PIXELS_AT_ONCE)
             w, lens = inverse[part].astype(np.float64), lenses[part]
             turn = w - float(camera.geometry.image_spread({}))
             place = grid.on_sensor(grid.centre[:, lens] - (at[:, part] - grid.image_centre[:, lens]) / turn)
-            found[part] = camera.depth_at(w, place, self.search.distances[self._nearest(w)])
-        return found
+            depth[part] = camera.depth_at(w, place, self.search.distances[self._nearest(w)])
+        return depth
 
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
         """True depth in the raw picture; measurable where one of the estimator's microlenses sees the same point."""
@@ -588,7 +588,7 @@ class RawPictureReader(DepthReader):
         known = np.isfinite(w[rows, columns])
         if self._by_type:
             known &= self._sharpest[self._nearest(w[rows, columns])] == self._types[self._used[row]]
-        row, y, x, rows, columns = (one[known] for one in (row, y, x, rows, columns))
+        row, y, x, rows, columns = (indices[known] for indices in (row, y, x, rows, columns))
         for step in self._steps:
             length = self._length(step)
             partner, px, py = self._partner(step, row, x, y, known_w[row, y, x] * length)

@@ -62,15 +62,15 @@ def _recognises_lists(file: CameraFile) -> bool:
 def _is_square(entry: Entry) -> bool:
     items = entry.items if isinstance(entry, ListEntry) else ()
     return len(items) == 9 or (
-        len(items) == 3 and all(isinstance(one, ListEntry) and len(one.items) == 3 for one in items)
+        len(items) == 3 and all(isinstance(row, ListEntry) and len(row.items) == 3 for row in items)
     )
 
 
 def _side(top: Located, side: int) -> Located | None:
     """The mapping of one camera of a pair, such as ``left`` or ``camera1``."""
-    names = (one for end in _SIDES[side] for one in (end, f"cam{end}", f"camera{end}", f"camera_{end}"))
-    found = (top.find(name) for name in names)
-    return next((one for one in found if one is not None and any(one.has(name) for name in _MATRIX)), None)
+    names = (name for end in _SIDES[side] for name in (end, f"cam{end}", f"camera{end}", f"camera_{end}"))
+    parts = (top.find(name) for name in names)
+    return next((part for part in parts if part is not None and any(part.has(name) for name in _MATRIX)), None)
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
@@ -84,6 +84,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     tops = [file.top for file in files]
     pairs = [top for top in tops if top.find(*_names(_MATRIX, 0)) is not None or _side(top, 0) is not None]
     for top in tops:
+        # Of cameras numbered from 0, camera 1 would be taken for the first.
         zero = top.find(*(f"{name}{gap}0" for name in _MATRIX for gap in ("", "_")))
         if zero is not None and top.find(*_names(_MATRIX, 1)) is None:
             raise zero.fail("the cameras are numbered 0 and 1; number them 1 and 2, as in K1, D1, K2, D2")
@@ -173,8 +174,8 @@ def _in_order(
     conventions: tuple[Convention, ...],
 ) -> ImportedRig:
     """The pair with the left camera first, which is the first of the file unless ``pair`` says otherwise."""
-    known = [(camera.name, *ends) for camera, ends in zip(cameras, _SIDES, strict=True)]
-    order = [next((side for side in (0, 1) if name in known[side]), -1) for name in request.pair or ("1", "2")]
+    aliases = [(camera.name, *ends) for camera, ends in zip(cameras, _SIDES, strict=True)]
+    order = [next((side for side in (0, 1) if name in aliases[side]), -1) for name in request.pair or ("1", "2")]
     if order not in ([0, 1], [1, 0]):
         raise where[1].fail("pair: the cameras of an OpenCV calibration are 1 and 2; [1, 2] or [2, 1] is expected")
     exchanged = (
@@ -201,10 +202,10 @@ def _in_order(
 
 def _refuse_one_distortion(top: Located) -> None:
     """Refuse a pair in which only one camera has distortion coefficients: the other's key may be misspelt."""
-    given = [top.find(*_names(_DISTORTION, side)) for side in (0, 1)]
-    for side, own in enumerate(given):
-        other = given[1 - side]
-        if own is None and other is not None:
+    distortions = [top.find(*_names(_DISTORTION, side)) for side in (0, 1)]
+    for side, distortion in enumerate(distortions):
+        other = distortions[1 - side]
+        if distortion is None and other is not None:
             raise other.fail(
                 f"camera {2 - side} has distortion coefficients, but camera {side + 1} has none under any of the known "
                 "keys, such as D1 and D2; rename its key, or write zeros for a lens without distortion"
@@ -214,8 +215,8 @@ def _refuse_one_distortion(top: Located) -> None:
 def _refuse_vectors(tops: Sequence[Located]) -> None:
     """Refuse vectors as long as distortion, under any name, in the files of cameras of which no distortion was read."""
     for value in (unused for top in tops for unused in top.file.unused()):
-        extents = [value.find("rows"), value.find("cols")]
-        if "1" in [one.text() for one in extents if one is not None] and len(matrix_of(value)) in (5, 8, 12, 14):
+        extents = filter(None, (value.find("rows"), value.find("cols")))
+        if "1" in [extent.text() for extent in extents] and len(matrix_of(value)) in (5, 8, 12, 14):
             raise value.fail(
                 f"no distortion was read, but {value.last} is as long as distortion; rename it, such as D1 or "
                 "distortion_coefficients, or remove it"
@@ -243,7 +244,7 @@ def _conventions(moved: Located, pictures: str) -> tuple[Convention, ...]:
 def _names(names: Sequence[str], side: int) -> tuple[str, ...]:
     """Names of a matrix for one of two cameras."""
     ends = _SIDES[side]
-    return tuple(one for name in names for end in ends for one in (f"{name}{end}", f"{name}_{end}", f"{end}_{name}"))
+    return tuple(key for name in names for end in ends for key in (f"{name}{end}", f"{name}_{end}", f"{end}_{name}"))
 
 
 def _camera(
@@ -337,19 +338,19 @@ def _size(top: Located, side: int | None = None) -> tuple[Located, Located] | No
     for across, down in (("image_width", "image_height"), ("image_Width", "image_Height"), ("width", "height")):
         if top.has(across, down):
             return top.need(across), top.need(down)
-    both = top.find(*_SIZE)
-    if both is None and side is not None:
-        both = top.find(*_names(_SIZE, side))
-        width, height = (top.find(*_names((one, f"image_{one}"), side)) for one in ("width", "height"))
-        if both is None and width is not None and height is not None:
+    size = top.find(*_SIZE)
+    if size is None and side is not None:
+        size = top.find(*_names(_SIZE, side))
+        width, height = (top.find(*_names((extent, f"image_{extent}"), side)) for extent in ("width", "height"))
+        if size is None and width is not None and height is not None:
             return width, height
-    if both is None:
+    if size is None:
         return None
-    data = both.find("data")  # of a matrix with both numbers
-    if isinstance(both.entry, ListEntry) or data is not None:
-        both.use_matrix()
-        return (data or both).pair()
-    return both.need("width"), both.need("height")
+    data = size.find("data")  # of a matrix with both numbers
+    if isinstance(size.entry, ListEntry) or data is not None:
+        size.use_matrix()
+        return (data or size).pair()
+    return size.need("width"), size.need("height")
 
 
 def matrix_of(value: Located, *counts: int) -> tuple[float, ...]:
@@ -441,7 +442,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
         else:
             lens = shortest_coefficients(camera, _ORDER, (5, 8, 12, 14))
         matrices[f"D{side}"] = ((1, len(lens)), lens)
-    matrices["R"] = ((3, 3), [one for row in rig.rotation for one in row])
+    matrices["R"] = ((3, 3), [number for row in rig.rotation for number in row])
     matrices["T"] = ((3, 1), rig.translation)
     for name, ((rows, columns), values) in matrices.items():
         data = ", ".join(map(repr, values))

@@ -117,32 +117,33 @@ class _Reading:
     """What was read, and how."""
 
     request: Request
-    found: Imported  # a pair as in the files: from their first to their second camera, pictures as taken
+    imported: Imported  # a pair as in the files: from their first to their second camera, pictures as taken
     is_reversed: bool  # the first camera of the files is the right one
 
     @property
     def cameras(self) -> tuple[ImportedCamera, ...]:
-        if isinstance(self.found, ImportedRig):
-            return self.found.left, self.found.right
-        return (self.found,) if isinstance(self.found, ImportedCamera) else ()
+        if isinstance(self.imported, ImportedRig):
+            return self.imported.left, self.imported.right
+        return (self.imported,) if isinstance(self.imported, ImportedCamera) else ()
 
     @property
     def pixels(self) -> tuple[int, int] | None:
-        camera = self.found.left if isinstance(self.found, ImportedRig) else self.found
+        camera = self.imported.left if isinstance(self.imported, ImportedRig) else self.imported
         return None if isinstance(camera, ImportedCorners) else camera.pixels
 
     @property
     def unit(self) -> str:
         """Unit of lengths of the files; empty if no length was read."""
-        return next((one.says.split(",")[0] for one in self.found.conventions if one.name == "length unit"), "")
+        stated = (convention.says for convention in self.imported.conventions if convention.name == "length unit")
+        return next(stated, "").split(",")[0]
 
     @property
     def is_raw(self) -> bool:
-        is_rectified = any(one.name == "pictures" and one.says.startswith("rect") for one in self.found.conventions)
-        return self.request.pictures == "raw" and not is_rectified
+        stated = (convention.says for convention in self.imported.conventions if convention.name == "pictures")
+        return self.request.pictures == "raw" and not any(says.startswith("rect") for says in stated)
 
 
-def unused_keys(files: Sequence[CameraFile], request: Request, found: Imported) -> Iterator[Convention]:
+def unused_keys(files: Sequence[CameraFile], request: Request, imported: Imported) -> Iterator[Convention]:
     """The keys that are not used, in words; none if all are.
 
     A second value of what was read, such as a baseline beside T, counts as used if it agrees.
@@ -163,9 +164,10 @@ def unused_keys(files: Sequence[CameraFile], request: Request, found: Imported) 
         model, another camera matrix, a scale other than 1, a part of the picture, another unit or convention, or
         contradicts the lens model, the baseline, the rotation, or the size and the matrix of the pictures.
     """
-    is_reversed = isinstance(found, ImportedRig) and bool(request.pair) and _is_reversed(files, found)
-    filed = as_filed(found, is_reversed) if isinstance(found, ImportedRig) else found
-    reading = _Reading(request=request, found=filed, is_reversed=is_reversed)
+    is_reversed = isinstance(imported, ImportedRig) and bool(request.pair) and _is_reversed(files, imported)
+    filed = as_filed(imported, is_reversed) if isinstance(imported, ImportedRig) else imported
+    reading = _Reading(request=request, imported=filed, is_reversed=is_reversed)
+    # A list, since checks mark values that agree with what was read as used.
     for value in [value for file in files for value in file.unused()]:
         if not value.path:
             raise value.fail("nothing in this file is needed beside the other files; remove it from from:")
@@ -215,18 +217,19 @@ def _numbers_in(entry: Entry) -> Iterator[float]:
         below = [*entry.items]
     else:
         try:
+            # Flags are no numbers here; checks judge them by their text.
             yield 0.0 if entry.value is None or isinstance(entry.value, bool) else float(entry.value)
         except (ValueError, OverflowError):  # a text
             return
         return
-    for one in below:
-        yield from _numbers_in(one)
+    for inner in below:
+        yield from _numbers_in(inner)
 
 
 def _texts(value: Located) -> tuple[str, ...]:
     """A single value, or those of a list, as texts; none for a mapping."""
     entries = value.entry.items if isinstance(value.entry, ListEntry) else (value.entry,)
-    return tuple(one.text.strip() for one in entries if not isinstance(one, ListEntry | MappingEntry))
+    return tuple(entry.text.strip() for entry in entries if not isinstance(entry, ListEntry | MappingEntry))
 
 
 def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading) -> str:
@@ -248,6 +251,7 @@ def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading
             "this key looks like a scale of the pictures, but is not used; remove it if the camera matrix holds for "
             "the pictures in which depth is measured; if not, first multiply fx, fy, cx, cy and the size by the scale"
         )
+    # The whole picture is given by its size, or by its last column and row.
     whole = ({0.0}, {0.0, *size}, {0.0, *(side - 1.0 for side in size)})
     if _PART.search(key) and (is_set or {0.0, *numbers} not in whole):
         return (
@@ -261,8 +265,8 @@ def _changes_pictures(value: Located, _words: tuple[str, ...], reading: _Reading
 def _is_neutral(value: Located, reading: _Reading) -> bool:
     """Whether a scale changes nothing: 1, 100 %, or the size that the pictures have."""
     numbers = {*_numbers_in(value.entry)}
-    one = 100.0 if "percent" in value.last.lower() else 1.0
-    return numbers <= {0.0, one} or _size_in(value) == _size_named(value, reading)
+    unscaled = 100.0 if "percent" in value.last.lower() else 1.0
+    return numbers <= {0.0, unscaled} or _size_in(value) == _size_named(value, reading)
 
 
 def _scales(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
@@ -278,15 +282,15 @@ def _units(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     words = (*_words_of(value.path[-2:-1]), *words)  # as in units: {length: m} and baseline: {unit: m}
     if not _UNIT_WORDS & {*words} or _NOT_OF_LENGTHS & {*words}:
         return ""
-    others = {*words} - _UNIT_WORDS - {"of"}
+    subject = {*words} - _UNIT_WORDS - {"of"}
     metre = parse(f"1 {reading.unit}", LENGTH) if reading.unit else None
     for text in filter(None, _texts(value)):
-        kind = next((name for name, forms in _NAMED_UNITS.items() if text.lower() in forms), "")
+        kind = next((unit for unit, forms in _NAMED_UNITS.items() if text.lower() in forms), "")
         length = _metres_of(text)
-        expected = "px" if others & _IN_PIXELS else "rad" if others & _IN_RADIANS else reading.unit
+        expected = "px" if subject & _IN_PIXELS else "rad" if subject & _IN_RADIANS else reading.unit
         if expected == reading.unit:  # of lengths, or of something in the pictures
             agrees = length is not None and metre is not None and math.isclose(length, metre)
-            harmless = (length is not None and metre is None) or bool(kind and others and not others & _LENGTHS)
+            harmless = (length is not None and metre is None) or bool(kind and subject and not subject & _LENGTHS)
         else:
             agrees, harmless = kind == expected, False
         if not (agrees or harmless):
@@ -300,9 +304,9 @@ def _units(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
 
 def _metres_of(text: str) -> float | None:
     """A unit of length, or a number that stands for one, in metres; None for any other text."""
-    for one in (text, text.lower()):
+    for unit in (text, text.lower()):
         with suppress(UnitError):
-            return parse(f"1 {one}", LENGTH)
+            return parse(f"1 {unit}", LENGTH)
     return float(text) if _is_number(text) else None
 
 
@@ -315,21 +319,21 @@ def _is_number(text: str) -> bool:
 
 def _lens_models(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     """Lens models named under any key, and flags such as ``is_fisheye``."""
-    read = {camera.lens_model for camera in reading.cameras}
-    if not reading.is_raw or not read:
+    models = {camera.lens_model for camera in reading.cameras}
+    if not reading.is_raw or not models:
         return ""
-    shown = " and ".join(_SHOWN_LENSES.get(one, one) for one in sorted(read))
+    shown = " and ".join(_SHOWN_LENSES.get(model, model) for model in sorted(models))
     contradicts = f"contradicts the lens model that is read, {shown}; correct it, or remove it"
     is_flag = "fisheye" in words and {*words} <= _FLAG_WORDS
     for text in _texts(value):
         if is_flag and text.lower() in (*SET, *_UNSET):
-            if (text.lower() in SET) != (read == {"kannala-brandt"}):
+            if (text.lower() in SET) != (models == {"kannala-brandt"}):
                 return f"{text} {contradicts}"
             value.use()
             continue
         letters = re.sub("[^a-z0-9]", "", text.lower()).removeprefix("opencv").removeprefix("cv")
         if letters in _LENSES:
-            if not read <= {*_LENSES[letters]}:
+            if not models <= {*_LENSES[letters]}:
                 return f"{text[:40]} {contradicts}"
             value.use()
         elif {"distortion", "projection"} & {*words} and {"model", "type"} & {*words} and text:
@@ -364,7 +368,7 @@ def _prepared(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
 
 def _poses(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     """A baseline, translation, rotation or epipolar geometry beside the one that is read."""
-    rig, numbers = reading.found, [*_numbers_in(value.entry)]
+    rig, numbers = reading.imported, [*_numbers_in(value.entry)]
     is_elsewhere = any(_ELSEWHERE.search(step) for step in value.path if isinstance(step, str))
     if not isinstance(rig, ImportedRig) or is_elsewhere or (_SPREAD | _UNIT_WORDS) & {*words}:
         return ""
@@ -422,7 +426,7 @@ def _sides(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
 def _size_in(value: Located) -> tuple[float, ...]:
     """Numbers of a size, width first; also of a text such as 640x480."""
     if value.has("width", "height") and isinstance(members := value.entry, MappingEntry):
-        return tuple(one for key in ("width", "height") for one in _numbers_in(members.members[key].entry))
+        return tuple(number for key in ("width", "height") for number in _numbers_in(members.members[key].entry))
     numbers, text = tuple(_numbers_in(value.entry)), " ".join(_texts(value))
     return numbers or tuple(map(float, re.findall(r"\d+", text) if re.match(r"\d+ *[x×*,] *\d+", text) else ()))
 
@@ -436,9 +440,11 @@ def _size_named(value: Located, reading: _Reading) -> tuple[float, ...]:
 def _cameras_of(value: Located, reading: _Reading) -> tuple[ImportedCamera, ...]:
     """The camera whose file, mapping or name a key shares, or whose side or number it names; all if none is told."""
     cameras = reading.cameras
-    own = [one for one in cameras if value.key.startswith(re.sub(r"[^.:]*$", "", one.keys["focal_lengths"]))]
-    if len(cameras) < 2 or len(own) == 1:
-        return (*own,) or cameras
+    prefixes = [re.sub(r"[^.:]*$", "", camera.keys["focal_lengths"]) for camera in cameras]
+    sharing = [camera for camera, prefix in zip(cameras, prefixes, strict=True) if value.key.startswith(prefix)]
+    if len(cameras) < 2 or len(sharing) == 1:
+        return (*sharing,) or cameras
+    # If the first camera of the files is the right one, left and right do not tell the order of the files.
     sides = {"1": 0, "2": 1} if reading.is_reversed else {"1": 0, "2": 1, "left": 0, "l": 0, "right": 1, "r": 1}
     names = [{*_words_of((camera.name,))} for camera in cameras]
     sides |= {word: side for side in (0, 1) for word in names[side] - names[1 - side]}
@@ -463,14 +469,14 @@ def _counts_from_zero(value: Located) -> bool:
 def _second_values(value: Located, words: tuple[str, ...], reading: _Reading) -> str:
     """A size of the pictures, focal length or principal point beside the one that is read."""
     if reading.pixels is not None and _SIZE.fullmatch(value.last):
-        size, given = _size_named(value, reading), _size_in(value)
-        times, rest = divmod(len(given), len(size))
-        if given and given == size * times:
+        size, stated = _size_named(value, reading), _size_in(value)
+        times, rest = divmod(len(stated), len(size))
+        if stated and stated == size * times:
             value.use()
-        elif (given and not rest) or not {*given} <= {*size}:
+        elif (stated and not rest) or not {*stated} <= {*size}:
             what = next((f"a {side} of " for side in ("width", "height") if side in value.last.lower()), "")
             return (
-                f"{what}{' × '.join(f'{one:g}' for one in given)} px contradicts the size that is read, "
+                f"{what}{' × '.join(f'{number:g}' for number in stated)} px contradicts the size that is read, "
                 f"{reading.pixels[0]} × {reading.pixels[1]} px; correct one"
             )
     is_pinhole = _PINHOLE.fullmatch(value.last) or {"principal", "point"} <= {*words}
@@ -484,14 +490,14 @@ def _pinhole_problem(value: Located, words: tuple[str, ...], cameras: Sequence[I
     match, numbers = _PINHOLE.fullmatch(value.last), [*_numbers_in(value.entry)]
     axis = match[3].lower() if match else next((word for word in words if word in ("x", "y")), "")
     pairs = [camera.focal_lengths if match and match[2] in "fF" else camera.centre for camera in cameras]
-    read = [(pair["xy".index(axis)],) if axis else pair for pair in pairs]
-    if len(numbers) != len(read[0]):
+    by_camera = [(pair["xy".index(axis)],) if axis else pair for pair in pairs]
+    if len(numbers) != len(by_camera[0]):
         return ""
-    for number, values in zip(numbers, zip(*read, strict=True), strict=True):
-        if not any(math.isclose(number, one, rel_tol=_AGREES) for one in values):
-            shown = listed([f"{one:g} px of {camera.name}" for one, camera in zip(values, cameras, strict=True)])
+    for number, values in zip(numbers, zip(*by_camera, strict=True), strict=True):
+        if not any(math.isclose(number, expected, rel_tol=_AGREES) for expected in values):
+            shown = listed([f"{value:g} px of {camera.name}" for value, camera in zip(values, cameras, strict=True)])
             return f"{number:g} contradicts the camera matrix that is read, {shown}; correct one, or remove this key"
-    if all(math.isclose(*both, rel_tol=_AGREES) for one in read for both in zip(numbers, one, strict=True)):
+    if all(math.isclose(*pair, rel_tol=_AGREES) for own in by_camera for pair in zip(numbers, own, strict=True)):
         value.use()  # else it agrees with one of the cameras, and does not say which it concerns
     return ""
 

@@ -55,16 +55,16 @@ def criterion_dimension(name: str, attributes: Iterable[AttributesPart]) -> Dime
     if name in DERIVED:
         return DERIVED[name]
     numbers = [part.others[name] for part in attributes if is_number(part.others.get(name, ""))]
-    found = common_dimension(*numbers) if numbers else None
+    dimension = common_dimension(*numbers) if numbers else None
     # Plain numbers are shown as such, not in per cent.
-    return NUMBER if found is FRACTION and all(text.strip()[-1] in "0123456789." for text in numbers) else found
+    return NUMBER if dimension is FRACTION and all(text.strip()[-1] in "0123456789." for text in numbers) else dimension
 
 
 def weighed_dimension(name: str, quantity: str | None, attributes: Iterable[AttributesPart]) -> Dimension:
     """The dimension of a criterion in a valid trade-off: a length if the criterion is computed."""
-    found = LENGTH if quantity is not None else criterion_dimension(name, attributes)
-    assert found is not None
-    return found
+    dimension = LENGTH if quantity is not None else criterion_dimension(name, attributes)
+    assert dimension is not None
+    return dimension
 
 
 def is_number(text: str) -> bool:
@@ -369,13 +369,13 @@ class RequirementPart(Part):
     @property
     def quantity(self) -> str:
         """The required quantity."""
-        return next(name for name in _QUANTITIES if getattr(self, name) is not None)
+        return next(quantity for quantity in _QUANTITIES if getattr(self, quantity) is not None)
 
     @property
     def required(self) -> Required:
         """The bound on the quantity."""
-        found: Required = getattr(self, self.quantity)
-        return found
+        bound: Required = getattr(self, self.quantity)
+        return bound
 
 
 def requirement_mistakes(
@@ -387,13 +387,13 @@ def requirement_mistakes(
     measures_depth: bool,
 ) -> Iterator[MistakeAt]:
     """Requirements that cannot be tested on any camera of the study, each at the key at fault."""
-    for key, one in requirements.items():
-        place = ("requirements", key, one.quantity)
-        if isinstance(one.required, CriterionPart):
-            yield from _of_criterion(one.required, (*place,), attributes, relief=relief)
-        elif isinstance(one.required, SharpPart):
-            yield from _of_sharpness(one.required, (*place,), focus)
-        elif one.asks_for_depth and not measures_depth:
+    for key, requirement in requirements.items():
+        place = ("requirements", key, requirement.quantity)
+        if isinstance(requirement.required, CriterionPart):
+            yield from _of_criterion(requirement.required, (*place,), attributes, relief=relief)
+        elif isinstance(requirement.required, SharpPart):
+            yield from _of_sharpness(requirement.required, (*place,), focus)
+        elif requirement.asks_for_depth and not measures_depth:
             yield MistakeAt(place, "no camera of this study measures depth")
 
 
@@ -501,7 +501,7 @@ class TradeOffPart(Part):
     )
 
     def _mistakes(self) -> Iterator[MistakeAt]:
-        declared = [name for name, one in self.criteria.items() if one.weight is not None]
+        declared = [name for name, criterion in self.criteria.items() if criterion.weight is not None]
         if self.order is not None:
             unknown = [
                 MistakeAt(("order", i), f"no criterion is called {name!r}{nearest_name(name, self.criteria)}")
@@ -512,13 +512,13 @@ class TradeOffPart(Part):
                 yield MistakeAt.several(unknown)
             if declared:
                 yield MistakeAt(("order",), f"{declared[0]!r} has a weight; give an order or weights, not both")
-        if what := range_mistake(*zip(*(one.range for one in self.criteria.values()), strict=True)):
+        if what := range_mistake(*zip(*(criterion.range for criterion in self.criteria.values()), strict=True)):
             yield MistakeAt(("criteria", declared[-1], "weight"), what)
 
     @property
     def weights(self) -> WeightSpace:
         """The space of possible weights, in the order of the criteria."""
-        low, high = zip(*(one.range for one in self.criteria.values()), strict=True)
+        low, high = zip(*(criterion.range for criterion in self.criteria.values()), strict=True)
         names = list(self.criteria)
         return WeightSpace(low=low, high=high, order=tuple(names.index(name) for name in self.order or ()))
 
@@ -546,19 +546,18 @@ def trade_off_mistakes(
     relief
         Whether the study has a relief, for which criteria are derived.
     """
-    for name, one in part.criteria.items():
+    for name, criterion in part.criteria.items():
         place = ("trade_off", "criteria", name)
-        if what := _unknown(name, one, ranked, attributes, measuring, relief=relief):
+        if what := _unknown(name, criterion, ranked, attributes, measuring, relief=relief):
             yield MistakeAt(place, what)
         else:
-            yield from (
-                MistakeAt((*place, *mistake.tail), mistake.what) for mistake in _mistakes_of_ends(name, one, attributes)
-            )
+            mistakes = _mistakes_of_ends(name, criterion, attributes)
+            yield from (MistakeAt((*place, *mistake.tail), mistake.what) for mistake in mistakes)
 
 
 def _unknown(
     name: str,
-    one: WeighedPart,
+    criterion: WeighedPart,
     ranked: Sequence[str],
     attributes: Mapping[str, AttributesPart],
     measuring: Collection[str],
@@ -566,9 +565,9 @@ def _unknown(
     relief: bool,
 ) -> str:
     remedy = "or name candidates without this camera"
-    if one.quantity is not None:
-        others = [camera for camera in ranked if camera not in measuring]
-        return f"{others[0]!r} measures no depth; remove {one.quantity}, {remedy}" if others else ""
+    if criterion.quantity is not None:
+        without_depth = [camera for camera in ranked if camera not in measuring]
+        return f"{without_depth[0]!r} measures no depth; remove {criterion.quantity}, {remedy}" if without_depth else ""
     if what := criterion_mistake(name, attributes, relief=relief):
         return what
     if name in DERIVED:
@@ -577,10 +576,12 @@ def _unknown(
     return f"{without[0]!r} declares no number for it (attributes: others); add one, {remedy}" if without else ""
 
 
-def _mistakes_of_ends(name: str, one: WeighedPart, attributes: Mapping[str, AttributesPart]) -> Iterator[MistakeAt]:
-    dimension = weighed_dimension(name, one.quantity, attributes.values())
+def _mistakes_of_ends(
+    name: str, criterion: WeighedPart, attributes: Mapping[str, AttributesPart]
+) -> Iterator[MistakeAt]:
+    dimension = weighed_dimension(name, criterion.quantity, attributes.values())
     ends = {}
-    for key, text in (("worst", one.worst), ("best", one.best)):
+    for key, text in (("worst", criterion.worst), ("best", criterion.best)):
         try:
             ends[key] = parse(text, dimension)
         except UnitError as error:

@@ -136,12 +136,12 @@ class StudyFile(Part):
         """Give each camera without a title its key as title, and add the keys to equal titles."""
         if not isinstance(cameras, Mapping):
             return cameras
-        titles = {name: one.get("title", str(name)) for name, one in cameras.items() if isinstance(one, Mapping)}
+        titles = {name: part.get("title", str(name)) for name, part in cameras.items() if isinstance(part, Mapping)}
         shared = Counter(map(str, titles.values()))
         for name, title in titles.items():
             if isinstance(title, str) and shared[title] > 1:
                 titles[name] = f"{title} ({name})"
-        return {name: {**one, "title": titles[name]} if name in titles else one for name, one in cameras.items()}
+        return {name: {**part, "title": titles[name]} if name in titles else part for name, part in cameras.items()}
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:
@@ -149,11 +149,11 @@ class StudyFile(Part):
         mistakes: list[MistakeAt] = []
         for kind in _REFERENCES:
             declared = tree.get(f"{kind}s")
-            known = list(map(str, declared)) if isinstance(declared, Mapping) else []
+            names = list(map(str, declared)) if isinstance(declared, Mapping) else []
             mistakes += [
-                MistakeAt(path, f"no {kind} is called {name!r}{nearest_name(name, known)}")
+                MistakeAt(path, f"no {kind} is called {name!r}{nearest_name(name, names)}")
                 for path, name in _named(kind, tree)
-                if name not in known
+                if name not in names
             ]
         return mistakes
 
@@ -220,25 +220,27 @@ class StudyFile(Part):
             relief=has_relief,
             measures_depth=bool(measuring),
         )
+        # Cameras that do not exist have no attributes; `mistakes_of_names` reports them.
         if self.trade_off is not None and set(self.ranked) <= set(attributes):
             mistakes += trade_off_mistakes(self.trade_off, self.ranked, attributes, measuring, relief=has_relief)
         return mistakes
 
     def _mistakes_of_refocusing(self) -> Iterator[MistakeAt]:
         """Cameras that views cannot refocus, where the study or a requirement asks for it."""
-        can = {name: part.camera.refocuses for name, part in self.cameras.items()}
+        refocuses = {name: part.camera.refocuses for name, part in self.cameras.items()}
         what = "only pictures of unfocused plenoptic cameras are sums of shifted views; leave this camera out"
-        if self.refocusing is not None and not any(can.values()):
+        if self.refocusing is not None and not any(refocuses.values()):
             yield MistakeAt(("refocusing",), "needs an unfocused plenoptic camera")
         for i, name in enumerate((self.refocusing and self.refocusing.cameras) or ()):
-            if can.get(name) is False:
+            if refocuses.get(name) is False:
                 yield MistakeAt(("refocusing", "cameras", i), f"{name!r} is a {self.cameras[name].kind} camera; {what}")
-        for key, one in self.requirements.items():
-            if one.asks_for_refocusing and self.refocusing is None:
-                yield MistakeAt(("requirements", key, one.quantity), "needs the section refocusing, at least {}")
-            elif one.asks_for_refocusing and can.get(one.camera) is False:
-                kind = self.cameras[one.camera].kind
-                yield MistakeAt(("requirements", key, "camera"), f"{one.camera!r} is a {kind} camera; {what}")
+        for key, requirement in self.requirements.items():
+            if requirement.asks_for_refocusing and self.refocusing is None:
+                place = ("requirements", key, requirement.quantity)
+                yield MistakeAt(place, "needs the section refocusing, at least {}")
+            elif requirement.asks_for_refocusing and refocuses.get(requirement.camera) is False:
+                kind = self.cameras[requirement.camera].kind
+                yield MistakeAt(("requirements", key, "camera"), f"{requirement.camera!r} is a {kind} camera; {what}")
 
     @property
     def ranked(self) -> tuple[str, ...]:
@@ -252,12 +254,12 @@ class StudyFile(Part):
     def depth_distances(self) -> tuple[float, ...]:
         """All distances [m] at which the study asks about the depth that cameras measure, in ascending order."""
         parts = (self.decision, self.sensitivity, self.value_of_information)
-        found = {place for part in parts if part is not None for place in part.at or ()}
+        distances = {place for part in parts if part is not None for place in part.at or ()}
         weighed = () if self.trade_off is None else self.trade_off.criteria.values()
-        found |= {one.at for one in (*self.solve.values(), *weighed) if one.at is not None}
-        found |= {end for one in self.requirements.values() if one.needs_usable_range for end in one.over}
-        claims = (one for one in self.claims.values() if isinstance(one, UncertaintyRatioClaim | ShareBetterClaim))
-        return tuple(sorted(found.union(*(one.over for one in claims))))
+        distances |= {part.at for part in (*self.solve.values(), *weighed) if part.at is not None}
+        requirements = (part for part in self.requirements.values() if part.needs_usable_range)
+        claims = (part for part in self.claims.values() if isinstance(part, UncertaintyRatioClaim | ShareBetterClaim))
+        return tuple(sorted(distances.union(*(part.over for part in (*requirements, *claims)))))
 
     def with_parts(self, parts: Mapping[str, Any]) -> Self:
         """The same study with other parts, each valid by itself.

@@ -110,18 +110,19 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
             for detail in error.errors(include_url=False)
             if document.broken.isdisjoint(detail["loc"][:length] for length in range(len(detail["loc"]) + 1))
         ]
-        found = [_Finding.of(detail, document, model) for detail in details[:MOST_MISTAKES]]
-        problems = _problems(document, model, found)
+        findings = [_Finding.of(detail, document, model) for detail in details[:MOST_MISTAKES]]
+        problems = _problems(document, model, findings)
         if len(details) > MOST_MISTAKES:
             more = f"and {len(details) - MOST_MISTAKES} more mistakes"
             problems.append(document.root.place.problem((), more))
     else:
         problems = []
     if issubclass(model, Part):
-        problems += [document.problem(name.tail, name.what) for name in model.mistakes_of_names(document.tree)]
+        problems += [document.problem(mistake.tail, mistake.what) for mistake in model.mistakes_of_names(document.tree)]
     if problems or document.problems:
-        news = [one for one in problems if not any(_is_same(one, reported) for reported in document.problems)]
-        raise StudyError(list(dict.fromkeys([*document.problems, *news])))
+        known = document.problems
+        new = [problem for problem in problems if not any(_is_same(problem, reported) for reported in known)]
+        raise StudyError(list(dict.fromkeys([*known, *new])))
     return valid
 
 
@@ -131,8 +132,8 @@ def asked_values(document: Document, model: type[BaseModel]) -> list[Problem]:
     for path, entry in walk(document.root, ()):
         if isinstance(entry, AskedEntry):
             meaning, expected = _meaning(_owner(document, path, model), path[-1])
-            other = f", or else {' and '.join(entry.instead)}" if entry.instead else ""
-            what = f"not in {FilePath(entry.place.file).name}{expected or '; a value'}{other} is expected{meaning}"
+            instead = f", or else {' and '.join(entry.instead)}" if entry.instead else ""
+            what = f"not in {FilePath(entry.place.file).name}{expected or '; a value'}{instead} is expected{meaning}"
             problems.append(entry.place.problem(path, what))
     return problems
 
@@ -153,8 +154,10 @@ def units_missing(document: Document, model: type[BaseModel]) -> dict[Path, str]
     try:
         model.model_validate(document.tree)
     except ValidationError as error:
-        found = [_Finding.of(one, document, model) for one in error.errors(include_url=False) if _lacks_unit(one)]
-        return {one.path: one.context["error"].without_unit.unit for one in found if is_of_python(one.entry)}
+        lacking = filter(_lacks_unit, error.errors(include_url=False))
+        findings = (_Finding.of(details, document, model) for details in lacking)
+        of_python = [finding for finding in findings if is_of_python(finding.entry)]
+        return {finding.path: finding.context["error"].without_unit.unit for finding in of_python}
     return {}
 
 
@@ -168,14 +171,14 @@ def is_of_python(entry: Entry | None) -> TypeGuard[ScalarEntry]:
     return isinstance(entry, ScalarEntry) and type(entry.value) in (int, float) and entry.place.file in OF_PYTHON
 
 
-def _is_same(found: Problem, reported: Problem) -> bool:
+def _is_same(problem: Problem, reported: Problem) -> bool:
     """Whether a mistake of validation repeats one of reading: at the same place, in the same value or a part of it.
 
     Several values may share a place, such as those from one line of a calibration file.
     """
-    if (found.file, found.line, found.column) != (reported.file, reported.line, reported.column):
+    if (problem.file, problem.line, problem.column) != (reported.file, reported.line, reported.column):
         return False
-    (shorter, longer) = sorted((found.path, reported.path), key=len)
+    (shorter, longer) = sorted((problem.path, reported.path), key=len)
     return not shorter or f"{longer}.".startswith((f"{shorter}.", f"{shorter}["))
 
 
@@ -247,16 +250,17 @@ class _Finding:
         )
 
 
-def _problems(document: Document, model: type[BaseModel], found: list[_Finding]) -> list[Problem]:
+def _problems(document: Document, model: type[BaseModel], all_findings: list[_Finding]) -> list[Problem]:
     """Turn findings into one problem for each place, from the likeliest member of each union."""
     # pydantic counts only the items of a list that are right: too few may follow from wrong ones.
     kept = [
         finding
-        for finding in found
+        for finding in all_findings
         if not (finding.kind == "too_short" and isinstance(finding.entry, ListEntry))
         or len(finding.entry.items) < finding.context["min_length"]
     ]
-    ordered = sorted(_likeliest(kept), key=lambda one: ([*map(str, one.path)], one.kind != "value_error"))
+    # The first finding at a place decides how it is reported: one of this program's validators, if there is one.
+    ordered = sorted(_likeliest(kept), key=lambda finding: ([*map(str, finding.path)], finding.kind != "value_error"))
     problems: list[Problem] = []
     for path, group in groupby(ordered, key=lambda finding: finding.path):
         findings = list(group)
@@ -280,6 +284,7 @@ def _problems(document: Document, model: type[BaseModel], found: list[_Finding])
 
 def _likeliest(findings: list[_Finding]) -> list[_Finding]:
     """Of the members tried in a union, keep those that match the shape of the written value."""
+    # Outer unions first: a member that they drop takes its findings in inner unions along.
     unions = sorted({path for finding in findings for path, _ in finding.members}, key=len)
     for union in unions:
         by_label: dict[str, list[_Finding]] = {}
@@ -290,6 +295,7 @@ def _likeliest(findings: list[_Finding]) -> list[_Finding]:
         misshapen = {
             label for label, tried in by_label.items() if any(f.kind in _SHAPES and f.path == union for f in tried)
         }
+        # If every member has another shape, none is likelier than the others, and the message lists what all expect.
         if len(misshapen) < len(by_label):
             dropped = {id(finding) for label in misshapen for finding in by_label[label]}
             findings = [finding for finding in findings if id(finding) not in dropped]
@@ -302,10 +308,10 @@ def _misnamed(document: Document, path: Path) -> Problem | None:
     for depth, step in enumerate(path):
         above, entry = entry, child(entry, step)
         if _is_implied(entry) and isinstance(above, MappingEntry):
-            others = [name for name, member in above.members.items() if member.entry is not entry]
-            if nearest(str(step), others):
+            siblings = [name for name, member in above.members.items() if member.entry is not entry]
+            if nearest(str(step), siblings):
                 here = path[: depth + 1]
-                return entry.place.problem(here, f"there is no '{step}'{nearest_name(str(step), others)}")
+                return entry.place.problem(here, f"there is no '{step}'{nearest_name(str(step), siblings)}")
     return None
 
 
@@ -338,13 +344,13 @@ def _meaning(owner: type[BaseModel] | None, key: str | int) -> tuple[str, str]:
 def _expected_value(schema: dict[str, Any]) -> str:
     """The expected value of a missing key, as far as its schema states choices, limits or an example."""
     if "anyOf" in schema:
-        each = [_expected_value(one).removeprefix("; ") for one in schema["anyOf"]]
-        return f"; {' or '.join(filter(None, each))}" if any(each) else ""
+        expectations = [_expected_value(option).removeprefix("; ") for option in schema["anyOf"]]
+        return f"; {' or '.join(filter(None, expectations))}" if any(expectations) else ""
     if schema.get("type") == "array" and "examples" not in schema:
-        each = [_expected_value(schema.get("items", {})).removeprefix("; ")]
-        return f"; a list, each {each[0]}" if each[0] else ""
+        expectations = [_expected_value(schema.get("items", {})).removeprefix("; ")]
+        return f"; a list, each {expectations[0]}" if expectations[0] else ""
     if choices := schema.get("enum", [schema["const"]] if "const" in schema else []):
-        return f"; {_choice(choices) if all(isinstance(one, str) for one in choices) else choices[0]}"
+        return f"; {_choice(choices) if all(isinstance(choice, str) for choice in choices) else choices[0]}"
     if "examples" not in schema:
         return ""
     is_quantity = "pattern" in schema  # its title states its limits
@@ -363,23 +369,23 @@ def _unknown_key(document: Document, model: type[BaseModel], finding: _Finding) 
     A path of ``--set`` may start with a camera, so its first key may have meant one.
     """
     path, owner = finding.path, finding.owner
-    name, names = str(path[-1]), key_names(owner) if owner else []
-    if owner is model and (same := _path_to(document, name)):
+    key, keys = str(path[-1]), key_names(owner) if owner else []
+    if owner is model and (same := _path_to(document, key)):
         return document.locate_key(path).problem(path, f"unknown key here; the study has '{dotted(same)}'")
     if owner is model and _is_implied(finding.entry):
         cameras = _cameras(document)
-        if cameras and nearest(name, [*names, *cameras]) is None:
+        if cameras and nearest(key, [*keys, *cameras]) is None:
             what = f"neither a key of the study nor one of its cameras: {', '.join(map(repr, cameras))}"
             return document.locate_key(path).problem(path, what)
-        names += cameras
-    if owner and nearest(name, names) is None and (deeper := deeper_key(owner, name)):
+        keys += cameras
+    if owner and nearest(key, keys) is None and (deeper := deeper_key(owner, key)):
         return document.locate_key(path).problem(path, f"unknown key here; nearest: '{deeper}'")
-    return document.locate_key(path).problem(path, f"unknown key{nearest_name(name, names)}")
+    return document.locate_key(path).problem(path, f"unknown key{nearest_name(key, keys)}")
 
 
-def _path_to(document: Document, name: str) -> Path:
+def _path_to(document: Document, key: str) -> Path:
     """The shortest path to a key of this name below the first level and outside lists; empty without one."""
-    deeper = (path for path, _ in walk(document.root, ()) if path[1:] and path[-1] == name != path[0])
+    deeper = (path for path, _ in walk(document.root, ()) if path[1:] and path[-1] == key != path[0])
     return min((path for path in deeper if all(isinstance(step, str) for step in path)), key=len, default=())
 
 
@@ -423,9 +429,9 @@ def _discriminator(document: Document, finding: _Finding) -> Problem:
             return document.problem(finding.path, what)
         what = f"this key is missing; {_choice(tags(finding.expected, key))} is expected"
         return document.locate(finding.path).problem(path, what)
-    known = re.findall(r"'([^']*)'", finding.context["expected_tags"])
-    what = f"'{finding.context['tag']}' is unknown; {_choice(known)} is expected"
-    return document.problem(path, what + _only_nearest(str(finding.context["tag"]), known))
+    possible = re.findall(r"'([^']*)'", finding.context["expected_tags"])
+    what = f"'{finding.context['tag']}' is unknown; {_choice(possible)} is expected"
+    return document.problem(path, what + _only_nearest(str(finding.context["tag"]), possible))
 
 
 def _name_message(finding: _Finding) -> str:
@@ -453,8 +459,8 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
             return f"{shown} is not possible", context["expected"].replace(" or ", ", or "), ""
         return f"{shown} is unknown", _choice(choices), _only_nearest(shown.strip("'"), choices)
     if kind in _LIMITS:
-        name, words = _LIMITS[kind]
-        limit = context[name]
+        key, words = _LIMITS[kind]
+        limit = context[key]
         return f"{shown} is out of range", f"{words} {limit if isinstance(limit, int) else f'{limit:g}'}", ""
     if kind in ("too_short", "too_long"):
         bound, words = ("min_length", "at least") if kind == "too_short" else ("max_length", "at most")
@@ -477,9 +483,9 @@ def _choice(names: Sequence[str]) -> str:
     return f"{', '.join(quoted[:-1])} or {quoted[-1]}" if len(quoted) > 1 else quoted[0]
 
 
-def _only_nearest(name: str, known: Iterable[str]) -> str:
+def _only_nearest(name: str, choices: Iterable[str]) -> str:
     """Name the nearest choice where there is one."""
-    close = nearest(name, known)
+    close = nearest(name, choices)
     return f"; nearest: '{close}'" if close else ""
 
 
@@ -519,9 +525,9 @@ def validate_changes(document: Document, before: Document, valid: StudyFile) -> 
     """
     if not document.problems:
         with suppress(_WhollyNewError, ValueError):  # mistakes that validators find are ValueErrors
-            found = valid.with_parts(_changed_parts(document, before, valid))
+            changed = valid.with_parts(_changed_parts(document, before, valid))
             if not StudyFile.mistakes_of_names(document.tree):
-                return found
+                return changed
     return validate(document, StudyFile)
 
 
