@@ -80,14 +80,18 @@ def _declared(table: str) -> Mapping[str, Mapping[str, Variable]]:
     for line in table.splitlines()[1:]:
         group, name, dims, *texts = line.split("\t")
         variable = Variable(tuple(dims.split(", ")) if dims else (), *texts)
-        of, known = name.removesuffix("_error"), groups.setdefault(group, {})
+        value_name, in_group = name.removesuffix("_error"), groups.setdefault(group, {})
         if (other := variable.comment.removeprefix(_ALSO_IN)) in groups:
             variable = replace(groups[other][name], dims=variable.dims, described_in=other)
         elif not variable.long_name:
-            is_error = of in known and variable.error.startswith("itself")
-            words = f"error of {known[of].long_name}" if is_error else _NOT_IN_WORDS.sub("", name).replace("_", " ")
+            is_error = value_name in in_group and variable.error.startswith("itself")
+            words = (
+                f"error of {in_group[value_name].long_name}"
+                if is_error
+                else _NOT_IN_WORDS.sub("", name).replace("_", " ")
+            )
             variable = replace(variable, long_name=words)
-        known[name] = variable
+        in_group[name] = variable
     return groups
 
 
@@ -129,6 +133,7 @@ def dataset(
         if (see := _SEE.match(spec.error)) and see[1] in values:
             attrs["ancillary_variables"] = see[1]
         array = np.asarray(value)
+        # Values that no swept parameter changes come without the dimensions of the sweep.
         swept = leading if array.ndim == len(leading) + len(spec.dims) else ()
         variables[name] = (swept + spec.dims, array.astype(object) if array.dtype.kind == "U" else array, attrs)
     coords = {
@@ -153,7 +158,8 @@ def padded(rows: Sequence[Sequence[Any] | npt.NDArray[Any]], absent: Any = math.
 def padded_attributes(rows: Sequence[Sequence[Any]], absent: Mapping[str, Any]) -> dict[str, npt.NDArray[Any]]:
     """The attributes named in `absent` of the objects in these rows, each as one array, padded with its value there."""
     return {
-        name: padded([[getattr(one, name) for one in row] for row in rows], empty) for name, empty in absent.items()
+        attribute: padded([[getattr(one, attribute) for one in row] for row in rows], empty)
+        for attribute, empty in absent.items()
     }
 
 
@@ -162,13 +168,17 @@ def coordinate_names(paths: Sequence[str]) -> list[str]:
 
     They are identifiers, so that ``sel(baseline=0.1)`` works: dots and hyphens become underscores.
     """
-    known = {text for group in _SWEPT for name, one in GROUPS[group].items() for text in (name, *one.dims)}
-    whole = ["_" + re.sub(r"\W", "_", path) for path in paths]
+    known = {text for group in _SWEPT for name, variable in GROUPS[group].items() for text in (name, *variable.dims)}
+    identifiers = ["_" + re.sub(r"\W", "_", path) for path in paths]
     names = []
     for path in paths:
         words = path.split(".")
         ends = (re.sub(r"\W", "_", ".".join(words[k:])) for k in range(len(words) - 1, -1, -1))
-        free = (end for end in ends if end not in known and sum(one.endswith("_" + end) for one in whole) == 1)
+        free = (
+            end
+            for end in ends
+            if end not in known and sum(identifier.endswith("_" + end) for identifier in identifiers) == 1
+        )
         names.append(next(free, path))
     return names
 
@@ -181,6 +191,7 @@ def judged_uncertainty(depth: xr.Dataset, of: str = "") -> xr.DataArray:
     compared = of.removesuffix("_error")
     half_width, radius = (depth[name + compared] for name in JUDGED)
     of_half_width, of_radius = (depth[name + of] for name in JUDGED)
+    # Negated, so that the half-width stays where the radius is NaN.
     return of_half_width.where(~(radius > half_width), of_radius)
 
 

@@ -71,14 +71,14 @@ def refuse_foreign(directory: Path, patterns: Iterable[str]) -> None:
     PlaceError
         If a file that matches is not the program's.
     """
-    own = written(directory)
-    if any((directory / _UNFINISHED).glob("*.points")) or (RUN not in _listed(directory) and RUN in own):
+    ours = written(directory)
+    if any((directory / _UNFINISHED).glob("*.points")) or (RUN not in _listed(directory) and RUN in ours):
         return  # an interrupted call or an earlier version, which kept no list
     for pattern in patterns:
-        if RUN in own and "*" in pattern:
+        if RUN in ours and "*" in pattern:
             continue
         for path in sorted(directory.glob(pattern)):
-            if path.relative_to(directory).as_posix() not in own:
+            if path.relative_to(directory).as_posix() not in ours:
                 remedy = "move it away, or give another output folder"
                 raise PlaceError(
                     "this file, which tradestudy did not write, is in the way", value=str(path), remedy=remedy
@@ -100,10 +100,10 @@ def _listed(directory: Path) -> frozenset[str]:
     return frozenset()
 
 
-def remove_earlier(directory: Path, own: frozenset[str], patterns: Iterable[str], kept: Iterable[str] = ()) -> None:
-    """Remove files of an earlier call that match and are the program's ``own``."""
+def remove_earlier(directory: Path, ours: frozenset[str], patterns: Iterable[str], kept: Iterable[str] = ()) -> None:
+    """Remove files of an earlier call that match and are the program's, ``ours``."""
     for path in [path for pattern in patterns for path in directory.glob(pattern)]:
-        if path.relative_to(directory).as_posix() in own - {*kept}:
+        if path.relative_to(directory).as_posix() in ours - {*kept}:
             path.unlink(missing_ok=True)  # another call may have removed it first
 
 
@@ -178,7 +178,7 @@ def _is_running(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except PermissionError:
+    except PermissionError:  # it exists, but belongs to another user
         return True
     return True
 
@@ -210,6 +210,7 @@ def _encode_group(group: h5py.Group, data: xr.Dataset, numbers: Iterator[int]) -
         if dim in variables:
             label, scales[dim] = str(dim), _encode_variable(group, str(dim), variables.pop(dim))
         else:
+            # netCDF4 stores a dimension without labels as such an empty array with this text.
             label = f"{_NO_VARIABLE}{size:10}"
             scales[dim] = group.create_dataset(str(dim), (size,), dtype=">f4")
         scales[dim].make_scale(label)
@@ -233,11 +234,11 @@ def _encode_variable(group: h5py.Group, name: str, variable: xr.Variable) -> h5p
 
 def _with_known_units(attributes: Mapping[Hashable, Any]) -> dict[Hashable, Any]:
     """Attributes whose ``units`` UDUNITS knows, for programs that expect CF conventions; ours moves to `_OWN_UNITS`."""
-    own = attributes.get("units")
-    if own not in _CF_UNITS:
+    units = attributes.get("units")
+    if units not in _CF_UNITS:
         return dict(attributes)
-    known = {"units": _CF_UNITS[own]} if _CF_UNITS[own] else {}
-    return {key: value for key, value in attributes.items() if key != "units"} | known | {_OWN_UNITS: own}
+    cf_units = {"units": _CF_UNITS[units]} if _CF_UNITS[units] else {}
+    return {key: value for key, value in attributes.items() if key != "units"} | cf_units | {_OWN_UNITS: units}
 
 
 def _restore_units(tree: xr.DataTree) -> None:
@@ -254,8 +255,8 @@ def _describe(stored: h5py.Group | h5py.Dataset, attributes: Mapping[Hashable, A
 
 def _described(stored: h5py.Group | h5py.Dataset) -> dict[str, Any]:
     """The attributes that `_describe` wrote."""
-    found = {name: stored.attrs[name] for name in stored.attrs if name not in _OF_NETCDF}
-    return {name: value[0] if np.shape(value) == (1,) else value for name, value in found.items()}
+    attributes = {name: stored.attrs[name] for name in stored.attrs if name not in _OF_NETCDF}
+    return {name: value[0] if np.shape(value) == (1,) else value for name, value in attributes.items()}
 
 
 def write_finished(content: bytes, run: Mapping[str, Any], directory: Path, pictures: Path | None = None) -> None:
@@ -294,10 +295,10 @@ def _place_results(directory: Path) -> None:
 
 def _replace_folder(old: Path, new: Path) -> None:
     """Replace a folder, keeping the files in it that this program did not write; can be repeated after a death."""
-    own = written(old)
+    ours = written(old)
     for path in [path for path in old.rglob("*") if path.is_file()]:
         name = path.relative_to(old)
-        if name.as_posix() not in own and not (new / name).exists():
+        if name.as_posix() not in ours and not (new / name).exists():
             (new / name).parent.mkdir(parents=True, exist_ok=True)
             path.replace(new / name)
     if old.exists():
@@ -325,10 +326,10 @@ def _named_results(directory: Path, record: Mapping[str, Any]) -> tuple[Path, by
     """The file with the results that a record names by their checksum, and its content; None if there is none."""
     path = directory / RESULTS
     # Twice the final name: another process may give it to the results meanwhile.
-    for one in (path, *sorted(directory.glob(f".{RESULTS}.*.part")), path):
+    for candidate in (path, *sorted(directory.glob(f".{RESULTS}.*.part")), path):
         with contextlib.suppress(FileNotFoundError):
-            if _checksum(content := one.read_bytes()) == record.get(CHECKSUM):
-                return one, content
+            if _checksum(content := candidate.read_bytes()) == record.get(CHECKSUM):
+                return candidate, content
     return None
 
 
@@ -380,8 +381,8 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
             remedy="run the study again",
         )
     if lacking := [key for key in (*_KINDS, *_MEMBERS) if key != PICTURES and key not in record]:
-        what = f"the run's record lacks {listed(lacking)}"
-        raise ResultsError(what, value=str(directory / RUN), remedy="run the study again")
+        message = f"the run's record lacks {listed(lacking)}"
+        raise ResultsError(message, value=str(directory / RUN), remedy="run the study again")
     return _tree_of(named[1], path), record
 
 
@@ -416,10 +417,10 @@ def _tree_of(content: bytes, path: Path) -> xr.DataTree:
     for group in GROUPS.keys() & tree.children.keys():
         for name, stored in tree[group].to_dataset().data_vars.items():
             if name in GROUPS[group] and (wrong := _difference(stored, GROUPS[group][str(name)])):
-                what = (
+                message = (
                     f"the results file is damaged or from another version of the program: /{group}/{name} has {wrong}"
                 )
-                raise ResultsError(what, value=str(path), remedy="run the study again")
+                raise ResultsError(message, value=str(path), remedy="run the study again")
     _restore_units(tree)
     return tree
 
@@ -446,26 +447,27 @@ def _decoded_group(group: h5py.Group) -> xr.Dataset:
     import h5py
     import xarray as xr
 
-    stored = {name: found for name, found in group.items() if isinstance(found, h5py.Dataset)}
-    addresses = {h5py.h5o.get_info(found.id).addr: name for name, found in stored.items() if found.is_scale}
+    stored = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset)}
+    # Variables refer to their labels by address in the file, not by name.
+    addresses = {h5py.h5o.get_info(dataset.id).addr: name for name, dataset in stored.items() if dataset.is_scale}
     variables: dict[str, Any] = {}
-    for name, found in sorted(stored.items(), key=lambda one: one[1].is_scale):  # labels last
-        if found.attrs.get("NAME", b"").startswith(_NO_VARIABLE.encode()):
+    for name, dataset in sorted(stored.items(), key=lambda entry: entry[1].is_scale):  # labels last
+        if dataset.attrs.get("NAME", b"").startswith(_NO_VARIABLE.encode()):
             continue
-        scales = () if found.is_scale else (axis[0] for axis in found.dims)
-        dims = [addresses[h5py.h5o.get_info(scale.id).addr] for scale in scales] or [name] * found.is_scale
-        values = found[()]
-        if h5py.check_string_dtype(found.dtype):
-            values = np.array(np.asarray(found.asstr()[()]).tolist(), dtype=str).reshape(found.shape)
-        variables[name] = (dims, values, _described(found))
+        scales = () if dataset.is_scale else (axis[0] for axis in dataset.dims)
+        dims = [addresses[h5py.h5o.get_info(scale.id).addr] for scale in scales] or [name] * dataset.is_scale
+        values = dataset[()]
+        if h5py.check_string_dtype(dataset.dtype):
+            values = np.array(np.asarray(dataset.asstr()[()]).tolist(), dtype=str).reshape(dataset.shape)
+        variables[name] = (dims, values, _described(dataset))
     return xr.decode_cf(xr.Dataset(variables, attrs=_described(group)))
 
 
 def _difference(stored: xr.DataArray, declared: Variable) -> str:
     """How a variable differs from its declaration, in words; empty if it does not."""
-    dims = [str(name) for name in stored.dims]
+    dims = [str(dim) for dim in stored.dims]
     swept = max(len(dims) - len(declared.dims), 0)
-    if tuple(dims[swept:]) != declared.dims or not all("path" in stored[name].attrs for name in dims[:swept]):
+    if tuple(dims[swept:]) != declared.dims or not all("path" in stored[dim].attrs for dim in dims[:swept]):
         return f"the dimensions ({', '.join(dims)}), not ({', '.join(declared.dims)})"
     if "distance" in dims and "distance" not in stored.coords:
         return "no distances"
@@ -494,8 +496,8 @@ def read_run(directory: Path) -> dict[str, Any]:
         raise ResultsError("the run's record is not a mapping", value=str(path), remedy="run the study again")
     for key, value in run.items():
         if not _is_valid(key, value):
-            what = f"the run's record has an impossible value of '{key}'"
-            raise ResultsError(what, value=str(path), remedy="run the study again")
+            message = f"the run's record has an impossible value of '{key}'"
+            raise ResultsError(message, value=str(path), remedy="run the study again")
     return run
 
 
@@ -504,5 +506,6 @@ def _is_valid(key: str, value: object) -> bool:
     if key in _MEMBERS:
         outer, inner = _MEMBERS[key]
         members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-        return isinstance(value, outer) and all(isinstance(one, inner) and one == one for one in members)
+        # Python's parser of JSON accepts NaN, the only member that does not equal itself.
+        return isinstance(value, outer) and all(isinstance(member, inner) and member == member for member in members)
     return isinstance(value, _KINDS.get(key, object))

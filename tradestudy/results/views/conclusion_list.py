@@ -68,7 +68,7 @@ class Conclusion:
 
     def rest(self, room: int = _ROOM) -> str:
         """As many clauses as have room [characters], and the number of the others."""
-        lengths = np.cumsum([len(one) + 2 for one in self.says])
+        lengths = np.cumsum([len(clause) + 2 for clause in self.says])
         shown = len(self.says) if lengths[-1] <= room else max(1, int(np.sum(lengths < room - _COUNTING)))
         left = [f"and {len(self.says) - shown} more in the report"] * (shown < len(self.says))
         return "; ".join([*self.says[:shown], *left])
@@ -84,34 +84,38 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
     """
     said, rests, first = answers(tree, seconds), rests_on(tree), measure_first(tree)
     requirements, perfect, failed = requirement_conclusions(tree), perfectly_calibrated(tree), unconverged(tree)
-    judged = [("requirement", one.verdict.capitalize(), [requirement_details(one)]) for one in requirements]
+    judged = [
+        ("requirement", requirement.verdict.capitalize(), [requirement_details(requirement)])
+        for requirement in requirements
+    ]
     where = reversing(tree)
     together = rests and first == f"Measure first: {rests[0]}"
-    met = {one.camera for one in requirements if one.at_lower_bound and one.met}  # whose verdicts say it
-    found: list[tuple[str, str, Sequence[str]]] = [
+    # Verdicts at the lower bound already say so.
+    met = {requirement.camera for requirement in requirements if requirement.at_lower_bound and requirement.met}
+    parts: list[tuple[str, str, Sequence[str]]] = [
         ("headline", "", said[:1]),
         ("designs", "", [design_details(tree)]),
         *judged[:1],
         *(("question", says, [answer]) for says, answer in solved_questions(tree)),
         *judged[1:],
         ("weights", "Weighing all criteria", [trade_off_conclusion(tree)]),
-        *(("answer", "", [one.removesuffix(".")]) for one in said[1:]),
+        *(("answer", "", [answer.removesuffix(".")]) for answer in said[1:]),
         ("claims", "Claims", list(_claim_words(tree))),
         ("reversed" if where else "not reversed", "", list(_reading_words(tree, where))),
         ("unconverged", "Not converged", [f"the calibration of {few(failed)}, {_WRONG}"] if failed else []),
         ("rests on", _rest_words(tree) + " (measure first)" * bool(together), rests),
         ("measure first", "", [] if together else [first]),
         ("off axis", "On the optical axis, unless a place is named; off it", off_axis_words(tree)),
-        ("lower bound", *lower_bound_words([one for one in lower_bounds(tree) if one not in met])),
+        ("lower bound", *lower_bound_words([title for title in lower_bounds(tree) if title not in met])),
         ("biased", "Biased", offset_words(tree)),
-        *(("doubted", "", [one]) for one in _doubted_words(tree)),
+        *(("doubted", "", [sentence]) for sentence in _doubted_words(tree)),
         ("partly used", "Used only in part", left_out(tree)),
         ("perfect", "Assumed perfect", [_perfect_words(tree, perfect)] if perfect else []),
-        *(("origin", "", [one]) for one in origin_words(tree)),
+        *(("origin", "", [clause]) for clause in origin_words(tree)),
         *(("contradictory", f"Contradictory inputs of {title}", [why]) for title, why in consequences(tree)),
         ("best", *_best_words(tree, "".join(said[:1]))),
     ]
-    return tuple(Conclusion(kind=kind, head=head, says=tuple(says)) for kind, head, says in found if any(says))
+    return tuple(Conclusion(kind=kind, head=head, says=tuple(says)) for kind, head, says in parts if any(says))
 
 
 def _claim_words(tree: xr.DataTree) -> Iterator[str]:
@@ -143,12 +147,12 @@ def _best_words(tree: xr.DataTree, said: str) -> tuple[str, list[str]]:
         return "Others", others if ranges else []
     designs = ", as declared" if has(tree, "requirements", "design_met") else ""
     nobody: dict[str, list[BestRange]] = {}
-    for one in ranges:
-        if not one.cameras:
-            nobody.setdefault(one.words.removesuffix(f"from {one.where}"), []).append(one)
-    none = [why + listed([f"from {one.where}" for one in gaps]) for why, gaps in nobody.items()]
+    for best_range in ranges:
+        if not best_range.cameras:
+            nobody.setdefault(best_range.words.removesuffix(f"from {best_range.where}"), []).append(best_range)
+    none = [why + listed([f"from {gap.where}" for gap in gaps]) for why, gaps in nobody.items()]
     head = "Best" if len(camera_titles(tree)) > 1 else "Usable"
-    return head + designs, [*(one.words for one in ranges if one.cameras), *none, *others]
+    return head + designs, [*(best_range.words for best_range in ranges if best_range.cameras), *none, *others]
 
 
 def _doubted_words(tree: xr.DataTree) -> Iterator[str]:
@@ -156,16 +160,16 @@ def _doubted_words(tree: xr.DataTree) -> Iterator[str]:
     if not has(tree, "calibration", "rig_claimed"):
         return
     titles, data = camera_titles(tree), group(tree, "calibration")
-    for name in map(str, data["posterior"].values):
-        rig = data.sel(posterior=name)
+    for camera in map(str, data["posterior"].values):
+        rig = data.sel(posterior=camera)
         ratio = rig["rig_halves_difference"].values / rig["rig_halves_claim"].values
         if not np.any(ratio > 1.0):  # or no views were compared
             continue
         worst = int(np.nanargmax(ratio))
         claimed = float(rig["rig_claimed"].values[worst])
-        good, claims = (pretty(one, LENGTH) for one in (float(ratio[worst]) * claimed, claimed))
+        good, claims = (pretty(uncertainty, LENGTH) for uncertainty in (float(ratio[worst]) * claimed, claimed))
         yield (
-            f"The calibration of {with_article(titles[name])} is good to {good} at "
+            f"The calibration of {with_article(titles[camera])} is good to {good} at "
             f"{distance(float(rig['rig_distance'].values[worst]))}, although it claims {claims}: depths from random "
             f"halves of its views differ by {significant(float(ratio[worst]), 3)} times as much as claimed; the "
             "numbers here use the claim"

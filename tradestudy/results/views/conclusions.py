@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.decision import answer_title, candidates, reported_winners, shown_ends
+from tradestudy.results.views.decision import answer_title, candidates, reported_winners, shown_ends, tied
 from tradestudy.results.views.depth import (
     at_the_bound,
     least_broken,
@@ -54,24 +54,24 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
         return ()
     titles, depth = camera_titles(tree), nominal(tree)
     among = candidates(tree) or tuple(map(str, depth["camera"].values))
-    usable = [ends for name in among for ends in where_usable(depth, name)]
+    usable = [ends for camera in among for ends in where_usable(depth, camera)]
 
     def nobody(near: float, far: float) -> str:
         if nominal_is_declared(tree) and any(start <= math.sqrt(near * far) <= end for start, end in usable):
             return "no depth uncertainty has a bound"
         return f"no {'candidate' if candidates(tree) else 'camera'} is usable"
 
-    found = tuple(reported_winners(tree))
-    where = [plain_span(*ends) for ends in shown_ends(found)]
+    ranges = tuple(reported_winners(tree))
+    spans = [plain_span(*ends) for ends in shown_ends(ranges)]
     return tuple(
         BestRange(
             near=near,
             far=far,
-            where=words,
-            cameras=tuple(titles[name] for name in names.split(", ") if name),
-            words=f"{answer_title(titles, names, nobody(near, far))} from {words}",
+            where=span,
+            cameras=tuple(titles[camera] for camera in tied(names)),
+            words=f"{answer_title(titles, names, nobody(near, far))} from {span}",
         )
-        for (near, far, names), words in zip(found, where, strict=True)
+        for (near, far, names), span in zip(ranges, spans, strict=True)
     )
 
 
@@ -81,13 +81,18 @@ def rests_on(tree: xr.DataTree, *, only_assumed: bool = False) -> tuple[str, ...
     Either a limit of a camera's range, or an uncertain input with its basis, its share of the variance, and where it
     has that share. Results that store no bases of inputs, as earlier versions wrote them, have no known assumptions.
     """
-    found = [
-        (one.rests_on, one.rests_on_basis, one.rests_on_share, f" {range_words(one.place, one.place)}")
-        for one in requirement_conclusions(tree)
-        if one.rests_on
+    deciding = [
+        (
+            conclusion.rests_on,
+            conclusion.rests_on_basis,
+            conclusion.rests_on_share,
+            f" {range_words(conclusion.place, conclusion.place)}",
+        )
+        for conclusion in requirement_conclusions(tree)
+        if conclusion.rests_on
     ]
     if has(tree, "decision", "solved_rests_on"):
-        found += [
+        deciding += [
             (
                 str(row["solved_rests_on"]),
                 str(row.get("solved_rests_on_basis", "")),
@@ -97,25 +102,26 @@ def rests_on(tree: xr.DataTree, *, only_assumed: bool = False) -> tuple[str, ...
             for row in records(tree, "decision", "question")
             if row["solved_rests_on"]
         ]
-    if not found and (ranked := ranked_by_bias(tree)) is not None:
+    if not deciding and (ranked := ranked_by_bias(tree)) is not None:
         biased, instead = ranked
         drawn = f"bias of {with_article(biased)}, one random draw of its calibration errors"
         return () if only_assumed else (f"{drawn} (without it, the camera would measure {instead})",)
-    if not found and has(tree, "decision", "cause"):
+    if not deciding and has(tree, "decision", "cause"):
         titles = camera_titles(tree)
-        best = {name for one in best_ranges(tree) for name in one.cameras}
+        best = {title for best_range in best_ranges(tree) for title in best_range.cameras}
         where = ", averaged over usable distances"
-        found = [
+        deciding = [
             (str(row["cause"]), str(row.get("cause_basis", "")), float(row["cause_share"]), where)
             for row in records(tree, "decision", "camera")
             if titles[str(row["camera"])] in best and row["cause"]
         ]
+    # What decides several answers is named once, with its largest share.
     shares: dict[tuple[str, str], tuple[float, str]] = {}
-    for words, basis, share, where in found:
+    for words, basis, share, where in deciding:
         shares[words, basis] = max((share, where), shares.get((words, basis), (0.0, "")))
     return tuple(
         words + (f" ({_share_of_variance(share)}{where})" if math.isfinite(share) else "")
-        for (words, basis), (share, where) in sorted(shares.items(), key=lambda one: one[0][1] != _ASSUMED)
+        for (words, basis), (share, where) in sorted(shares.items(), key=lambda entry: entry[0][1] != _ASSUMED)
         if basis == _ASSUMED or not only_assumed
     )
 
@@ -166,7 +172,7 @@ class AssumptionWorth:
 
 def worths(tree: xr.DataTree) -> tuple[AssumptionWorth, ...]:
     """The worth of knowing each assumption, the largest first."""
-    found = [
+    assumptions = [
         AssumptionWorth(
             # An assumption without words of its own is named by its path.
             says=says if " " in says else path_words(tree, says.removeprefix("scene.picture.").removeprefix("scene.")),
@@ -177,7 +183,7 @@ def worths(tree: xr.DataTree) -> tuple[AssumptionWorth, ...]:
         for row in records(tree, "value_of_information", "assumption")
         for says in [str(row["says"])]
     ]
-    return tuple(sorted(found, key=lambda one: -one.worth))
+    return tuple(sorted(assumptions, key=lambda assumption: -assumption.worth))
 
 
 def measure_first(tree: xr.DataTree) -> str:
@@ -186,13 +192,13 @@ def measure_first(tree: xr.DataTree) -> str:
     Where the study asks for the value of information, the assumption most worth knowing; otherwise the input that
     decides the answers most, if it is assumed.
     """
-    found = worths(tree)
-    if not found:
+    assumptions = worths(tree)
+    if not assumptions:
         if not requirement_conclusions(tree) and (ranked := ranked_by_bias(tree)) is not None:
             return f"Measure first: the calibration of {with_article(ranked[0])}"
         assumed = rests_on(tree, only_assumed=True)
         return f"Measure first: {assumed[0]}" if assumed else ""
-    clear = [one for one in found if one.is_clear]
+    clear = [assumption for assumption in assumptions if assumption.is_clear]
     if not clear:
         data = group(tree, "value_of_information")
         if data.sizes["candidate"] <= 1:
@@ -206,7 +212,7 @@ def measure_first(tree: xr.DataTree) -> str:
         )
     first = clear[0]
     gain = f"expected to lower the depth uncertainty by {pretty(first.worth, FRACTION, digits=2)} of the distance"
-    others = [one.says for one in clear[1:3]]
+    others = [assumption.says for assumption in clear[1:3]]
     return f"Measure first: {first.says} ({first.between}), {gain}" + (f"; then {listed(others)}" if others else "")
 
 
@@ -221,13 +227,13 @@ def never_usable(tree: xr.DataTree, *, even_all: bool = False) -> Iterator[tuple
         return
     depth, titles = nominal(tree), camera_titles(tree)
     among = candidates(tree) or tuple(map(str, depth["camera"].values))
-    nowhere = [name for name in among if not where_usable(depth, name)]
+    nowhere = [camera for camera in among if not where_usable(depth, camera)]
     if len(nowhere) == len(among) and not even_all:
         return
-    for name in nowhere:
-        broken = depth["limit_met"].sel(camera=name).transpose("distance", "limit").values == 0
+    for camera in nowhere:
+        broken = depth["limit_met"].sel(camera=camera).transpose("distance", "limit").values == 0
         fewest = depth["limit"].values[broken[least_broken(broken)]]
-        yield titles[name], listed([limit_words(str(one)) for one in fewest])
+        yield titles[camera], listed([limit_words(str(limit)) for limit in fewest])
 
 
 def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
@@ -238,24 +244,24 @@ def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
         return
     depth, decision, titles = nominal(tree), group(tree, "decision"), camera_titles(tree)
     places = np.asarray(decision["distance"].values, dtype=np.float64)
-    best = {title for one in best_ranges(tree) for title in one.cameras}
+    best = {title for best_range in best_ranges(tree) for title in best_range.cameras}
     among = candidates(tree) or tuple(map(str, depth["camera"].values))
     uncertainty = {}
-    for name in among:
-        inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, name)]
+    for camera in among:
+        inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, camera)]
         usable = np.any([np.zeros(places.shape, dtype=np.bool_), *inside], axis=0)
-        judged = decision["judged_uncertainty"].sel(camera=name).values
-        uncertainty[name] = np.where(usable & np.isfinite(judged), judged, np.inf)
+        judged = decision["judged_uncertainty"].sel(camera=camera).values
+        uncertainty[camera] = np.where(usable & np.isfinite(judged), judged, np.inf)
     smallest = np.min(list(uncertainty.values()), axis=0)
-    for name in among:
-        known = np.isfinite(uncertainty[name])
-        if titles[name] not in best and known.any():
-            yield titles[name], float((uncertainty[name][known] / smallest[known]).min())
+    for camera in among:
+        bounded = np.isfinite(uncertainty[camera])
+        if titles[camera] not in best and bounded.any():
+            yield titles[camera], float((uncertainty[camera][bounded] / smallest[bounded]).min())
 
 
 def other_words(tree: xr.DataTree) -> Iterator[str]:
     """The candidates that are nowhere best, the closest first, without factors that round to 1, or nowhere usable."""
-    for title, ratio in sorted(never_best(tree), key=lambda one: one[1]):
+    for title, ratio in sorted(never_best(tree), key=lambda entry: entry[1]):
         factor = at_least(ratio)
         why = f" (at least {factor} times as uncertain)" if factor != "1" else ""
         yield f"{title} is best nowhere{why}"
@@ -269,6 +275,6 @@ def at_least(ratio: float) -> str:
 
 def lower_bounds(tree: xr.DataTree) -> tuple[str, ...]:
     """Titles of the cameras that are best or meet a requirement with a disparity error that no matcher surpasses."""
-    named = {title for one in best_ranges(tree) for title in one.cameras}
-    named |= {one.camera for one in requirement_conclusions(tree) if one.met}
+    named = {title for best_range in best_ranges(tree) for title in best_range.cameras}
+    named |= {conclusion.camera for conclusion in requirement_conclusions(tree) if conclusion.met}
     return tuple(title for title in at_the_bound(tree) if title in named)

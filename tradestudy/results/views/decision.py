@@ -31,13 +31,13 @@ def has_winners(tree: xr.DataTree) -> bool:
 
 def tied(names: str) -> tuple[str, ...]:
     """The cameras of one answer: one, several that are tied, or none."""
-    return tuple(name for name in names.split(TIED) if name)
+    return tuple(camera for camera in names.split(TIED) if camera)
 
 
 def answer_title(titles: Mapping[str, str], names: str, nobody: str = "") -> str:
     """The words for one answer: a camera, several that are tied, or `nobody`."""
-    found = [titles[name] for name in tied(names)]
-    return f"{listed(found)} (tied)" if len(found) > 1 else "".join(found) or nobody
+    tied_titles = [titles[camera] for camera in tied(names)]
+    return f"{listed(tied_titles)} (tied)" if len(tied_titles) > 1 else "".join(tied_titles) or nobody
 
 
 def candidates(tree: xr.DataTree) -> tuple[str, ...]:
@@ -58,7 +58,7 @@ def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
     """
     best = group(tree, "decision")["best_camera"].sel(error_source=_BOTH)
     every = np.asarray(best["distance"].values, dtype=np.float64)
-    return merged_ranges([str(name) for name in best.values], every, _exact_ends(tree))
+    return merged_ranges([str(names) for names in best.values], every, _exact_ends(tree))
 
 
 def merged_ranges(names: Sequence[str], every: FloatArray, exact: FloatArray) -> Iterator[tuple[float, float, str]]:
@@ -90,37 +90,41 @@ def worth_reporting(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tupl
     Leaves out slivers: at most 1 % of the study's range, with ends that read the same in three digits. Where two
     cameras tie only briefly, because of the error of their crossover, the boundary is the middle of the tie.
     """
-    found = _without_brief_ties(list(ranges))
-    whole = found[-1][1] - found[0][0]
-    return (one for one in found if distance(one[0]) != distance(one[1]) or one[1] - one[0] > _SLIVER * whole)
+    divided = _without_brief_ties(list(ranges))
+    whole = divided[-1][1] - divided[0][0]
+    return (
+        stretch
+        for stretch in divided
+        if distance(stretch[0]) != distance(stretch[1]) or stretch[1] - stretch[0] > _SLIVER * whole
+    )
 
 
 def shown_ends(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tuple[float, float, int]]:
     """The ends of ranges as `span` writes them: rounded inwards, but to the nearest between two cameras."""
-    names = [ranges[0][2], *(one[2] for one in ranges), ranges[-1][2]] if ranges else []
+    names = [ranges[0][2], *(stretch[2] for stretch in ranges), ranges[-1][2]] if ranges else []
     to = [round if bool(a) == bool(b) else math.floor if a else math.ceil for a, b in itertools.pairwise(names)]
     for number, (near, far, _) in enumerate(ranges):
         yield within(near, far, to[number], to[number + 1])
 
 
-def _without_brief_ties(found: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
+def _without_brief_ties(ranges: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
     """Ranges of distance with every brief tie divided between its neighbours, if these are the tied cameras."""
-    longest = np.log(found[-1][1] / found[0][0]) * _BRIEF
-    kept = list(found)
-    for before, (start, end, names), after in zip(found, found[1:], found[2:], strict=False):
+    longest = np.log(ranges[-1][1] / ranges[0][0]) * _BRIEF
+    kept = list(ranges)
+    for before, (start, end, names), after in zip(ranges, ranges[1:], ranges[2:], strict=False):
         neighbours = {*tied(before[2]), *tied(after[2])}
         between = len(tied(names)) > 1 and before[2] and after[2] and neighbours <= {*tied(names)}
         if between and np.log(end / start) <= longest:
             kept.remove((start, end, names))
-    ends = [found[0][0], *(float(np.sqrt(a[1] * b[0])) for a, b in itertools.pairwise(kept)), found[-1][1]]
-    moved = [(start, end, one[2]) for (start, end), one in zip(itertools.pairwise(ends), kept, strict=True)]
+    ends = [ranges[0][0], *(float(np.sqrt(a[1] * b[0])) for a, b in itertools.pairwise(kept)), ranges[-1][1]]
+    moved = [(start, end, stretch[2]) for (start, end), stretch in zip(itertools.pairwise(ends), kept, strict=True)]
     joined = [
         (merged[0][0], merged[-1][1], names)
-        for names, neighbours in itertools.groupby(moved, key=lambda one: one[2])
+        for names, neighbours in itertools.groupby(moved, key=lambda stretch: stretch[2])
         for merged in [list(neighbours)]
     ]
     # A tie of three between ties of two hides at first that all three are brief.
-    return _without_brief_ties(joined) if len(joined) < len(found) else joined
+    return _without_brief_ties(joined) if len(joined) < len(ranges) else joined
 
 
 def _exact_ends(tree: xr.DataTree) -> FloatArray:
@@ -170,20 +174,20 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
     if not has(tree, "decision", "more_certain", "winner", "flips", "uncertainty_ratio"):
         return
     decision = group(tree, "decision").sel(error_source=_BOTH)
-    names = [str(name) for name in decision["reading"].values]
+    names = [str(reading) for reading in decision["reading"].values]
     for place in decision["place"].values:
-        there = decision.sel(place=place)
-        flipped = np.asarray(there["flips"].values, dtype=bool)
+        here = decision.sel(place=place)
+        flipped = np.asarray(here["flips"].values, dtype=bool)
         yield Flips(
             place=float(place),
-            more_certain=str(there["more_certain"].values[0]),
-            winner=str(there["winner"].values[0]),
-            ratio=float(there["uncertainty_ratio"].values[0]),
-            within_tolerance=bool(there["within_tolerance"].values[0]),
+            more_certain=str(here["more_certain"].values[0]),
+            winner=str(here["winner"].values[0]),
+            ratio=float(here["uncertainty_ratio"].values[0]),
+            within_tolerance=bool(here["within_tolerance"].values[0]),
             alternatives=len(names) - 1,
             flipped=tuple(
-                (name, str(winner))
-                for name, winner, flips_here in zip(names[1:], there["winner"].values[1:], flipped[1:], strict=True)
+                (reading, str(winner))
+                for reading, winner, flips_here in zip(names[1:], here["winner"].values[1:], flipped[1:], strict=True)
                 if flips_here
             ),
         )
@@ -194,15 +198,15 @@ def reversing(tree: xr.DataTree) -> tuple[tuple[str, list[float]], ...] | None:
 
     Where neither is usable under a reading or in the study itself, or they are tied, nothing is reversed.
     """
-    found = [one for one in flips(tree) if one.alternatives]
-    if not found:
+    verdicts = [verdict for verdict in flips(tree) if verdict.alternatives]
+    if not verdicts:
         return None
-    says, where = readings_in_words(group(tree, "decision")), dict[str, list[float]]()
-    for one in found:
-        for name, winner in one.flipped:
-            if len(tied(winner)) == len(tied(one.winner)) == 1:
-                where.setdefault(name, []).append(one.place)
-    return tuple((says[name], places) for name, places in where.items())
+    says, reversed_at = readings_in_words(group(tree, "decision")), dict[str, list[float]]()
+    for verdict in verdicts:
+        for reading, winner in verdict.flipped:
+            if len(tied(winner)) == len(tied(verdict.winner)) == 1:
+                reversed_at.setdefault(reading, []).append(verdict.place)
+    return tuple((says[reading], places) for reading, places in reversed_at.items())
 
 
 def readings_in_words(data: xr.Dataset) -> dict[str, str]:
@@ -214,11 +218,13 @@ def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
     """The inverse questions of a study with their answers, in words, and then once what is true of all of them."""
     if not has(tree, "decision", "solved_says", "solved_answer"):
         return ()
-    each = [(str(row["solved_says"]), str(row["solved_answer"])) for row in records(tree, "decision", "question")]
-    clauses = [answer.partition(DECLARED_VALUE)[2].split("; ")[1:] for _, answer in each]
-    shared = [one for one in clauses[0] if all(one in other for other in clauses)] if clauses[1:] else []
-    own = [(says, "; ".join(one for one in answer.split("; ") if one not in shared)) for says, answer in each]
-    return (*own, ("All answers", "; ".join(reversed(shared)))) if shared else tuple(own)
+    questions = [(str(row["solved_says"]), str(row["solved_answer"])) for row in records(tree, "decision", "question")]
+    clauses = [answer.partition(DECLARED_VALUE)[2].split("; ")[1:] for _, answer in questions]
+    shared = [clause for clause in clauses[0] if all(clause in others for others in clauses)] if clauses[1:] else []
+    answers = [
+        (says, "; ".join(clause for clause in answer.split("; ") if clause not in shared)) for says, answer in questions
+    ]
+    return (*answers, ("All answers", "; ".join(reversed(shared)))) if shared else tuple(answers)
 
 
 Ranges = tuple[tuple[float, float, str], ...]
@@ -307,14 +313,14 @@ def best_cameras(tree: xr.DataTree) -> BestCameras:
     depth = nominal(tree)
     curves = group(tree, "decision")["judged_uncertainty"]
     of_cameras = camera_depths(depth)[0] if nominal_is_declared(tree) else {}
-    cameras = {key: replace(one, uncertainty=curves.sel(camera=key).values) for key, one in of_cameras.items()}
+    cameras = {key: replace(camera, uncertainty=curves.sel(camera=key).values) for key, camera in of_cameras.items()}
     if cameras and has(tree, "depth_field", "depth_uncertainty"):
         off = judged_uncertainty(group(tree, "depth_field")).max(("field", "corner"))
         # A map shows worse places than these, which the first page names.
         mapped = group(tree, "depth_map")["camera"].values if has(tree, "depth_map", "depth_uncertainty") else ()
         cameras = {
-            key: one if key in mapped else replace(one, worst=off.sel(camera=key).values)
-            for key, one in cameras.items()
+            key: camera if key in mapped else replace(camera, worst=off.sel(camera=key).values)
+            for key, camera in cameras.items()
         }
     places = np.asarray(curves["distance"].values, dtype=np.float64)
     return BestCameras(ranges=tuple(winners(tree)), cameras=cameras, of_curves=places, **_shared(tree, depth))
@@ -329,7 +335,7 @@ def best_cameras_of_designs(tree: xr.DataTree) -> Sequence[BestCameras | None]:
     ends = [by_design(depth, depth[name], "camera", "interval") for name in ("usable_near", "usable_far")]
     if "design_crossover_distance" in decision:
         ends.append(by_design(depth, decision["design_crossover_distance"], "design_crossing"))
-    every = np.concatenate([one.reshape(len(best), -1) for one in ends], axis=1)
+    every = np.concatenate([values.reshape(len(best), -1) for values in ends], axis=1)
     shared = _shared(tree, depth)
     return [
         BestCameras(
@@ -377,28 +383,28 @@ def requirements_of_designs(tree: xr.DataTree) -> Sequence[Sequence[Mapping[str,
     if not has(tree, "requirements", "design_reason"):
         return [[] for _ in design_places(tree)]
     depth, data = group(tree, "depth"), group(tree, "requirements")
-    of_all = {name: data[name].values for name in ("requirement", *_OF_ALL)}
-    own = {name: by_design(depth, data[variable], "requirement") for name, variable in _OF_DESIGNS.items()}
+    of_all = {variable: data[variable].values for variable in ("requirement", *_OF_ALL)}
+    of_designs = {column: by_design(depth, data[variable], "requirement") for column, variable in _OF_DESIGNS.items()}
     return [
         [
-            {name: values[k] for name, values in of_all.items()}
-            | {name: values[design, k] for name, values in own.items()}
+            {column: values[k] for column, values in of_all.items()}
+            | {column: values[design, k] for column, values in of_designs.items()}
             | _UNKNOWN
             for k in range(data.sizes["requirement"])
         ]
-        for design in range(len(own["met"]))
+        for design in range(len(of_designs["met"]))
     ]
 
 
 def design_places(tree: xr.DataTree) -> Iterator[dict[str, int]]:
     """Position of every design along the swept parameters, the last one varying fastest; none without a sweep."""
-    if not has(tree, "depth") or not (names := swept(depth := group(tree, "depth"))):
+    if not has(tree, "depth") or not (dims := swept(depth := group(tree, "depth"))):
         return
-    for places in itertools.product(*(range(depth.sizes[name]) for name in names)):
-        yield dict(zip(names, places, strict=True))
+    for places in itertools.product(*(range(depth.sizes[dim]) for dim in dims)):
+        yield dict(zip(dims, places, strict=True))
 
 
 def shown_place(tree: xr.DataTree) -> dict[str, int]:
     """Position of the design that figures show: the declared one, if it is among those swept."""
-    depth, one = group(tree, "depth"), nominal(tree)
-    return {name: int(np.flatnonzero(depth[name].values == one[name].values)[0]) for name in swept(depth)}
+    depth, shown = group(tree, "depth"), nominal(tree)
+    return {dim: int(np.flatnonzero(depth[dim].values == shown[dim].values)[0]) for dim in swept(depth)}

@@ -43,13 +43,13 @@ def is_swept(tree: xr.DataTree) -> bool:
 def nominal(tree: xr.DataTree) -> xr.Dataset:
     """``/depth`` of one design: every swept parameter at its declared value, or at its first if that is not swept."""
     depth = group(tree, "depth")
-    return depth.isel({name: declared_place(depth[name]) or 0 for name in swept(depth)})
+    return depth.isel({dim: declared_place(depth[dim]) or 0 for dim in swept(depth)})
 
 
 def nominal_is_declared(tree: xr.DataTree) -> bool:
     """Whether `nominal` returns the declared design, which ``/decision`` describes."""
     depth = group(tree, "depth")
-    return all(declared_place(depth[name]) is not None for name in swept(depth))
+    return all(declared_place(depth[dim]) is not None for dim in swept(depth))
 
 
 def declared_place(coordinate: xr.DataArray) -> int | None:
@@ -67,14 +67,14 @@ def where_measured(depth: xr.Dataset) -> xr.Dataset:
     """``/depth`` with NaN where a camera sees no point twice: it measures nothing, although its formula has a value."""
     if "limit_value" not in depth:
         return depth
-    shares = depth["limit_value"].sel(limit=[name for name in _SEEN_TWICE if name in depth["limit"].values])
+    shares = depth["limit_value"].sel(limit=[limit for limit in _SEEN_TWICE if limit in depth["limit"].values])
     seen = ~(shares <= 0.0).any("limit")
     # Without indexes, which are the same: comparing them takes most of the time of this.
     return depth.assign(
         {
-            name: depth[name].variable.where(seen.variable)  # type: ignore[no-untyped-call]  # xarray leaves it out
-            for name in _MEASURED
-            if name in depth
+            variable: depth[variable].variable.where(seen.variable)  # type: ignore[no-untyped-call]  # xarray leaves it out
+            for variable in _MEASURED
+            if variable in depth
         }
     )
 
@@ -130,9 +130,9 @@ def by_first_criterion(tree: xr.DataTree) -> xr.Dataset:
     return group(tree, "depth_of_field").isel(sharp=0)
 
 
-def sharp_ranges(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ...]:
+def sharp_ranges(camera: xr.Dataset, kind: str) -> tuple[tuple[float, float], ...]:
     """Ranges of distance [m] of one camera by one criterion, as (near, far): ``sharp``, ``slice`` or ``gap``."""
-    return ranges_of(one[f"{name}_near"].values, one[f"{name}_far"].values)
+    return ranges_of(camera[f"{kind}_near"].values, camera[f"{kind}_far"].values)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,15 +178,15 @@ def sharp_cameras(tree: xr.DataTree) -> tuple[SharpCamera, ...]:
         SharpCamera(
             key=key,
             title=title,
-            share=float(one["scene_share"]),
-            stretches=sharp_ranges(one, "sharp"),
-            resolution=float(one["scene_resolution"]),
-            diffraction=float(one["scene_diffraction"]),
-            images=int(one["images"]),
+            share=float(camera["scene_share"]),
+            stretches=sharp_ranges(camera, "sharp"),
+            resolution=float(camera["scene_resolution"]),
+            diffraction=float(camera["scene_diffraction"]),
+            images=int(camera["images"]),
             moving_parts=moving.get(key, "—"),
         )
         for key, title in camera_titles(tree).items()
-        for one in [data.sel(camera=key)]
+        for camera in [data.sel(camera=key)]
     )
     return tuple(sorted(rows, key=lambda row: (not row.keeps_all, -row.share, row.resolution)))
 
@@ -198,7 +198,7 @@ def least_broken(broken: npt.NDArray[np.bool_]) -> int:
 
 def by_design(depth: xr.Dataset, variable: xr.DataArray, *dims: str) -> npt.NDArray[Any]:
     """Values of a variable over (designs, *dims), the last swept parameter varying fastest."""
-    sizes = [variable.sizes[name] for name in dims]
+    sizes = [variable.sizes[dim] for dim in dims]
     return variable.transpose(*swept(depth), *dims).values.reshape(-1, *sizes)
 
 
@@ -252,15 +252,15 @@ def off_axis(tree: xr.DataTree, camera: str) -> OffAxis:
         usable = np.zeros(distances.shape, dtype=bool)
         for near, far in where_usable(depth, camera):
             usable |= (near <= distances) & (distances <= far)
-        there = judged_uncertainty(off).sel(camera=camera).transpose("field", "corner", "distance").values
+        at_field = judged_uncertainty(off).sel(camera=camera).transpose("field", "corner", "distance").values
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(usable, there / judged_uncertainty(depth).sel(camera=camera).values, np.nan)
+            ratio = np.where(usable, at_field / judged_uncertainty(depth).sel(camera=camera).values, np.nan)
 
         def where(field: int, corner: int, place: int) -> str:
             towards = field_words(float(off["field"].values[field]), str(off["corner"].values[corner]))
             return f"{towards}, at {distance(float(distances[place]))}"
 
-        missing = np.argwhere(usable & np.isnan(there))
+        missing = np.argwhere(usable & np.isnan(at_field))
         unseen = where(*missing[0].tolist()) if missing.size else ""
         if not np.isnan(ratio).all():
             worst = np.unravel_index(np.nanargmax(ratio), ratio.shape)
@@ -274,7 +274,7 @@ def off_axis(tree: xr.DataTree, camera: str) -> OffAxis:
             side += " left" if 2 * across < ratio.shape[2] else " right"
             there_words = f"at the edge of the picture, {side}, at {distance(float(judged['distance'].values[place]))}"
             places.append((float(ratio[place, down, across]), there_words))
-    most, words = max(places, key=lambda one: one[0])
+    most, words = max(places, key=lambda entry: entry[0])
     return OffAxis(ratio=most, where=words, unseen=unseen)
 
 
@@ -285,15 +285,15 @@ def off_axis_words(tree: xr.DataTree) -> list[str]:
     """
     if not has(tree, "depth"):
         return []
-    found = []
+    clauses = []
     each = [(title, off_axis(tree, camera)) for camera, title in titles_in(tree, "depth").items()]
-    for title, worst in sorted(each, key=lambda one: (not one[1].unseen, -one[1].ratio)):
+    for title, worst in sorted(each, key=lambda entry: (not entry[1].unseen, -entry[1].ratio)):
         if worst.unseen:
-            found.append(f"{with_article(title)} measures no depth ({worst.unseen})")
+            clauses.append(f"{with_article(title)} measures no depth ({worst.unseen})")
         if worst.ratio > _CLEARLY_WORSE:
             times = f"up to {significant(worst.ratio, 3)} times as uncertain" if worst.ratio < math.inf else "unbounded"
-            found.append(f"depth by {with_article(title)} is {times} ({worst.where})")
-    return found
+            clauses.append(f"depth by {with_article(title)} is {times} ({worst.where})")
+    return clauses
 
 
 _REPORTED: Final = 0.1  # of the depth uncertainty
@@ -306,7 +306,7 @@ def offset_words(tree: xr.DataTree) -> list[str]:
     """
     if not has(tree, "depth", "depth_quantile"):
         return []
-    depth, titles, found = where_measured(nominal(tree)), camera_titles(tree), []
+    depth, titles, offsets = where_measured(nominal(tree)), camera_titles(tree), []
     median = depth["depth_quantile"].sel(error_source="both").sel(quantile=0.5, method="nearest")
     for camera in map(str, depth["camera"].values):
         places = np.asarray(depth["distance"].values, dtype=np.float64)
@@ -324,8 +324,8 @@ def offset_words(tree: xr.DataTree) -> list[str]:
             f"half of all measurements by {with_article(titles[camera])} are at least {off} too {side} at "
             f"{distance(float(places[worst]))}, {of_it} of the depth uncertainty there"
         )
-        found.append((float(shares[worst]), words))
-    return [words for _, words in sorted(found, key=lambda one: -one[0])]
+        offsets.append((float(shares[worst]), words))
+    return [words for _, words in sorted(offsets, key=lambda entry: -entry[0])]
 
 
 _CAUSES: Final = "disparity_causes"
@@ -362,16 +362,18 @@ _NUMBERS: Final = ("spread", "spread_error", "bias", "bias_error", "predicted", 
 
 def measured_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
     """The depth that each camera measured, of the scene and of each plane; NaN where it measured nothing."""
-    found: list[dict[str, Any]] = []
-    for name, camera in (("pictures", "mapped_camera"), ("depth_loop", "camera")):
-        if not has(tree, name, "depth_spread"):
+    rows: list[dict[str, Any]] = []
+    for group_name, camera in (("pictures", "mapped_camera"), ("depth_loop", "camera")):
+        if not has(tree, group_name, "depth_spread"):
             continue
         titles = camera_titles(tree)
-        table = group(tree, name)[[f"depth_{number}" for number in _NUMBERS]].to_dataframe().reset_index()
+        table = group(tree, group_name)[[f"depth_{number}" for number in _NUMBERS]].to_dataframe().reset_index()
         for row in table.rename(columns=lambda column: str(column).removeprefix("depth_")).to_dict("records"):
             values = {str(key): value for key, value in row.items() if key != camera}
-            found.append({"camera": titles[row[camera]], "of": "scene" if name == "pictures" else "plane", **values})
-    return found
+            rows.append(
+                {"camera": titles[row[camera]], "of": "scene" if group_name == "pictures" else "plane", **values}
+            )
+    return rows
 
 
 def scene_by_error(tree: xr.DataTree) -> list[dict[str, Any]]:

@@ -32,7 +32,9 @@ from tradestudy.units import (
 )
 from tradestudy.wording import distance, in_words, listed, with_article
 
-BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
+BY_UNIT: Final = {
+    dimension.unit: dimension for dimension in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)
+}
 _STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that its words leave out
 _MANY_TIMES: Final = 1.0
 _NEARLY_ONE: Final = 1.1  # a smaller factor reads better as a percentage
@@ -110,7 +112,10 @@ def parameter_words(tree: xr.DataTree, paths: Iterable[str]) -> str:
         words, title = _words_and_camera(tree, path)
         by_camera.setdefault(title, []).append(words)
     return listed(
-        [f"{listed(own)} of {with_article(title)}" if title else listed(own) for title, own in by_camera.items()]
+        [
+            f"{listed(parameters)} of {with_article(title)}" if title else listed(parameters)
+            for title, parameters in by_camera.items()
+        ]
     )
 
 
@@ -131,7 +136,10 @@ def design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:
         words, title = _words_and_camera(tree, path)
         by_camera.setdefault(title, []).append(f"{words} {value}")
     return listed(
-        [f"{with_article(title)} with {listed(own)}" if title else listed(own) for title, own in by_camera.items()]
+        [
+            f"{with_article(title)} with {listed(settings)}" if title else listed(settings)
+            for title, settings in by_camera.items()
+        ]
     )
 
 
@@ -153,15 +161,15 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         return None
     data = group(tree, "requirements")
     must = must_hold(data)
-    axes = [str(name) for name in data["design_met"].dims if name != "requirement"]
+    axes = [str(dim) for dim in data["design_met"].dims if dim != "requirement"]
     met = data["design_met"].transpose(*axes, "requirement").values[..., must] == 1
     margins = np.nan_to_num(
         data["design_margin_percent"].transpose(*axes, "requirement").values[..., must], nan=-np.inf
     )
-    every, least = np.all(met, axis=-1), np.min(margins, axis=-1)
+    feasible, least = np.all(met, axis=-1), np.min(margins, axis=-1)
     # Feasible designs come first: a guard band can make a design fail although its margin is positive.
-    first = np.where(every, least, np.where(every.any(), -np.inf, least))
-    best = np.unravel_index(int(np.argmax(first)), least.shape)
+    rating = np.where(feasible, least, np.where(feasible.any(), -np.inf, least))
+    best = np.unravel_index(int(np.argmax(rating)), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
     words = [
         _best_value_words(data[axis], int(k), least[(*best[:place], slice(None), *best[place + 1 :])])
@@ -170,8 +178,8 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     worst_first = [int(k) for k in np.argsort(margins[best], kind="stable") if not met[best][k]]
     reasons = data["design_reason"].transpose(*axes, "requirement").values[best][must]
     return Feasible(
-        count=int(every.sum()),
-        designs=int(every.size),
+        count=int(feasible.sum()),
+        designs=int(feasible.size),
         best=Design(
             values={
                 dotted_path(tree, axis): value if isinstance(value, str) else float(value)
@@ -181,11 +189,11 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
             margin=float(least[best]) / 100.0,
         ),
         misses=tuple((str(data["says"].values[must][k]), str(reasons[k])) for k in worst_first),
-        region=_region_words(tree, data, axes, every),
+        region=_region_words(tree, data, axes, feasible),
         required=int(must.sum()),
         wishes=int((~must).sum()),
         by_any=bool(np.any(data["of"].values[must] == "any")),
-        fills_region=_fills_region(every),
+        fills_region=_fills_region(feasible),
         missed=_missed(data["says"].values[must], met),
     )
 
@@ -193,6 +201,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
 def _best_value_words(axis: xr.DataArray, number: int, margins: npt.NDArray[np.float64]) -> str:
     """A value of the best design; a longer sweep might have a better one if the margin still rises at its end."""
     words, value = value_words(axis, axis.values[number]), axis.values[number]
+    # Where the margin does not depend on this parameter, a longer sweep would not raise it.
     if axis.dtype.kind not in "fiu" or np.allclose(margins, margins[number], rtol=1e-9, atol=0.0):
         return words
     swept = np.sort(axis.values[axis.values != axis.attrs.get("declared")])  # the declared value is one of the designs
@@ -202,10 +211,10 @@ def _best_value_words(axis: xr.DataArray, number: int, margins: npt.NDArray[np.f
     return words + edges.get(value, "")
 
 
-def _fills_region(every: npt.NDArray[np.bool_]) -> bool:
+def _fills_region(feasible: npt.NDArray[np.bool_]) -> bool:
     """Whether every combination of the values that feasible designs have is feasible."""
-    used = [np.unique(numbers) for numbers in np.argwhere(every).T]
-    return bool(every[np.ix_(*used)].all()) if every.any() else False
+    used = [np.unique(numbers) for numbers in np.argwhere(feasible).T]
+    return bool(feasible[np.ix_(*used)].all()) if feasible.any() else False
 
 
 def _missed(says: npt.NDArray[Any], met: npt.NDArray[np.bool_]) -> tuple[tuple[str, int], ...]:
@@ -226,8 +235,8 @@ def common_ranges(data: xr.Dataset, must: npt.NDArray[np.bool_]) -> list[tuple[f
     for number in np.flatnonzero(must):
         row = data.isel(requirement=int(number))
         columns = (row[name].values.tolist() for name in ("met_from", "met_to", "met_to_within"))
-        own = _joined([one for one in zip(*columns, strict=True) if not np.isnan(one[0])])
-        common = [(max(a, c), min(b, d)) for a, b in common for c, d in own if max(a, c) <= min(b, d)]
+        own_ranges = _joined([ends for ends in zip(*columns, strict=True) if not np.isnan(ends[0])])
+        common = [(max(a, c), min(b, d)) for a, b in common for c, d in own_ranges if max(a, c) <= min(b, d)]
     return [(float(low), float(high)) for low, high in common if np.isfinite([low, high]).all()]
 
 
@@ -262,9 +271,9 @@ def interval_words(low: float, high: float, values: FloatArray, dimension: Dimen
     return f"from {first} to {last}"
 
 
-def _region_words(tree: xr.DataTree, data: xr.Dataset, axes: list[str], every: npt.NDArray[np.bool_]) -> str:
+def _region_words(tree: xr.DataTree, data: xr.Dataset, axes: list[str], feasible: npt.NDArray[np.bool_]) -> str:
     """The values of each parameter among the feasible designs; for one swept number, its computed ranges."""
-    if not every.any():
+    if not feasible.any():
         return ""
     if "met_from" in data:
         axis = data[axes[0]]
@@ -273,7 +282,7 @@ def _region_words(tree: xr.DataTree, data: xr.Dataset, axes: list[str], every: n
         ranges = " and ".join(interval_words(low, high, values, dimension_of(axis)) for low, high in ends)
         return design_words(tree, {axes[0]: ranges})
     return design_words(
-        tree, {axis: _values_words(data[axis], np.argwhere(every)[:, k]) for k, axis in enumerate(axes)}
+        tree, {axis: _values_words(data[axis], np.argwhere(feasible)[:, k]) for k, axis in enumerate(axes)}
     )
 
 
@@ -293,19 +302,23 @@ def all_requirements(count: int) -> str:
 
 def feasible_words(tree: xr.DataTree) -> str:
     """Which designs are feasible, as a clause; empty without a sweep or a requirement."""
-    found = feasible_designs(tree)
-    if found is None:
+    feasible = feasible_designs(tree)
+    if feasible is None:
         return ""
-    what = all_requirements(found.required)
-    what += " that must hold" if found.wishes and found.required > 1 else ""
-    what += " with one of the cameras" if found.by_any and len(camera_titles(tree)) > 1 else ""
-    if not found.count:
-        return f"none of {found.designs} designs meets {what}: {found.best.words} comes closest"
-    if found.count == found.designs:
-        return f"every design meets {what}: {found.region}"
-    counts = f"{found.count} of {found.designs} designs {'meets' if found.count == 1 else 'meet'} {what}"
+    requirements = all_requirements(feasible.required)
+    requirements += " that must hold" if feasible.wishes and feasible.required > 1 else ""
+    requirements += " with one of the cameras" if feasible.by_any and len(camera_titles(tree)) > 1 else ""
+    if not feasible.count:
+        return f"none of {feasible.designs} designs meets {requirements}: {feasible.best.words} comes closest"
+    if feasible.count == feasible.designs:
+        return f"every design meets {requirements}: {feasible.region}"
+    counts = (
+        f"{feasible.count} of {feasible.designs} designs {'meets' if feasible.count == 1 else 'meet'} {requirements}"
+    )
     return (
-        f"take {found.region}: {counts}" if found.fills_region else f"{counts}: {found.region} (not every combination)"
+        f"take {feasible.region}: {counts}"
+        if feasible.fills_region
+        else f"{counts}: {feasible.region} (not every combination)"
     )
 
 
@@ -319,8 +332,8 @@ def deciding_words(tree: xr.DataTree) -> str:
     if len(axes) < _BOTH or len(set(owners)) > 1 or (owner := owners[0]) not in depth["camera"].values:
         return ""
     place = float(group(tree, "decision")["design_place"].values[-1])
-    at = depth.sel(camera=owner).sel(distance=place, method="nearest")
-    uncertainty = judged_uncertainty(at).transpose(*axes, ...)
+    here = depth.sel(camera=owner).sel(distance=place, method="nearest")
+    uncertainty = judged_uncertainty(here).transpose(*axes, ...)
     factor = {axis: float((uncertainty.max(axis) / uncertainty.min(axis)).median()) for axis in axes}
     idle = [axis for axis in axes if factor[axis] < _HARDLY]
     busy = [axis for axis in axes if factor[axis] > _CLEARLY]
@@ -330,9 +343,9 @@ def deciding_words(tree: xr.DataTree) -> str:
     held_at = {axis: depth[axis].size // 2 if k is None else k for axis, k in declared.items()}
     along = uncertainty.isel(held_at).values
     low, high = (pretty(float(end), LENGTH, digits=2) for end in (np.nanmin(along), np.nanmax(along)))
-    of = {axis: path_words(tree, axis).partition(" of ")[0] for axis in axes}
-    held = listed([f"{of[axis]} {value_words(depth[axis], depth[axis].values[k])}" for axis, k in held_at.items()])
-    names = [listed([of[axis] for axis in some]) for some in (busy, idle)]
+    words = {axis: path_words(tree, axis).partition(" of ")[0] for axis in axes}
+    held = listed([f"{words[axis]} {value_words(depth[axis], depth[axis].values[k])}" for axis, k in held_at.items()])
+    names = [listed([words[axis] for axis in chosen]) for chosen in (busy, idle)]
     spread = low if low == high else f"{low} to {high}"
     verbs = ["decides" if len(busy) == 1 else "decide", "hardly matters" if len(idle) == 1 else "hardly matter"]
     by = f" by {with_article(camera_titles(tree)[owner])}" if depth["camera"].size > 1 else ""
@@ -341,17 +354,18 @@ def deciding_words(tree: xr.DataTree) -> str:
 
 def design_details(tree: xr.DataTree) -> str:
     """The margin of the best design and what the others miss, in sentences, without the last full stop."""
-    found = feasible_designs(tree)
-    if found is None:
+    feasible = feasible_designs(tree)
+    if feasible is None:
         return ""
-    if not found.count:
-        return f"The closest design misses {listed([f'“{says}” ({reason})' for says, reason in found.misses])}"
-    margin = f"Largest margin, {_margin_size(found.best.margin)}" if np.isfinite(found.best.margin) else "Best"
-    missed = [f"{count} {'misses' if count == 1 else 'miss'} “{says}”" for says, count in found.missed]
-    overlap = sum(count for _, count in found.missed) > found.designs - found.count
-    some = f" (some miss {'both' if found.required == _BOTH else 'several'})" if overlap else ""
+    if not feasible.count:
+        return f"The closest design misses {listed([f'“{says}” ({reason})' for says, reason in feasible.misses])}"
+    margin = f"Largest margin, {_margin_size(feasible.best.margin)}" if np.isfinite(feasible.best.margin) else "Best"
+    missed = [f"{count} {'misses' if count == 1 else 'miss'} “{says}”" for says, count in feasible.missed]
+    # More misses than designs that miss anything: some designs miss several requirements.
+    overlap = sum(count for _, count in feasible.missed) > feasible.designs - feasible.count
+    some = f" (some miss {'both' if feasible.required == _BOTH else 'several'})" if overlap else ""
     others = f". Of the others, {listed(missed)}{some}" if len(missed) > 1 else ""
-    return f"{margin}: {found.best.words}{others}"
+    return f"{margin}: {feasible.best.words}{others}"
 
 
 def margin_words(margin: float) -> str:
@@ -376,7 +390,7 @@ def favoured_words(tree: xr.DataTree) -> Iterator[str]:
         return
     data, titles = group(tree, "decision"), camera_titles(tree)
     best = data["design_best_camera"]
-    axes = [str(name) for name in best.dims if name != "design_place"]
+    axes = [str(dim) for dim in best.dims if dim != "design_place"]
     places: dict[str, list[str]] = {}
     for place in data["design_place"].values:
         names = best.sel(design_place=place).transpose(*axes).values

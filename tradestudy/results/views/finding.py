@@ -21,17 +21,17 @@ MOST_CURVES: Final = 3  # in a first figure
 MOST_WORDS: Final = 20  # in the first sentence of its caption
 
 
-def cameras_by_weight(tree: xr.DataTree, name: str = "depth") -> list[str]:
+def cameras_by_weight(tree: xr.DataTree, group_name: str = "depth") -> list[str]:
     """The cameras of a group in the order in which figures need them.
 
     First those that decide requirements where they meet them, then the best ones by decreasing range, those that the
     decision compares, those that are nearly as certain as the best, and the others in the order of the study.
     """
-    every = titles_in(tree, name)
+    every = titles_in(tree, group_name)
     keys = {title: key for key, title in every.items()}
-    best = sorted(best_ranges(tree), key=lambda one: one.near / one.far)
-    close = sorted(never_best(tree), key=lambda one: one[1])
-    titles = [*_meeting(tree), *(title for one in best for title in one.cameras)]
+    best = sorted(best_ranges(tree), key=lambda best_range: best_range.near / best_range.far)
+    close = sorted(never_best(tree), key=lambda entry: entry[1])
+    titles = [*_meeting(tree), *(title for best_range in best for title in best_range.cameras)]
     attrs = group(tree, "decision").attrs if has(tree, "decision") else {}
     compared = [key for which in ("first", "second", "candidates") for key in tied(attrs.get(which, ""))]
     named = [keys[title] for title in titles if title in keys]
@@ -41,25 +41,26 @@ def cameras_by_weight(tree: xr.DataTree, name: str = "depth") -> list[str]:
 
 def _meeting(tree: xr.DataTree) -> list[str]:
     """The cameras that meet the requirements that must hold; none if one of these is not met."""
-    must = [one for one in requirement_conclusions(tree) if one.priority == "must"]
-    return [one.camera for one in must] if all(one.met for one in must) else []
+    must = [conclusion for conclusion in requirement_conclusions(tree) if conclusion.priority == "must"]
+    return [conclusion.camera for conclusion in must] if all(conclusion.met for conclusion in must) else []
 
 
 MOST_DETAILED: Final = 8
 
 
-def detailed_cameras(tree: xr.DataTree, name: str) -> dict[str, str]:
+def detailed_cameras(tree: xr.DataTree, group_name: str) -> dict[str, str]:
     """Titles, by key, of the cameras of which an appendix shows every number: all, or those that figures need most."""
-    every = titles_in(tree, name)
+    every = titles_in(tree, group_name)
     if len(every) <= MOST_DETAILED:
         return every
-    keys = cameras_by_weight(tree, name)[:MOST_DETAILED]
+    keys = cameras_by_weight(tree, group_name)[:MOST_DETAILED]
     return {key: title for key, title in every.items() if key in keys}
 
 
 def short(sentence: str) -> str:
     """The first clauses of a sentence, as many as have at most 20 words together."""
     words = sentence.removesuffix(".")
+    # Clauses after the first go before what a colon introduces.
     for mark in ("; ", ": "):
         while len(words.split()) > MOST_WORDS and mark in words:
             words = words.rpartition(mark)[0]
@@ -69,19 +70,19 @@ def short(sentence: str) -> str:
 def camera_finding(tree: xr.DataTree) -> str:
     """Which cameras are the most certain, and from which distance to which; of one camera, its depth uncertainty."""
     ranges = best_ranges(tree)
-    taken = [one for one in ranges if one.cameras]
+    taken = [best_range for best_range in ranges if best_range.cameras]
     if not ranges:
         return ""
     if not taken:
         return f"No camera is usable from {plain_span(ranges[0].near, ranges[-1].far)}."
     if len(group(tree, "depth")["camera"]) == 1:
         return f"Depth uncertainty: {' to '.join(uncertainty_at_ends(tree, taken))}."
-    every = f"Most certain: {'; '.join(one.words for one in taken)}."
+    every = f"Most certain: {'; '.join(best_range.words for best_range in taken)}."
     if len(every.split()) <= MOST_WORDS:
         return every
     if _meeting(tree):  # the headline says which camera meets the requirements, not which is best where
         return headline_finding(tree)
-    longest = max(taken, key=lambda one: one.far / one.near)
+    longest = max(taken, key=lambda best_range: best_range.far / best_range.near)
     return f"Over the longest stretch, {longest.where}, {with_article(longest.cameras[0])} is the most certain."
 
 
@@ -92,18 +93,18 @@ def headline_finding(tree: xr.DataTree) -> str:
 
 def map_finding(tree: xr.DataTree, camera: str) -> str:
     """How much larger the depth uncertainty of a rig is elsewhere in the picture than in its middle."""
-    one = group(tree, "depth_map").sel(camera=camera)
-    places = [float(place) for place in one["distance"].values]
-    most, place = max((float(np.nanmax(ratio_to_middle(one, place), initial=1.0)), place) for place in places)
+    depth_map = group(tree, "depth_map").sel(camera=camera)
+    places = [float(place) for place in depth_map["distance"].values]
+    most, place = max((float(np.nanmax(ratio_to_middle(depth_map, place), initial=1.0)), place) for place in places)
     return (
         f"Off the middle of the picture, depth uncertainty is up to {significant(most, 2)} times as large, at "
         f"{distance(place)}."
     )
 
 
-def ratio_to_middle(one: xr.Dataset, place: float) -> FloatArray:
+def ratio_to_middle(depth_map: xr.Dataset, place: float) -> FloatArray:
     """The depth uncertainty over the picture at one distance, relative to that in the middle; NaN where unknown."""
-    values = np.asarray(one["depth_uncertainty"].sel(distance=place).values, dtype=np.float64)
+    values = np.asarray(depth_map["depth_uncertainty"].sel(distance=place).values, dtype=np.float64)
     with np.errstate(invalid="ignore"):  # unbounded everywhere
         ratio = values / values[values.shape[0] // 2, values.shape[1] // 2]
     return np.where(np.isfinite(ratio), ratio, np.nan)
@@ -136,9 +137,9 @@ def uncertainty_words(question: Mapping[str, Any]) -> str:
 
 def question_finding(question: Mapping[str, Any]) -> str:
     """The value at which a camera reaches the required depth uncertainty, or that none of those tried does."""
-    goal, name = pretty(question["solved_goal"], LENGTH), in_words(question["solved_path"].rpartition(".")[2])
+    goal, parameter = pretty(question["solved_goal"], LENGTH), in_words(question["solved_path"].rpartition(".")[2])
     if not math.isfinite(question["solved_value"]):
-        return f"No {name} that was tried gives a {uncertainty_words(question)} of {goal}."
+        return f"No {parameter} that was tried gives a {uncertainty_words(question)} of {goal}."
     value = question["solved_answer"].partition(DECLARED_VALUE)[0].partition(";")[0]
-    at = f"a {name} of {value}" if question["solved_units"] else f"{value} {name}"
+    at = f"a {parameter} of {value}" if question["solved_units"] else f"{value} {parameter}"
     return f"At {at}, {uncertainty_words(question)} is {goal}, as required."

@@ -16,20 +16,22 @@ from tradestudy.wording import distance, few
 FloatArray = npt.NDArray[np.float64]
 
 
-def has(tree: xr.DataTree, name: str, *variables: str) -> bool:
+def has(tree: xr.DataTree, group_name: str, *variables: str) -> bool:
     """Whether a group exists and contains all these variables."""
-    return name in tree.children and all(variable in tree[name].data_vars for variable in variables)
+    return group_name in tree.children and all(variable in tree[group_name].data_vars for variable in variables)
 
 
-def group(tree: xr.DataTree, name: str) -> xr.Dataset:
+def group(tree: xr.DataTree, group_name: str) -> xr.Dataset:
     """Get a group as a dataset."""
-    return tree[name].to_dataset()
+    return tree[group_name].to_dataset()
 
 
 def swept_paths(data: xr.Dataset | xr.DataTree) -> dict[str, str]:
     """The paths in the study of the swept parameters of a group, by dimension."""
     variables = data.coords.variables  # a DataArray for each of them would take a hundred times as long
-    return {str(name): str(one.attrs["path"]) for name, one in variables.items() if "path" in one.attrs}
+    return {
+        str(dim): str(coordinate.attrs["path"]) for dim, coordinate in variables.items() if "path" in coordinate.attrs
+    }
 
 
 def dotted_path(tree: xr.DataTree, name: str) -> str:
@@ -37,11 +39,11 @@ def dotted_path(tree: xr.DataTree, name: str) -> str:
     return next((paths[name] for node in tree.children.values() if name in (paths := swept_paths(node))), name)
 
 
-def records(tree: xr.DataTree, name: str, dim: str) -> list[dict[str, Any]]:
+def records(tree: xr.DataTree, group_name: str, dim: str) -> list[dict[str, Any]]:
     """Read the one-dimensional variables of a group row by row; key `dim` contains the label of the row."""
-    if name not in tree.children or dim not in tree[name].sizes:
+    if group_name not in tree.children or dim not in tree[group_name].sizes:
         return []
-    data = group(tree, name)
+    data = group(tree, group_name)
     columns = {dim: data[dim].values}
     columns |= {str(column): array.values for column, array in data.data_vars.items() if array.dims == (dim,)}
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
@@ -68,20 +70,20 @@ def origin_words(tree: xr.DataTree) -> list[str]:
 
     Each a clause without a full stop; thin lenses without a front are left out.
     """
-    found: dict[str, list[str]] = {}
+    titles_of: dict[str, list[str]] = {}
     for row in records(tree, "cameras", "camera"):
         front, origin = float(row.get("front", math.nan)), str(row.get("distance_origin", ""))
         if math.isnan(front) and origin in ("", "principal plane"):
             continue
         shorter = "" if math.isnan(front) else f"; working distances, from the front, are {distance(abs(front))} "
-        words = f"count from the {origin}{shorter}{'' if not shorter else 'shorter' if front >= 0.0 else 'longer'}"
-        found.setdefault(words, []).append(str(row["title"]))
-    return [f"Distances of {few(titles)} {words}" for words, titles in found.items()]
+        clause = f"count from the {origin}{shorter}{'' if not shorter else 'shorter' if front >= 0.0 else 'longer'}"
+        titles_of.setdefault(clause, []).append(str(row["title"]))
+    return [f"Distances of {few(titles)} {clause}" for clause, titles in titles_of.items()]
 
 
-def titles_in(tree: xr.DataTree, name: str) -> dict[str, str]:
+def titles_in(tree: xr.DataTree, group_name: str) -> dict[str, str]:
     """Get the titles of the cameras in a group: in ``depth``, for instance, of those that measure depth."""
-    keys = {str(key) for key in group(tree, name)["camera"].values}
+    keys = {str(key) for key in group(tree, group_name)["camera"].values}
     return {key: title for key, title in camera_titles(tree).items() if key in keys}
 
 
@@ -108,7 +110,7 @@ def left_out(tree: xr.DataTree) -> tuple[str, ...]:
     if not has(tree, "cameras", "left_out"):
         return ()
     rows = records(tree, "cameras", "camera")
-    return tuple(f"{one['title']}: {one['left_out']}" for one in rows if one["left_out"])
+    return tuple(f"{row['title']}: {row['left_out']}" for row in rows if row["left_out"])
 
 
 def unconverged(tree: xr.DataTree) -> tuple[str, ...]:
@@ -121,9 +123,9 @@ def unconverged(tree: xr.DataTree) -> tuple[str, ...]:
         return others
     titles, rows = camera_titles(tree), records(tree, "calibration", "posterior")
     declared = (
-        f"{titles[str(one['posterior'])]} ({one['posterior_verdict']})"
-        for one in rows
-        if not one["posterior_converged"]
+        f"{titles[str(row['posterior'])]} ({row['posterior_verdict']})"
+        for row in rows
+        if not row["posterior_converged"]
     )
     return (*declared, *others)
 
@@ -133,5 +135,5 @@ def consequences(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
     if not has(tree, "contradictions", "consequence"):
         return ()
     titles = camera_titles(tree)
-    rows = [one for one in records(tree, "contradictions", "contradiction") if one["consequence"]]
-    return tuple((titles.get(str(one["camera"]), str(one["camera"])), str(one["consequence"])) for one in rows)
+    rows = [row for row in records(tree, "contradictions", "contradiction") if row["consequence"]]
+    return tuple((titles.get(str(row["camera"]), str(row["camera"])), str(row["consequence"])) for row in rows)

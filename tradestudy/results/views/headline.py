@@ -56,34 +56,35 @@ def headline(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType(
 def answers(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({})) -> list[str]:
     """The headline, and a sentence on everything else that a study of several subjects answers, with full stops."""
     requirements = requirement_conclusions(tree)
-    found = [_of_sharpness(tree), feasible_words(tree), _of_light(tree, seconds)]
-    found += [way(tree) for way in (_of_fresnel, hard_case_words, _of_scene, _of_planes)]
-    measured, asked = [one.finding() for one in measured_tables(tree)[:_NAMED]], bool(requirements)
-    found += [] if asked else measured
-    if not any(found):
+    clauses = [_of_sharpness(tree), feasible_words(tree), _of_light(tree, seconds)]
+    clauses += [way(tree) for way in (_of_fresnel, hard_case_words, _of_scene, _of_planes)]
+    measured, asked = [table.finding() for table in measured_tables(tree)[:_NAMED]], bool(requirements)
+    clauses += [] if asked else measured
+    if not any(clauses):
         words = _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
-        found = [words or _of_requirements(requirements) or next(_questions(tree), "")]
-    found += [deciding_words(tree), *(measured if asked else [])]
-    found += list(refocusing_words(tree))[:_NAMED]
-    plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in found if words)
+        clauses = [words or _of_requirements(requirements) or next(_questions(tree), "")]
+    clauses += [deciding_words(tree), *(measured if asked else [])]
+    clauses += list(refocusing_words(tree))[:_NAMED]
+    plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in clauses if words)
     return [f"{words[0].upper()}{words[1:]}." for words in plain]
 
 
 def _of_light(tree: xr.DataTree, seconds: Mapping[str, float]) -> str:
     """How far pictures of a light spot by simpler methods differ from the most complete one, and how long each took."""
     pictures = light_numbers(tree)
-    others = [one for one in pictures if one["method"] != one["reference"]]
+    others = [picture for picture in pictures if picture["method"] != picture["reference"]]
     if not others:
         words = "the light spot is computed by {}, to {}".format
         return "".join(
-            words(title_within_a_sentence(one["method"]), pretty(one["error"], FRACTION, digits=2)) for one in pictures
+            words(title_within_a_sentence(picture["method"]), pretty(picture["error"], FRACTION, digits=2))
+            for picture in pictures
         )
     took = {
         method: f"{title_within_a_sentence(method)}{f', {pretty(time, DURATION, digits=2)}' if time else ''}"
-        for method in (one["method"] for one in pictures)
+        for method in (picture["method"] for picture in pictures)
         for time in [seconds.get(f"image: {method}")]
     }
-    each = [f"{pretty(one['difference'], FRACTION, digits=2)} ({took[one['method']]})" for one in others]
+    each = [f"{pretty(picture['difference'], FRACTION, digits=2)} ({took[picture['method']]})" for picture in others]
     return f"pictures differ from {took[others[0]['reference']]}, by {listed(each)}"
 
 
@@ -93,9 +94,9 @@ def _of_fresnel(tree: xr.DataTree) -> str:
     if not limits:
         return ""
     by_phase: dict[str, dict[str, list[str]]] = {}
-    for one in limits:
-        of_phase = by_phase.setdefault(one["lens_phase"], {})
-        of_phase.setdefault(where_fresnel(one["f_number"]), []).append(one["element"].lower())
+    for limit in limits:
+        of_phase = by_phase.setdefault(limit["lens_phase"], {})
+        of_phase.setdefault(where_fresnel(limit["f_number"]), []).append(limit["element"].lower())
     phases: dict[str, list[str]] = {}
     for phase, places in by_phase.items():
         each_place = [where + f" ({listed(elements)})" * (len(places) > 1) for where, elements in places.items()]
@@ -144,12 +145,12 @@ def _of_sharpness(tree: xr.DataTree) -> str:
         return ""
     attrs = group(tree, "depth_of_field").attrs
     scene = plain_span(float(attrs["scene_near"]), float(attrs["scene_far"]))
-    keep = [one for one in cameras if one.keeps_all]
+    keep = [camera for camera in cameras if camera.keeps_all]
     if not keep:
         share = pretty(math.floor(cameras[0].share * 100.0) / 100.0, FRACTION, digits=2)
         return f"no camera keeps {scene} sharp; {with_article(cameras[0].title)} keeps {share} of it"
-    finest, simplest = keep[0], min(keep, key=lambda one: (one.images, one.moving_parts, one.resolution))
-    alike = [with_article(one.title) for one in keep if _expense(one) == _expense(simplest)]
+    finest, simplest = keep[0], min(keep, key=lambda camera: (camera.images, camera.moving_parts, camera.resolution))
+    alike = [with_article(camera.title) for camera in keep if _expense(camera) == _expense(simplest)]
     which = [f"{few(alike, _NAMED, 'or')} ({_expense(simplest)})"]
     if finest.title != simplest.title:
         which.append(f"or, finer, {with_article(finest.title)} ({_expense(finest)})")
@@ -176,12 +177,12 @@ def _questions(tree: xr.DataTree) -> Iterator[str]:
 
 def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]) -> str:
     """Which camera to take, by the requirements if they are met, and otherwise by its distance."""
-    must = [one for one in requirements if one.priority == "must"] or list(requirements)
-    deciding = {one.camera for one in must if one.met}
+    must = [verdict for verdict in requirements if verdict.priority == "must"] or list(requirements)
+    deciding = {verdict.camera for verdict in must if verdict.met}
     ranges = best_ranges(tree)
-    if must and all(one.met for one in must) and len(deciding) == 1 and len(camera_titles(tree)) > 1:
+    if must and all(verdict.met for verdict in must) and len(deciding) == 1 and len(camera_titles(tree)) > 1:
         other, why = _trade_off_words(tree, must[0].camera), f": {_requirement_words(must)}"
-        lead = _lead_words(tree) if {title for one in ranges for title in one.cameras} == deciding else ""
+        lead = _lead_words(tree) if {title for stretch in ranges for title in stretch.cameras} == deciding else ""
         words = f"{'for depth alone, ' * bool(other)}take {with_article(must[0].camera)}"
         return words + (lead or why) + other if other else words + why + lead
     if alone := _meets_alone(must):
@@ -196,17 +197,19 @@ def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]
 
 def _meets_alone(must: Sequence[RequirementConclusion]) -> str:
     """The only camera that meets several requirements on any camera; empty where none does or another one may."""
-    if len(must) < _NAMED or any(one.of != ANY for one in must):
+    if len(must) < _NAMED or any(verdict.of != ANY for verdict in must):
         return ""
-    met = [{one.camera: one.met} | {other.camera: other.met for other in one.others} for one in must]
-    possible = set.intersection(*({camera for camera in one if one[camera] is not False} for one in met))
+    met = [{verdict.camera: verdict.met} | {other.camera: other.met for other in verdict.others} for verdict in must]
+    possible = set.intersection(
+        *({camera for camera in by_camera if by_camera[camera] is not False} for by_camera in met)
+    )
     alone = possible.pop() if len(possible) == 1 else ""
-    return alone if all(one.get(alone) for one in met) else ""
+    return alone if all(by_camera.get(alone) for by_camera in met) else ""
 
 
 def _missed_words(must: Sequence[RequirementConclusion]) -> str:
     """Which requirements, or how many, are not met."""
-    missed = [one for one in must if one.met is not True]
+    missed = [verdict for verdict in must if verdict.met is not True]
     if not missed:
         return ""
     if len(missed) == 1:
@@ -220,7 +223,7 @@ def _of_requirements(requirements: Sequence[RequirementConclusion]) -> str:
     """The verdicts where no camera measures depth."""
     if not requirements:
         return ""
-    met = [one for one in requirements if one.met]
+    met = [verdict for verdict in requirements if verdict.met]
     if len(met) == len(requirements):
         return f"{with_article(met[0].camera)}: {_requirement_words(met)}"
     return f"{len(met)} of {counted(len(requirements), 'requirement')} {'is' if len(met) == 1 else 'are'} met"
@@ -228,11 +231,11 @@ def _of_requirements(requirements: Sequence[RequirementConclusion]) -> str:
 
 def _requirement_words(met: Sequence[RequirementConclusion]) -> str:
     """What a camera meets, and its value in the tightest case; it can meet what matching at its bound would meet."""
-    tightest = min(met, key=lambda one: one.margin)
+    tightest = min(met, key=lambda verdict: verdict.margin)
     alone = not any(other.met for other in tightest.others)
     which = f"“{tightest.says}”" if len(met) == 1 else all_requirements(len(met))
     only = "it alone" if alone and len(met) == 1 and tightest.others else "it"
-    meets = "can meet" if any(one.at_lower_bound for one in met) else "meets"
+    meets = "can meet" if any(verdict.at_lower_bound for verdict in met) else "meets"
     best = " best" if len(met) == 1 and not alone else ""
     return f"{only} {meets} {which}{best} ({tightest.reason})"
 
@@ -254,7 +257,7 @@ def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
         return ""
     most = ranked[0].ranks[0]
     weights = f" for {pretty(most, FRACTION, 2)} of the possible weights" if most < 1.0 else ""
-    criteria = [in_words(str(one)) for one in group(tree, "criteria")["weighed"].values]
+    criteria = [in_words(str(criterion)) for criterion in group(tree, "criteria")["weighed"].values]
     weighed = f"{listed(criteria)} all" if 1 < len(criteria) <= _MEASURED else "all criteria"
     return f"; if {weighed} count, {with_article(ranked[0].title)} ranks first{weights}"
 
@@ -267,7 +270,7 @@ def says_stretches(tree: xr.DataTree, said: str) -> bool:
 
 def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
     """Which camera to take from which distance to which."""
-    taken = [one for one in ranges if one.cameras]
+    taken = [stretch for stretch in ranges if stretch.cameras]
     if not ranges:
         return ""
     if not taken:
@@ -278,33 +281,37 @@ def _stretch_words(tree: xr.DataTree, ranges: Sequence[BestRange]) -> str:
         return _of_one_camera(tree, taken)
     shown = taken
     if len(taken) > _MOST_STRETCHES:  # the longest, in factors of distance
-        longest = sorted(taken, key=lambda one: one.far / one.near)[-3:]
-        shown = [one for one in taken if one in longest]
+        longest = sorted(taken, key=lambda stretch: stretch.far / stretch.near)[-3:]
+        shown = [stretch for stretch in taken if stretch in longest]
     parts, last = [], math.nan
-    for number, one in enumerate(shown):
-        near, far = one.where.split(" to ")
-        begins = "" if one.near == last else f"from {near} "
-        which = listed(list(map(with_article, one.cameras)), "or") + " (equally uncertain)" * (len(one.cameras) > 1)
+    for number, stretch in enumerate(shown):
+        near, far = stretch.where.split(" to ")
+        begins = "" if stretch.near == last else f"from {near} "
+        which = listed(list(map(with_article, stretch.cameras)), "or") + " (equally uncertain)" * (
+            len(stretch.cameras) > 1
+        )
         parts.append(f"{begins}to {far} {'' if number else 'take '}{which}")
-        last = one.far
+        last = stretch.far
     words = ", ".join(parts)
     if len(shown) < len(taken):
         return f"{words}; {_CHANGES} {len(taken) - 1} times"
-    nowhere = any(not one.cameras for one in ranges)
+    nowhere = any(not stretch.cameras for stretch in ranges)
     return f"{words}; elsewhere none meets the limits" if nowhere else words + _lead_words(tree) * (len(taken) == 1)
 
 
 def _of_one_camera(tree: xr.DataTree, taken: Sequence[BestRange]) -> str:
     """The usable range of the only camera, its uncertainty at both ends, and how much larger it is off the axis."""
-    name = str(group(tree, "depth")["camera"].values[0])
-    where = " and ".join(f"from {one.where}" for one in taken)
-    title = with_article(camera_titles(tree)[name])
-    ratio = off_axis(tree, name).ratio
+    camera = str(group(tree, "depth")["camera"].values[0])
+    where = " and ".join(f"from {stretch.where}" for stretch in taken)
+    title = with_article(camera_titles(tree)[camera])
+    ratio = off_axis(tree, camera).ratio
     is_worse = _HARDLY < ratio < math.inf
     off = f" on the axis, and up to {significant(ratio, 2)} times as much off it" if is_worse else ""
-    known = has(tree, "decision", "cause") and str(group(tree, "decision")["cause"].values[0])
+    source = has(tree, "decision", "cause") and str(group(tree, "decision")["cause"].values[0])
     cause = (
-        f"; on average over distance, the largest part comes from {known.replace(f' of {title}', '')}" if known else ""
+        f"; on average over distance, the largest part comes from {source.replace(f' of {title}', '')}"
+        if source
+        else ""
     )
     return f"depth by {title} is usable {where}, with ±{' to ±'.join(uncertainty_at_ends(tree, taken))}{off}{cause}"
 
@@ -313,4 +320,6 @@ def uncertainty_at_ends(tree: xr.DataTree, taken: Sequence[BestRange]) -> list[s
     """Depth uncertainty of the only camera at both ends of its usable range, in words; one if they read the same."""
     camera, usable = group(tree, "depth")["camera"].values[0], slice(taken[0].near, taken[-1].far)
     judged = group(tree, "decision")["judged_uncertainty"].sel(camera=camera, distance=usable).values
-    return list(dict.fromkeys(pretty(float(one), LENGTH) for one in judged[np.isfinite(judged)][[0, -1]]))
+    return list(
+        dict.fromkeys(pretty(float(uncertainty), LENGTH) for uncertainty in judged[np.isfinite(judged)][[0, -1]])
+    )

@@ -95,10 +95,10 @@ class Measured:
 
     def ratio_words(self, quantity: str) -> str:
         """The median ratio of measured to predicted with its range; empty where there is none."""
-        ratios = [float(one) for one in self.table["ratio"].sel(quantity=quantity).values]
+        ratios = [float(ratio) for ratio in self.table["ratio"].sel(quantity=quantity).values]
         if math.isnan(ratios[0]):
             return ""
-        median, low, high = (significant(one, 2) for one in ratios)
+        median, low, high = (significant(ratio, 2) for ratio in ratios)
         return f"{median} ({low} to {high})"
 
     def finding(self, camera: str = "") -> str:
@@ -109,13 +109,15 @@ class Measured:
             return f"{camera} measures nothing at the distances of {self.name}, as declared"
         z = self.values("distance_of_row")[used]
         where = f"at {counted(int(used.sum()), 'distance')} from {plain_span(float(z.min()), float(z.max()))}"
-        quantity = next((one for one in (self.spread, "bias", "valid") if one and self.ratio_words(one)), "")
+        quantity = next(
+            (candidate for candidate in (self.spread, "bias", "valid") if candidate and self.ratio_words(candidate)), ""
+        )
         if not quantity:
             return f"{camera} was measured {where}, without a prediction to compare with"
         words = self.ratio_words(quantity).replace(" (", " times the predicted one in the median (", 1)
-        found = f"the measured {NAMES[quantity]} of {camera} is {words} {where}"
-        wrong = [name for name, key in _VERDICTS.items() if str(self.table[key].item()) == "inconsistent"]
-        return f"{found}; the points contradict the declared {' and '.join(wrong)}" if wrong else found
+        comparison = f"the measured {NAMES[quantity]} of {camera} is {words} {where}"
+        wrong = [declared for declared, key in _VERDICTS.items() if str(self.table[key].item()) == "inconsistent"]
+        return f"{comparison}; the points contradict the declared {' and '.join(wrong)}" if wrong else comparison
 
 
 _VERDICTS: Final = {
@@ -130,23 +132,23 @@ def measured_tables(tree: xr.DataTree) -> list[Measured]:
     if not has(tree, "measurements", "camera_of"):
         return []
     data, titles = group(tree, "measurements"), camera_titles(tree)
-    row_names = [name for name, one in data.data_vars.items() if one.dims == ("row",)]
-    found = []
+    row_names = [variable for variable, array in data.data_vars.items() if array.dims == ("row",)]
+    tables = []
     for name in map(str, data["table"].values):
-        here = np.flatnonzero(data["table_of"].values == name)
+        of_table = np.flatnonzero(data["table_of"].values == name)
         table = data.drop_vars(row_names).sel(table=name)
         title = titles[str(table["camera_of"].item())]
-        found.append(Measured(name=name, title=title, table=table, rows=data[row_names].isel(row=here)))
-    return found
+        tables.append(Measured(name=name, title=title, table=table, rows=data[row_names].isel(row=of_table)))
+    return tables
 
 
-def implied_values(one: Measured) -> Iterator[ImpliedValue]:
+def implied_values(measured: Measured) -> Iterator[ImpliedValue]:
     """What the points of a table imply, with 95 % intervals; values that cannot be fitted are left out."""
-    verdicts = {name: str(one.table[key].item()) for name, key in _VERDICTS.items()}
-    of_noise = {"rms": ", with the bias", "absolute_error": ", if normal and without bias"}.get(one.spread, "")
-    declared_noise = pretty(one.number("declared_noise_px"), PIXELS)
-    known: tuple[tuple[str, str, Dimension, str, str], ...] = (
-        ("exponent", "Exponent in distance", NUMBER, significant(one.number("exponent_predicted")), ""),
+    verdicts = {declared: str(measured.table[key].item()) for declared, key in _VERDICTS.items()}
+    of_noise = {"rms": ", with the bias", "absolute_error": ", if normal and without bias"}.get(measured.spread, "")
+    declared_noise = pretty(measured.number("declared_noise_px"), PIXELS)
+    candidates: tuple[tuple[str, str, Dimension, str, str], ...] = (
+        ("exponent", "Exponent in distance", NUMBER, significant(measured.number("exponent_predicted")), ""),
         ("noise_px", f"Disparity noise{of_noise}", PIXELS, declared_noise, verdicts["disparity error"]),
         ("floor", "Floor of the depth error", LENGTH, "0", ""),
         ("offset_px", "Disparity offset", PIXELS, "0", verdicts["calibration errors"]),
@@ -155,13 +157,13 @@ def implied_values(one: Measured) -> Iterator[ImpliedValue]:
         ("baseline_shift", "… as an error of the declared baseline", LENGTH, "", ""),
         ("zero_shift", "Shift of the tape", LENGTH, "", ""),
     )
-    for key, name, dimension, declared, verdict in known:
-        if math.isfinite(one.number(key)):
-            yield _implied(one, key, name, dimension, declared, verdict)
-    if one.locked:
-        yield _implied(one, "ripple_amplitude_px", "Amplitude of sub-pixel locking", PIXELS, "", "")
-        product, scale = one.number("ripple_product"), one.number("ripple_scale")
-        low, high = (significant(end, 4) for end in one.interval("ripple_product"))
+    for key, name, dimension, declared, verdict in candidates:
+        if math.isfinite(measured.number(key)):
+            yield _implied(measured, key, name, dimension, declared, verdict)
+    if measured.locked:
+        yield _implied(measured, "ripple_amplitude_px", "Amplitude of sub-pixel locking", PIXELS, "", "")
+        product, scale = measured.number("ripple_product"), measured.number("ripple_scale")
+        low, high = (significant(end, 4) for end in measured.interval("ripple_product"))
         yield ImpliedValue(
             name="Disparity times distance, from its period",
             value=f"{significant(product, 4)} px m",
@@ -171,18 +173,20 @@ def implied_values(one: Measured) -> Iterator[ImpliedValue]:
         )
 
 
-def _implied(one: Measured, key: str, name: str, dimension: Dimension, declared: str, verdict: str) -> ImpliedValue:
-    ends = " to ".join(pretty(end, dimension) for end in one.interval(key))
-    value = pretty(one.number(key), dimension)
+def _implied(
+    measured: Measured, key: str, name: str, dimension: Dimension, declared: str, verdict: str
+) -> ImpliedValue:
+    ends = " to ".join(pretty(end, dimension) for end in measured.interval(key))
+    value = pretty(measured.number(key), dimension)
     return ImpliedValue(name=name, value=value, interval=ends, declared=declared, verdict=verdict)
 
 
-def locking_words(one: Measured) -> str:
+def locking_words(measured: Measured) -> str:
     """Whether sub-pixel locking explains the points, in one sentence without a full stop."""
-    if reason := str(one.table["ripple_reason"].item()):
+    if reason := str(measured.table["ripple_reason"].item()):
         return f"Whether sub-pixel locking explains the points is unknown: {reason}"
-    share = pretty(one.number("ripple_share"), FRACTION, digits=2)
-    points = counted(int(one.number("ripple_points")), "point")
-    if one.locked:
+    share = pretty(measured.number("ripple_share"), FRACTION, digits=2)
+    points = counted(int(measured.number("ripple_points")), "point")
+    if measured.locked:
         return f"Sub-pixel locking explains {share} of the variance of the disparity errors at {points}"
     return f"The disparity errors at {points} show no sub-pixel locking beyond their scatter"

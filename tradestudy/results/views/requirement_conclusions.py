@@ -188,8 +188,13 @@ def conclusions_of_design(
     return _in_order(_conclusion(row, titles) for row in rows)
 
 
-def _in_order(found: Iterable[RequirementConclusion]) -> tuple[RequirementConclusion, ...]:
-    return tuple(sorted(found, key=lambda one: (one.priority != "must", np.nan_to_num(one.margin, nan=-np.inf))))
+def _in_order(conclusions: Iterable[RequirementConclusion]) -> tuple[RequirementConclusion, ...]:
+    return tuple(
+        sorted(
+            conclusions,
+            key=lambda conclusion: (conclusion.priority != "must", np.nan_to_num(conclusion.margin, nan=-np.inf)),
+        )
+    )
 
 
 def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: Any) -> RequirementConclusion:
@@ -213,28 +218,30 @@ def _conclusion(row: Mapping[str, Any], titles: Mapping[str, str], **further: An
     )
 
 
-def requirement_sentence(one: RequirementConclusion) -> str:
+def requirement_sentence(conclusion: RequirementConclusion) -> str:
     """Whether a requirement is met, by which camera, with what margin and where; in a sweep, by which designs."""
-    return f"{one.verdict.capitalize()}: {requirement_details(one)}"
+    return f"{conclusion.verdict.capitalize()}: {requirement_details(conclusion)}"
 
 
-def requirement_details(one: RequirementConclusion) -> str:
+def requirement_details(conclusion: RequirementConclusion) -> str:
     """The sentence on a requirement without its verdict; it omits more than two others if all of them miss it."""
-    wish = " (should)" if one.priority == "should" else ""
-    by = decided_by(one)
-    why = "; ".join(filter(None, (one.reason, _margin_words(one), _chance_words(one))))
-    words = f"{one.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
-    words += "".join(f"; {part}" for part in _others_words(one))
-    if one.bound_alone is not None and not (one.met and one.bound_alone.met):
-        words = f"{words}; {_bound_alone_words(one, one.bound_alone)}"
-    if one.other_verdicts:
-        words = f"{words}; {_reading_words(one)}"
-    if not np.isnan(one.probability):
-        share = pretty(one.probability, FRACTION, digits=2)
+    wish = " (should)" if conclusion.priority == "should" else ""
+    by = decided_by(conclusion)
+    why = "; ".join(filter(None, (conclusion.reason, _margin_words(conclusion), _chance_words(conclusion))))
+    words = f"{conclusion.says}{wish}{'; ' if by.startswith('closest') else ', '}{by} ({why})"
+    words += "".join(f"; {part}" for part in _others_words(conclusion))
+    if conclusion.bound_alone is not None and not (conclusion.met and conclusion.bound_alone.met):
+        words = f"{words}; {_bound_alone_words(conclusion, conclusion.bound_alone)}"
+    if conclusion.other_verdicts:
+        words = f"{words}; {_reading_words(conclusion)}"
+    if not np.isnan(conclusion.probability):
+        share = pretty(conclusion.probability, FRACTION, digits=2)
         words = f"{words}; met in {share} of the draws of the uncertain assumptions"
-    if one.met_ranges is not None:
-        return f"{words}; {_range_words(one)}"
-    return words if one.designs is None else f"{words}; met in {one.designs[0]} of {one.designs[1]} designs"
+    if conclusion.met_ranges is not None:
+        return f"{words}; {_range_words(conclusion)}"
+    if conclusion.designs is not None:
+        return f"{words}; met in {conclusion.designs[0]} of {conclusion.designs[1]} designs"
+    return words
 
 
 def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[OtherVerdict, ...]:
@@ -242,27 +249,31 @@ def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[
     data = group(tree, "requirements")
     if "camera_met" not in data:
         return ()
-    columns = [data[f"camera_{what}"].values[number] for what in ("met", "margin_percent", "reason")]
+    columns = [data[f"camera_{field}"].values[number] for field in ("met", "margin_percent", "reason")]
     each = (
         OtherVerdict(met=_met(int(met)), camera=titles[str(key)], reason=str(reason), margin=float(margin) / 100.0)
         for key, met, margin, reason in zip(data["camera"].values, *columns, strict=True)
         if key != data["camera_deciding"].values[number]
     )
-    asked = [one for one in each if one.reason]  # the requirement does not concern the others
-    return tuple(sorted(asked, key=lambda one: (one.met is not True, -np.nan_to_num(one.margin, nan=-np.inf))))
+    concerned = [other for other in each if other.reason]  # the requirement does not concern the others
+    return tuple(
+        sorted(concerned, key=lambda other: (other.met is not True, -np.nan_to_num(other.margin, nan=-np.inf)))
+    )
 
 
-def _others_words(one: RequirementConclusion) -> Iterator[str]:
+def _others_words(conclusion: RequirementConclusion) -> Iterator[str]:
     """What the other cameras do: those that meet the requirement with their margin, the rest with their values."""
-    met = [f"{other.camera} ({margin_words(other.margin)})" for other in one.others if other.met]
-    missed = [f"{other.camera} ({other.reason.removeprefix(_WORST)})" for other in one.others if other.met is False]
-    if _NAMED < len(missed) == len(one.others):
+    met = [f"{other.camera} ({margin_words(other.margin)})" for other in conclusion.others if other.met]
+    missed = [
+        f"{other.camera} ({other.reason.removeprefix(_WORST)})" for other in conclusion.others if other.met is False
+    ]
+    if _NAMED < len(missed) == len(conclusion.others):
         missed = []  # the closest one tells
-    silent = [f"{other.camera} ({other.reason})" for other in one.others if other.met is None]
+    silent = [f"{other.camera} ({other.reason})" for other in conclusion.others if other.met is None]
     if met:
-        yield f"{'also' if one.met else 'but'} by {few(met, _NAMED)}"
+        yield f"{'also' if conclusion.met else 'but'} by {few(met, _NAMED)}"
     if missed:
-        yield f"{'not' if one.met else 'nor'} by {few(missed, _NAMED)}"
+        yield f"{'not' if conclusion.met else 'nor'} by {few(missed, _NAMED)}"
     if silent:
         yield f"undecided for {few(silent, _NAMED)}"
 
@@ -281,31 +292,35 @@ def _under_readings(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -
     data = group(tree, "requirements")
     if "reading_met" not in data:
         return {}
-    columns = [data[f"reading_{what}"].values[number] for what in ("met", "camera", "reason")]
-    found = [
+    columns = [data[f"reading_{field}"].values[number] for field in ("met", "camera", "reason")]
+    verdicts = [
         OtherVerdict(says=str(says), met=_met(int(met)), camera=titles[str(camera)], reason=str(reason))
         for says, met, camera, reason in zip(data["reading_says"].values, *columns, strict=True)
     ]
     declared, row = _met(int(data["met"].values[number])), data.isel(requirement=number)
     best = titles[str(row["camera_deciding"].item())] if declared and str(row["of"].item()) == ANY else ""
-    other = tuple(one for one in found if one.met is not declared or (best and one.camera != best))
-    return {"readings": len(found), "other_verdicts": other}
+    differing = tuple(
+        verdict for verdict in verdicts if verdict.met is not declared or (best and verdict.camera != best)
+    )
+    return {"readings": len(verdicts), "other_verdicts": differing}
 
 
-def _reading_words(one: RequirementConclusion) -> str:
+def _reading_words(conclusion: RequirementConclusion) -> str:
     """How many readings change the verdict or who meets it best, and to what; a single one is named."""
     parts = []
-    if by := [other for other in one.other_verdicts if other.met is one.met]:
+    if by := [other for other in conclusion.other_verdicts if other.met is conclusion.met]:
         alone = f"by {by[0].camera} if instead “{by[0].says}”"
-        parts = [alone if len(by) == 1 else f"by another camera under {len(by)} of the {one.readings} alternatives"]
-    for met in (verdict for verdict in (True, False, None) if verdict is not one.met):
-        same = [other for other in one.other_verdicts if other.met is met]
-        if len(same) == one.readings > 1:
+        parts = [
+            alone if len(by) == 1 else f"by another camera under {len(by)} of the {conclusion.readings} alternatives"
+        ]
+    for met in (verdict for verdict in (True, False, None) if verdict is not conclusion.met):
+        same = [other for other in conclusion.other_verdicts if other.met is met]
+        if len(same) == conclusion.readings > 1:
             parts.append(f"{VERDICTS[met]} under every alternative assumption")
         elif len(same) == 1:
             parts.append(f"{VERDICTS[met]} if instead “{same[0].says}”")
         elif same:
-            parts.append(f"{VERDICTS[met]} under {len(same)} of the {one.readings} alternative assumptions")
+            parts.append(f"{VERDICTS[met]} under {len(same)} of the {conclusion.readings} alternative assumptions")
     return " and ".join(parts)
 
 
@@ -313,57 +328,58 @@ def _met(verdict: int) -> bool | None:
     return None if verdict < 0 else bool(verdict)
 
 
-def _bound_alone_words(one: RequirementConclusion, best: OtherVerdict) -> str:
+def _bound_alone_words(conclusion: RequirementConclusion, best: OtherVerdict) -> str:
     """Whether the requirement would be met at the lower bound of matching, and with which worst value."""
-    by = "" if best.camera == one.camera else f"{best.camera}: "
+    by = "" if best.camera == conclusion.camera else f"{best.camera}: "
     if best.met is None:
         verdict = "undecided"
-    elif best.met == one.met:
+    elif best.met == conclusion.met:
         verdict = "not met even"
     else:
         verdict = "met" if best.met else "not met"
     return f"{verdict} if matching reached its bound ({by}{best.reason})"
 
 
-def decided_by(one: RequirementConclusion) -> str:
+def decided_by(conclusion: RequirementConclusion) -> str:
     """The camera that decides the verdict: "by A" or "closest: A", for instance."""
-    if one.met is None:
-        return f"undecided for {one.camera}"
-    if one.of == ALL:
-        return f"by all, tightest for {one.camera}" if one.met else f"not by {one.camera}"
-    if one.met:
-        return f"by {one.camera}"
-    return f"closest: {one.camera}" if one.of == ANY else f"not by {one.camera}"
+    if conclusion.met is None:
+        return f"undecided for {conclusion.camera}"
+    if conclusion.of == ALL:
+        return f"by all, tightest for {conclusion.camera}" if conclusion.met else f"not by {conclusion.camera}"
+    if conclusion.met:
+        return f"by {conclusion.camera}"
+    return f"closest: {conclusion.camera}" if conclusion.of == ANY else f"not by {conclusion.camera}"
 
 
-def _margin_words(one: RequirementConclusion) -> str:
-    if not np.isfinite(one.margin) or one.margin <= -1.0:  # no margin, or an unbounded value, which the reason reports
+def _margin_words(conclusion: RequirementConclusion) -> str:
+    # No margin, or an unbounded value, which the reason reports.
+    if not np.isfinite(conclusion.margin) or conclusion.margin <= -1.0:
         return ""
-    if one.limited_by and one.margin < 0.0:  # the reason reports where the camera is not usable
+    if conclusion.limited_by and conclusion.margin < 0.0:  # the reason reports where the camera is not usable
         return ""
-    if abs(one.margin) < _NO_MARGIN:
+    if abs(conclusion.margin) < _NO_MARGIN:
         return ""
-    words = margin_words(one.margin)
-    return words if one.met or one.margin < 0.0 else f"{words}, less than its guard band"
+    words = margin_words(conclusion.margin)
+    return words if conclusion.met or conclusion.margin < 0.0 else f"{words}, less than its guard band"
 
 
-def _chance_words(one: RequirementConclusion) -> str:
+def _chance_words(conclusion: RequirementConclusion) -> str:
     # NaN without an error; that of all cameras is not that of the tightest.
-    if not _UNSURE < one.conformity < 1.0 - _UNSURE or (one.of == ALL and one.others):
+    if not _UNSURE < conclusion.conformity < 1.0 - _UNSURE or (conclusion.of == ALL and conclusion.others):
         return ""
-    return f"met with a probability of {pretty(one.conformity, FRACTION, digits=2)}, given its numerical error"
+    return f"met with a probability of {pretty(conclusion.conformity, FRACTION, digits=2)}, given its numerical error"
 
 
-def _range_words(one: RequirementConclusion) -> str:
+def _range_words(conclusion: RequirementConclusion) -> str:
     """The ranges of the swept parameter in which it is met; where any camera may, each camera's own."""
-    ranges = one.met_ranges
+    ranges = conclusion.met_ranges
     if not ranges:
         return "met by no design that was tried"
-    candidates = [one.camera, *(other.camera for other in one.others)] if one.of == ANY else []
+    candidates = [conclusion.camera, *(other.camera for other in conclusion.others)] if conclusion.of == ANY else []
     several = len(candidates) > 1
-    parts = [along.words + (f" by {along.camera}" if several else "") for along in ranges]
+    parts = [met_range.words + (f" by {met_range.camera}" if several else "") for met_range in ranges]
     words = f"met with the {ranges[0].parameter} " + " and ".join(parts)
-    never = [title for title in candidates if title not in {along.camera for along in ranges}]
+    never = [title for title in candidates if title not in {met_range.camera for met_range in ranges}]
     return f"{words}; nowhere by {few(never, _NAMED)}" if never and several else words
 
 
@@ -371,17 +387,17 @@ def _met_ranges(tree: xr.DataTree, number: int) -> tuple[MetRange, ...] | None:
     data = group(tree, "requirements")
     if "met_from" not in data or not _concerns_the_sweep(tree, number):
         return None
-    (path,) = [str(name) for name in data["design_met"].dims if name != "requirement"]
+    (path,) = [str(dim) for dim in data["design_met"].dims if dim != "requirement"]
     axis, row = data[path], data.isel(requirement=number)
     titles, values = camera_titles(tree), np.asarray(axis.values, dtype=np.float64)
     parameter = path_words(tree, path)
-    found = []
+    ranges = []
     for low, high, error, camera in zip(
-        *(row[name].values for name in ("met_from", "met_to", "met_to_within", "met_camera")), strict=True
+        *(row[column].values for column in ("met_from", "met_to", "met_to_within", "met_camera")), strict=True
     ):
         if np.isnan(low):
             continue
-        found.append(
+        ranges.append(
             MetRange(
                 parameter=parameter,
                 low=float(low),
@@ -391,16 +407,16 @@ def _met_ranges(tree: xr.DataTree, number: int) -> tuple[MetRange, ...] | None:
                 words=interval_words(float(low), float(high), values, dimension_of(axis), float(error)),
             )
         )
-    return tuple(found)
+    return tuple(ranges)
 
 
 def _concerns_the_sweep(tree: xr.DataTree, number: int) -> bool:
     """Whether the sweep varies a camera that the requirement is about, or something that all cameras share."""
     data, cameras = group(tree, "requirements"), camera_titles(tree)
-    of = str(data["of"].isel(requirement=number).item())
-    paths = [dotted_path(tree, str(name)) for name in data["design_met"].dims if name != "requirement"]
+    concerned = str(data["of"].isel(requirement=number).item())
+    paths = [dotted_path(tree, str(dim)) for dim in data["design_met"].dims if dim != "requirement"]
     varied = {path.removeprefix("cameras.").partition(".")[0] for path in paths}
-    return of not in cameras or of in varied or not varied <= set(cameras)
+    return concerned not in cameras or concerned in varied or not varied <= set(cameras)
 
 
 def _designs(tree: xr.DataTree, number: int) -> tuple[int, int] | None:

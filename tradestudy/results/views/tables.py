@@ -50,7 +50,7 @@ class Table:
         chosen = self.data[list(self.variables)]
         frame = chosen.to_dataframe(dim_order=list(self.dims)) if self.dims else pd.DataFrame([chosen.to_pandas()])
         frame = frame[list(self.variables)]
-        frame.attrs["units"] = {name: self.data[name].attrs.get("units", "") for name in self.variables}
+        frame.attrs["units"] = {variable: self.data[variable].attrs.get("units", "") for variable in self.variables}
         return frame
 
 
@@ -59,18 +59,18 @@ def tables_of(tree: xr.DataTree) -> Mapping[str, Table]:
 
     A sweep adds columns to a table but keeps its name, unless the group has another table of that name.
     """
-    found = {}
+    tables = {}
     for group in tree.children.values():
         data, swept = group.to_dataset(), swept_paths(group)
         by_dims: dict[tuple[str, ...], list[str]] = {}
-        for name, array in data.data_vars.items():
-            by_dims.setdefault(tuple(map(str, array.dims)), []).append(str(name))
+        for variable, array in data.data_vars.items():
+            by_dims.setdefault(tuple(map(str, array.dims)), []).append(str(variable))
         for dims, names in by_dims.items():
             unswept = tuple(dim for dim in dims if dim not in swept)
             named = dims if unswept in by_dims else unswept
             over = "_by_" + "_".join(named) if named else ""
-            found[f"{group.name}{over}".replace("/", "_")] = Table(data=data, dims=dims, variables=tuple(names))
-    return found
+            tables[f"{group.name}{over}".replace("/", "_")] = Table(data=data, dims=dims, variables=tuple(names))
+    return tables
 
 
 def table_named(tree: xr.DataTree, name: str) -> Table:
@@ -81,12 +81,12 @@ def table_named(tree: xr.DataTree, name: str) -> Table:
     OutOfRangeError
         If the results have no such table; the message lists those that exist.
     """
-    found = tables_of(tree)
-    if name not in found:
-        close = nearest(name, found)
+    tables = tables_of(tree)
+    if name not in tables:
+        close = nearest(name, tables)
         remedy = "" if close is None else f"nearest: '{close}'"
-        raise OutOfRangeError("these results have no such table", value=name, limit=", ".join(found), remedy=remedy)
-    return found[name]
+        raise OutOfRangeError("these results have no such table", value=name, limit=", ".join(tables), remedy=remedy)
+    return tables[name]
 
 
 def budget_frame(tree: xr.DataTree, camera: str, distance: float) -> pd.DataFrame:
@@ -113,13 +113,13 @@ def budget_frame(tree: xr.DataTree, camera: str, distance: float) -> pd.DataFram
         raise OutOfRangeError(
             "no uncertainty budget at this distance",
             value=f"{distance:g} m",
-            limit=", ".join(f"{one:g} m" for one in distances),
+            limit=", ".join(f"{present:g} m" for present in distances),
             remedy="add the distance to decision.at",
         )
-    place = data.isel(distance=nearest_place).sel(camera=camera).drop_vars("camera")
-    rows = place[[name for name in place.data_vars if "source" in place[name].dims]]
-    own = (rows["distribution"] != "") | np.isfinite(rows["correlation"])
-    frame = rows.drop_vars("distance").isel(source=np.flatnonzero(own)).to_dataframe()
-    frame.attrs["units"] = {name: rows[name].attrs["units"] for name in map(str, rows.data_vars)}
-    frame.attrs |= {str(name): float(one) for name, one in place.variables.items() if not one.dims}
+    budget = data.isel(distance=nearest_place).sel(camera=camera).drop_vars("camera")
+    rows = budget[[variable for variable in budget.data_vars if "source" in budget[variable].dims]]
+    of_camera = (rows["distribution"] != "") | np.isfinite(rows["correlation"])
+    frame = rows.drop_vars("distance").isel(source=np.flatnonzero(of_camera)).to_dataframe()
+    frame.attrs["units"] = {variable: rows[variable].attrs["units"] for variable in map(str, rows.data_vars)}
+    frame.attrs |= {str(name): float(value) for name, value in budget.variables.items() if not value.dims}
     return frame

@@ -43,20 +43,24 @@ def terminal_lines(
     One of them counts the conclusions left out. Every question of the study gets its answer, even if that takes more
     lines.
     """
-    found = conclusions(tree, seconds)
-    said = [str(one) for one in found if one.kind == "headline"]
+    stated = conclusions(tree, seconds)
+    said = [str(conclusion) for conclusion in stated if conclusion.kind == "headline"]
     # For one swept parameter and one requirement, the sentence of the requirement already says which design.
     feasible, judged = feasible_designs(tree), requirement_conclusions(tree)
     told = ["designs"] if feasible and feasible.required == 1 and judged[0].met_ranges is not None else []
-    answering = [one for one in found if one.kind in ANSWERS and one.kind not in told and f"{one}." not in said]
-    last = [str(one) for one in found if one.kind not in (*ANSWERS, "headline", "not reversed")]
-    asked = [number for number, one in enumerate(answering, start=1) if one.kind == "question"]
+    answering = [
+        conclusion
+        for conclusion in stated
+        if conclusion.kind in ANSWERS and conclusion.kind not in told and f"{conclusion}." not in said
+    ]
+    last = [str(conclusion) for conclusion in stated if conclusion.kind not in (*ANSWERS, "headline", "not reversed")]
+    asked = [number for number, conclusion in enumerate(answering, start=1) if conclusion.kind == "question"]
     # The assumptions behind the answers matter more than a fourth requirement, but no question goes unanswered.
     room = max(most - 1 - len(last), max(asked, default=0) + 1)
     shown = answering if len(answering) <= room else answering[: room - 1]
     lines = [*said, *map(str, shown)]
     if hidden := answering[len(shown) :]:
-        missed = sum(one.kind == "requirement" and one.head == "Not met" for one in hidden)
+        missed = sum(conclusion.kind == "requirement" and conclusion.head == "Not met" for conclusion in hidden)
         suffix = f", including {counted(missed, 'requirement')} not met" if missed else ""
         suffix += " by the study as declared" * bool(suffix and feasible)
         lines.append(f"and {counted(len(hidden), 'more conclusion')} in the report{suffix}")
@@ -72,14 +76,18 @@ def conclusions_as_json(tree: xr.DataTree, seconds: Mapping[str, float] = Mappin
         "format": JSON_FORMAT,
         **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
         "headline": headline(tree, seconds),
-        "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_ranges(tree)],
+        "best": [
+            {"near": stretch.near, "far": stretch.far, "cameras": list(stretch.cameras)}
+            for stretch in best_ranges(tree)
+        ],
         "best_nowhere": [{"camera": title, "at_least": ratio} for title, ratio in never_best(tree)],
         "lower_bounds": list(lower_bounds(tree)),
-        "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
+        "requirements": [_requirement_as_json(requirement) for requirement in requirement_conclusions(tree)],
         **_designs_as_json(tree),
         "questions": _questions_as_json(tree),
         "trade_off": [
-            {"camera": one.title, "first": one.ranks[0], "error": one.first_error} for one in candidates_by_rank(tree)
+            {"camera": candidate.title, "first": candidate.ranks[0], "error": candidate.first_error}
+            for candidate in candidates_by_rank(tree)
         ],
         "measured": _rows_as_json(measured_numbers(tree)),
         "light_spot": _rows_as_json(light_numbers(tree)),
@@ -89,51 +97,59 @@ def conclusions_as_json(tree: xr.DataTree, seconds: Mapping[str, float] = Mappin
         "measure_first": measure_first(tree),
         "reversed_by": [{"reading": says, "at": places} for says, places in reversing(tree) or ()],
         "assumptions": [
-            {"assumption": one.says, "between": one.between, "worth": one.worth, "error": one.error}
-            for one in worths(tree)
+            {
+                "assumption": assumption.says,
+                "between": assumption.between,
+                "worth": assumption.worth,
+                "error": assumption.error,
+            }
+            for assumption in worths(tree)
         ],
     }
 
 
 def _rows_as_json(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    return [{key: value if isinstance(value, str) else _number(value) for key, value in one.items()} for one in rows]
+    return [{key: value if isinstance(value, str) else _number(value) for key, value in row.items()} for row in rows]
 
 
-def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
-    found: dict[str, Any] = {
-        name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
+def _requirement_as_json(requirement: RequirementConclusion) -> dict[str, Any]:
+    entries: dict[str, Any] = {
+        field: getattr(requirement, field)
+        for field in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
     }
-    found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity", "probability")}
-    found["on_lower_bound"] = one.at_lower_bound
-    if one.others:
-        found["others"] = [
+    entries |= {
+        field: _number(getattr(requirement, field)) for field in ("margin", "place", "conformity", "probability")
+    }
+    entries["on_lower_bound"] = requirement.at_lower_bound
+    if requirement.others:
+        entries["others"] = [
             {"camera": other.camera, "met": other.met, "margin": _number(other.margin), "reason": other.reason}
-            for other in one.others
+            for other in requirement.others
         ]
-    if (best := one.bound_alone) is not None:
-        found["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
-    if one.readings:
-        found |= {
-            "readings": one.readings,
+    if (best := requirement.bound_alone) is not None:
+        entries["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
+    if requirement.readings:
+        entries |= {
+            "readings": requirement.readings,
             "other_verdicts": [
                 {"reading": other.says, "met": other.met, "camera": other.camera, "reason": other.reason}
-                for other in one.other_verdicts
+                for other in requirement.other_verdicts
             ],
         }
-    if one.designs is not None:
-        found |= {"designs_met": one.designs[0], "designs": one.designs[1]}
-    if one.met_ranges is not None:
-        found["met_with"] = [
+    if requirement.designs is not None:
+        entries |= {"designs_met": requirement.designs[0], "designs": requirement.designs[1]}
+    if requirement.met_ranges is not None:
+        entries["met_with"] = [
             {
-                "parameter": along.parameter,
-                "from": along.low,
-                "to": along.high,
-                "error": along.error,
-                "camera": along.camera,
+                "parameter": met_range.parameter,
+                "from": met_range.low,
+                "to": met_range.high,
+                "error": met_range.error,
+                "camera": met_range.camera,
             }
-            for along in one.met_ranges
+            for met_range in requirement.met_ranges
         ]
-    return found
+    return entries
 
 
 def _questions_as_json(tree: xr.DataTree) -> list[dict[str, Any]]:
@@ -154,11 +170,11 @@ def _questions_as_json(tree: xr.DataTree) -> list[dict[str, Any]]:
 
 
 def _designs_as_json(tree: xr.DataTree) -> dict[str, Any]:
-    found = feasible_designs(tree)
-    if found is None:
+    feasible = feasible_designs(tree)
+    if feasible is None:
         return {}
-    best = {"values": found.best.values, "margin": _number(found.best.margin)}
-    return {"designs": {"count": found.designs, "feasible": found.count, "best": best}}
+    best = {"values": feasible.best.values, "margin": _number(feasible.best.margin)}
+    return {"designs": {"count": feasible.designs, "feasible": feasible.count, "best": best}}
 
 
 def _number(value: float) -> float | None:

@@ -54,49 +54,54 @@ def candidates_by_rank(tree: xr.DataTree) -> tuple[Ranked, ...]:
     if not has(tree, "criteria", "rank_acceptability"):
         return ()
     data, titles = group(tree, "criteria"), camera_titles(tree)
-    names = [str(name) for name in data["weighed"].values]
-    found = []
-    for name in data["candidate"].values:
-        one = data.sel(candidate=name)
-        declared = {dim: declared_place(one[dim]) or 0 for dim in one["feasible"].dims}
+    criteria = [str(criterion) for criterion in data["weighed"].values]
+    candidates = []
+    for camera in data["candidate"].values:
+        candidate = data.sel(candidate=camera)
+        declared = {dim: declared_place(candidate[dim]) or 0 for dim in candidate["feasible"].dims}
         central = [
-            f"{key} {pretty(float(w), FRACTION, 2)}" for key, w in zip(names, one["central_weight"].values, strict=True)
+            f"{criterion} {pretty(float(w), FRACTION, 2)}"
+            for criterion, w in zip(criteria, candidate["central_weight"].values, strict=True)
         ]
-        found.append(
+        candidates.append(
             Ranked(
-                title=titles[str(name)],
+                title=titles[str(camera)],
                 values=tuple(
                     value + "*" * bool(clipped)
                     for value, clipped in zip(
-                        _in_words(data, one["weighed_value"].values), one["clipped"].values, strict=True
+                        _in_words(data, candidate["weighed_value"].values), candidate["clipped"].values, strict=True
                     )
                 ),
-                ranks=tuple(one["rank_acceptability"].values.tolist()),
-                first_error=float(one["rank_acceptability_error"].values[0]),
-                central=str(one["central_weight_reason"].item()) or ", ".join(central),
-                is_feasible=bool(one["feasible"].isel(declared)),
+                ranks=tuple(candidate["rank_acceptability"].values.tolist()),
+                first_error=float(candidate["rank_acceptability_error"].values[0]),
+                central=str(candidate["central_weight_reason"].item()) or ", ".join(central),
+                is_feasible=bool(candidate["feasible"].isel(declared)),
             )
         )
-    return tuple(sorted(found, key=lambda one: tuple(-share for share in one.ranks)))
+    return tuple(sorted(candidates, key=lambda candidate: tuple(-share for share in candidate.ranks)))
 
 
 def trade_off_conclusion(tree: xr.DataTree) -> str:
     """The candidate that ranks first, and for which fraction of the possible weights; empty without a trade-off."""
-    if not (found := candidates_by_rank(tree)):
+    if not (candidates := candidates_by_rank(tree)):
         return ""
     data = group(tree, "criteria")
-    best, share = found[0], found[0].ranks[0]
+    best, share = candidates[0], candidates[0].ranks[0]
     is_fixed = bool((data["weight_low"].values == data["weight_high"].values).all())
     outside = "" if best.is_feasible else f" ({best.title} does not meet every requirement that must hold)"
     if share >= _ALWAYS:
         return f"{best.title} ranks first {'with these weights' if is_fixed else 'whatever the weights'}{outside}"
-    alike = [one.title for one in found if abs(one.ranks[0] - share) < _ROUNDING]
-    if is_fixed and len(alike) > 1 and not found[0].first_error > 0.0:
+    alike = [candidate.title for candidate in candidates if abs(candidate.ranks[0] - share) < _ROUNDING]
+    if is_fixed and len(alike) > 1 and not candidates[0].first_error > 0.0:
         return f"{listed(alike)} tie with these weights"
-    of = "of the draws of uncertain values" if is_fixed else "of the possible weights"
-    others = [f"{one.title} for {_share_words(one.ranks[0])}" for one in found[1:4] if one.ranks[0] > 1.0 - _ALWAYS]
+    among = "of the draws of uncertain values" if is_fixed else "of the possible weights"
+    others = [
+        f"{candidate.title} for {_share_words(candidate.ranks[0])}"
+        for candidate in candidates[1:4]
+        if candidate.ranks[0] > 1.0 - _ALWAYS
+    ]
     suffix = f"; {listed(others)}" if others else ""
-    return f"{best.title} ranks first for {_share_words(share)} {of}{suffix}{outside}"
+    return f"{best.title} ranks first for {_share_words(share)} {among}{suffix}{outside}"
 
 
 def scale_words(tree: xr.DataTree) -> str:
@@ -104,8 +109,8 @@ def scale_words(tree: xr.DataTree) -> str:
     data = group(tree, "criteria")
     ends = (_in_words(data, data[end].values) for end in ("worst", "best"))
     parts = [
-        f"{name}{f' ({says})' if str(says) != str(name) else ''} from {worst} to {best}"
-        for name, says, worst, best in zip(data["weighed"].values, data["weighed_says"].values, *ends, strict=True)
+        f"{criterion}{f' ({says})' if str(says) != str(criterion) else ''} from {worst} to {best}"
+        for criterion, says, worst, best in zip(data["weighed"].values, data["weighed_says"].values, *ends, strict=True)
     ]
     return ", ".join(parts)
 
@@ -119,15 +124,18 @@ def weight_words(tree: xr.DataTree) -> str:
     """The declared order or ranges of the weights, in words."""
     data = group(tree, "criteria")
     places = sorted(
-        (int(place), str(name)) for name, place in zip(data["weighed"].values, data["weight_order"].values, strict=True)
+        (int(position), str(criterion))
+        for criterion, position in zip(data["weighed"].values, data["weight_order"].values, strict=True)
     )
-    if ordered := [name for place, name in places if place > 0]:
+    if ordered := [criterion for position, criterion in places if position > 0]:
         return f"in this order of importance: {', '.join(ordered)}"
     ranges = []
-    for name, low, high in zip(*(data[key].values for key in ("weighed", "weight_low", "weight_high")), strict=True):
+    for criterion, low, high in zip(
+        *(data[key].values for key in ("weighed", "weight_low", "weight_high")), strict=True
+    ):
         ends = [pretty(float(end), FRACTION, 2) for end in (low, high)]
         if (low, high) != (0.0, 1.0):
-            ranges.append(f"{name} {ends[0]}" if low == high else f"{name} {ends[0]} to {ends[1]}")
+            ranges.append(f"{criterion} {ends[0]}" if low == high else f"{criterion} {ends[0]} to {ends[1]}")
     return ", ".join(ranges) if ranges else "unknown"
 
 
@@ -167,7 +175,7 @@ def pareto_front(tree: xr.DataTree, most: int) -> Front | None:
     if not has(tree, "criteria", "design_value"):
         return None
     data, titles = group(tree, "criteria"), camera_titles(tree)
-    dims = [str(name) for name in data["on_pareto_front"].dims if name != "candidate"]
+    dims = [str(dim) for dim in data["on_pareto_front"].dims if dim != "candidate"]
     if sum(data[dim].dtype.kind in "fiu" for dim in dims) < _NUMBERS:
         return None
     table = data["design_value"].transpose(*dims, "candidate", "weighed").values
@@ -175,7 +183,8 @@ def pareto_front(tree: xr.DataTree, most: int) -> Front | None:
     rows = np.array([table[tuple(place)] for place in places]).reshape(len(places), -1)
     flat = table.reshape(-1, *table.shape[-2:])
     moved = [
-        not np.array_equal(one, np.broadcast_to(one[:1], one.shape), equal_nan=True) for one in flat.swapaxes(0, 1)
+        not np.array_equal(values, np.broadcast_to(values[:1], values.shape), equal_nan=True)
+        for values in flat.swapaxes(0, 1)
     ]
     _, once = np.unique(np.column_stack([places[:, -1], rows]), axis=0, return_index=True)
     best = sorted(once.tolist(), key=lambda k: (-_worth(data, rows[k]), k))

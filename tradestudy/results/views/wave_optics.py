@@ -26,14 +26,14 @@ def element_title(data: xr.Dataset, element: str) -> str:
 
 def published_place(fresnel_validity: xr.Dataset, element: str) -> float:
     """F-number at which the error of a lens was published; the camera's own where none was."""
-    one = fresnel_validity.sel(element=element)
-    published = float(one["published_f_number"])
-    return published if np.isfinite(published) else float(one["camera_f_number"])
+    lens = fresnel_validity.sel(element=element)
+    published = float(lens["published_f_number"])
+    return published if np.isfinite(published) else float(lens["camera_f_number"])
 
 
 def reference_method(images: xr.Dataset) -> str:
     """The method of ``/images`` with which the others are compared: the most complete one."""
-    return most_complete(str(name) for name in images["propagator"].values)
+    return most_complete(str(method) for method in images["propagator"].values)
 
 
 def light_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
@@ -64,14 +64,14 @@ def fresnel_numbers(tree: xr.DataTree) -> list[dict[str, Any]]:
         return []
     data = group(tree, "fresnel_validity")
     window = middle_window(data)
-    found = data["limit_f_number"].sel(metric="l1", window=window)
+    limits = data["limit_f_number"].sel(metric="l1", window=window)
     return [
         {
             "element": element_title(data, str(element)),
             "lens_phase": str(phase),
             "window": window,
             "limit": float(data.attrs["error_limit"]),
-            "f_number": float(np.max(found.sel(element=element, lens_phase=phase).values)),
+            "f_number": float(np.max(limits.sel(element=element, lens_phase=phase).values)),
         }
         for element in data["element"].values
         for phase in data["lens_phase"].values
@@ -97,5 +97,5 @@ def hard_case_numbers(tree: xr.DataTree) -> dict[str, int]:
 
 def hard_case_words(tree: xr.DataTree) -> str:
     """How many hard cases the program gets right, without a full stop; empty if the study computed none."""
-    found = hard_case_numbers(tree)
-    return f"The program gets {found['met']} of {found['cases']} hard cases right" if found else ""
+    numbers = hard_case_numbers(tree)
+    return f"The program gets {numbers['met']} of {numbers['cases']} hard cases right" if numbers else ""
