@@ -66,10 +66,11 @@ def camera_budget(camera: DepthCamera, distance: FloatArray, coverage: float) ->
     derivative = 0.0 - line.sensitivity / np.where(inverse > 0.0, inverse, np.nan) ** 2  # 0, not −0, without effect
     spread = np.sqrt(np.diag(line.covariance))[:, None] * np.ones_like(distance)
     rows: dict[str, dict[str, Any]] = {}
-    for k, (name, texts) in enumerate(inputs.items()):
-        unit = camera.noise(distance) / camera.sample_pitch if name == PIXEL_NOISE else 1.0  # noise is known as a score
+    for k, (parameter, texts) in enumerate(inputs.items()):
+        # The linear model knows noise as a score: the error divided by its standard deviation.
+        unit = camera.noise(distance) / camera.sample_pitch if parameter == PIXEL_NOISE else 1.0
         numbers = (spread[k] * unit, np.nan, derivative[k] / unit, np.abs(derivative[k]) * spread[k])
-        rows[name] = texts | dict(zip(_NUMBERS, (*numbers, numbers[-1] ** 2), strict=True))
+        rows[parameter] = texts | dict(zip(_NUMBERS, (*numbers, numbers[-1] ** 2), strict=True))
     for i, j in np.argwhere(np.triu(np.nan_to_num(line.covariance), 1)):
         covariance = line.covariance[i, j]
         numbers = (np.nan, covariance / (spread[i] * spread[j]), np.nan, np.nan)
@@ -77,11 +78,12 @@ def camera_budget(camera: DepthCamera, distance: FloatArray, coverage: float) ->
         pair = f"{line.parameters[i]} and {line.parameters[j]}"
         rows[pair] = dict(zip(_NUMBERS, (*numbers, variance), strict=True))
     combined = np.sqrt(np.maximum(np.sum([row["variance"] for row in rows.values()], axis=0), 0.0))
-    known = np.array([[texts["degrees_of_freedom"]] for texts in inputs.values()])
-    of_scales = derivative * np.sqrt(np.maximum(1.0 - 2.0 / known, 0.0))
+    degrees = np.array([[texts["degrees_of_freedom"]] for texts in inputs.values()])
+    # The scale of a Student t distribution is √(1 − 2/ν) of its standard deviation.
+    of_scales = derivative * np.sqrt(np.maximum(1.0 - 2.0 / degrees, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         narrow = np.sqrt(np.einsum("pd,pq,qd->d", of_scales, line.covariance, of_scales))
-        freedom = narrow**4 / np.sum((of_scales * spread) ** 4 / known, axis=0)
+        freedom = narrow**4 / np.sum((of_scales * spread) ** 4 / degrees, axis=0)
         upper = 0.5 + coverage / 2.0
         factor = np.where(np.isinf(freedom), ndtri(upper), stdtrit(freedom, upper)) * narrow / combined
     return CameraBudget(rows=rows, combined=combined, freedom=freedom, factor=factor)
@@ -89,19 +91,19 @@ def camera_budget(camera: DepthCamera, distance: FloatArray, coverage: float) ->
 
 def _inputs(camera: DepthCamera, error_source: str) -> dict[str, dict[str, Any]]:
     """What is known of each input at any distance, by name, in the order of the linear model."""
-    found: dict[str, dict[str, Any]] = {}
+    inputs: dict[str, dict[str, Any]] = {}
     for group in uncertain_groups(camera, error_source):
         inferred, simulated = isinstance(group, JointDraws | JointNormal), camera.calibration.source == "target"
-        for k, name in enumerate(group.parameters):
+        for k, parameter in enumerate(group.parameters):
             marginal = group.marginal(k)
             observed = not simulated if inferred else isinstance(marginal, StudentT | Empirical)
-            found[name] = {
+            inputs[parameter] = {
                 "distribution": re.sub(r"(?<!^)(?=[A-Z])", "-", type(marginal).__name__).lower(),
                 "evaluation": "A" if observed else "B",
-                "input_units": "px" if name == PIXEL_NOISE else camera.parameter(name).unit,
+                "input_units": "px" if parameter == PIXEL_NOISE else camera.parameter(parameter).unit,
                 "degrees_of_freedom": marginal.degrees_of_freedom if isinstance(marginal, StudentT) else math.inf,
             }
-    return found
+    return inputs
 
 
 def _linearised(camera: DepthCamera, distance: FloatArray, error_source: str) -> LinearisedDepth:
@@ -109,7 +111,7 @@ def _linearised(camera: DepthCamera, distance: FloatArray, error_source: str) ->
     try:
         return linearised_depth(camera, distance, 0.0, error_source)
     except OutOfRangeError:
-        names = tuple(name for group in uncertain_groups(camera, error_source) for name in group.parameters)
+        names = tuple(parameter for group in uncertain_groups(camera, error_source) for parameter in group.parameters)
         shape = (len(names), distance.size)
         return LinearisedDepth(
             parameters=names, covariance=np.full((len(names),) * 2, np.nan), sensitivity=np.full(shape, np.nan)
@@ -125,24 +127,25 @@ def budget_group(study: PreparedStudy, depth: xr.Dataset) -> xr.Dataset:
     distance = depth["distance"].values
     if study.file.decision is None:
         distance = distances_without_decision(distance)
-    both = depth["depth_quantile"].sel(error_source="both", distance=distance).transpose("quantile", "camera", ...)
-    coverage = float(both["quantile"][-1] - both["quantile"][0])
-    near, far = both.values[[0, -1]]
+    quantiles = depth["depth_quantile"].sel(error_source="both", distance=distance).transpose("quantile", "camera", ...)
+    coverage = float(quantiles["quantile"][-1] - quantiles["quantile"][0])
+    near, far = quantiles.values[[0, -1]]
     cameras = study.case.cameras
     budgets = [camera_budget(camera, distance, coverage) for camera in cameras.values()]
     combined, freedom, factor = (
-        np.array([getattr(one, of) for one in budgets]) for of in ("combined", "freedom", "factor")
+        np.array([getattr(budget, attribute) for budget in budgets]) for attribute in ("combined", "freedom", "factor")
     )
     tolerance = next(iter(cameras.values())).propagation.tolerance  # the study's, of all cameras
     with np.errstate(invalid="ignore"):
         holds = np.abs(2.0 * factor * combined / (far - near) - 1.0) <= tolerance
-    rows = [one.rows for one in budgets]
-    sources = sorted(dict.fromkeys(name for own in rows for name in own), key=lambda name: " and " in name)
+    rows = [budget.rows for budget in budgets]
+    sources = sorted(dict.fromkeys(source for row in rows for source in row), key=lambda source: " and " in source)
 
     def filled(variable: str, absent: Any) -> NDArray[Any]:
         empty = np.full(distance.shape, absent, dtype=object if absent == "" else np.float64)
         over = [
-            [np.broadcast_to(own.get(name, {}).get(variable, empty), empty.shape) for name in sources] for own in rows
+            [np.broadcast_to(row.get(source, {}).get(variable, empty), empty.shape) for source in sources]
+            for row in rows
         ]
         return np.moveaxis(np.array(over, dtype=empty.dtype), 1, 2)
 

@@ -44,30 +44,30 @@ from tradestudy.wording import in_words, listed, with_article
 def depth_of_field_value(claim: DepthOfFieldClaim, case: Case) -> float:
     """Total extent of the sharp intervals of a camera [m]; NaN if diffraction alone exceeds the criterion."""
     criterion = BlurCriterion(blur_px=claim.blur, measure=claim.diffraction, wavelength=case.wavelength)
-    found = case.all_cameras[claim.camera].focus.sharp_range(criterion)
-    return found.extent if found.extent > 0.0 else math.nan
+    sharp = case.all_cameras[claim.camera].focus.sharp_range(criterion)
+    return sharp.extent if sharp.extent > 0.0 else math.nan
 
 
 def depth_of_field_ratio(claim: DepthOfFieldRatioClaim, case: Case) -> float:
     """Ratio of the depths of field of two cameras; NaN if the second has none, or both are infinite."""
-    first, second = (_extent(claim, case, name) for name in (claim.camera, claim.against))
+    first, second = (_extent(claim, case, camera_name) for camera_name in (claim.camera, claim.against))
     return math.nan if second == 0.0 or first == second == math.inf else first / second
 
 
-def _extent(claim: DepthOfFieldRatioClaim, case: Case, name: str) -> float:
-    focus = case.all_cameras[name].focus
+def _extent(claim: DepthOfFieldRatioClaim, case: Case, camera_name: str) -> float:
+    focus = case.all_cameras[camera_name].focus
     if claim.resolution is not None:
-        found = focus.sharp_range_at_resolution(claim.resolution, case.wavelength)
+        sharp = focus.sharp_range_at_resolution(claim.resolution, case.wavelength)
     else:
         assert claim.blur is not None
-        found = focus.sharp_range(
+        sharp = focus.sharp_range(
             BlurCriterion(blur_px=claim.blur, measure=claim.diffraction or "none", wavelength=case.wavelength)
         )
-    return found.extent if claim.over is None else _extent_within(found, claim.over[0], claim.over[1])
+    return sharp.extent if claim.over is None else _extent_within(sharp, claim.over[0], claim.over[1])
 
 
-def _extent_within(found: SharpRange, near: float, far: float) -> float:
-    covered = np.clip(found.union.covered, near, far)
+def _extent_within(sharp: SharpRange, near: float, far: float) -> float:
+    covered = np.clip(sharp.union.covered, near, far)
     return float(np.sum(covered[:, 1] - covered[:, 0]))
 
 
@@ -115,12 +115,12 @@ def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot
         case PsfErrorClaim():
             return _psf_error(claim, _present(fresnel), claim.f_number)
         case FresnelFNumberClaim():
-            asked = _present(fresnel)
-            return limit_f_number(lambda f: _psf_error(claim, asked, f), listed_f_numbers(asked.f_numbers), claim.error)
+            part = _present(fresnel)
+            return limit_f_number(lambda f: _psf_error(claim, part, f), listed_f_numbers(part.f_numbers), claim.error)
         case CriterionFNumberClaim():
             return _criterion(claim, _present(fresnel))
         case ImageDifferenceClaim() | LitPixelsClaim():
-            image, reference = (spot_image(_present(spot), name).pixels for name in (claim.method, claim.reference))
+            image, reference = (spot_image(_present(spot), method).pixels for method in (claim.method, claim.reference))
             if isinstance(claim, ImageDifferenceClaim):
                 return image_difference(image, reference)
             return lit_pixels(image, claim.above) / lit_pixels(reference, claim.above)
@@ -129,8 +129,8 @@ def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot
 def compared_spots(study: PreparedStudy) -> Iterator[tuple[LightSpotPart, MethodName]]:
     """The light spots, and the methods for their pictures, that claims compare under the readings that they name."""
     claims = study.file.claims
-    for key, name in claims_in_order(claims, ["", *study.readings]):  # "" is the study as declared
-        file = study.readings.get(name, study).file
+    for key, reading in claims_in_order(claims, ["", *study.readings]):  # "" is the study as declared
+        file = study.readings.get(reading, study).file
         claim = file.claims[key]
         if isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
             yield from ((_present(file.light_spot), method) for method in (claim.method, claim.reference))
@@ -172,25 +172,25 @@ def _present(part: PartT | None) -> PartT:
     return part
 
 
-def _psf_error(claim: PsfErrorClaim | FresnelFNumberClaim, asked: FresnelValidityPart, f_number: float) -> float:
+def _psf_error(claim: PsfErrorClaim | FresnelFNumberClaim, part: FresnelValidityPart, f_number: float) -> float:
     from tradestudy.models.point_spreads import psf_differences
 
-    found = psf_differences(
-        asked.elements[claim.element],
+    differences = psf_differences(
+        part.elements[claim.element],
         f_number=f_number,
         field_angle=0.0,
         wavelength=claim.wavelength,
         lens_phases=(claim.lens_phase,),
         windows=(claim.window,),
-        tolerance=asked.tolerance,
+        tolerance=part.tolerance,
     )
-    return float(getattr(found[claim.lens_phase], claim.metric)[0])
+    return float(getattr(differences[claim.lens_phase], claim.metric)[0])
 
 
-def _criterion(claim: CriterionFNumberClaim, asked: FresnelValidityPart) -> float:
+def _criterion(claim: CriterionFNumberClaim, part: FresnelValidityPart) -> float:
     from tradestudy.models.point_spreads import goodman_f_number, paper_zeros, path_error_f_number
 
-    element = asked.elements[claim.element]
+    element = part.elements[claim.element]
     match claim.criterion:
         case "path-error":
             return float(path_error_f_number(element, claim.wavelength, np.float64(claim.path_error or 0.0)))
@@ -218,13 +218,13 @@ _FROM = {"noise": "noise alone", "calibration": "calibration errors alone", "bot
 def readings_of(claim: ClaimPart, names: Sequence[str]) -> tuple[str, ...]:
     """The readings under which a claim is answered, its own first; ``names`` starts with the study as declared."""
     own = claim.reading or names[0]
-    return own, *([name for name in names if name != own] if claim.under == "all" else claim.under)
+    return own, *([reading for reading in names if reading != own] if claim.under == "all" else claim.under)
 
 
 def claims_in_order(claims: Mapping[str, ClaimPart], names: Sequence[str]) -> list[tuple[str, str]]:
     """Claim and reading of every answer, in the order in which they are computed."""
-    asked = [(key, name) for key, claim in claims.items() for name in readings_of(claim, names)]
-    return [asked[place] for place in mixed(len(asked))]
+    pairs = [(key, reading) for key, claim in claims.items() for reading in readings_of(claim, names)]
+    return [pairs[place] for place in mixed(len(pairs))]
 
 
 def claim_quantity(claim: ClaimPart, titles: Mapping[str, str]) -> str:
@@ -252,8 +252,6 @@ def claim_quantity(claim: ClaimPart, titles: Mapping[str, str]) -> str:
         case DepthOfFieldRatioClaim():
             return depth_of_field_ratio_words(claim, titles)
         case _:
-            # Only studies that ask for wave optics load it.
-
             return wave_claim_words(claim)
 
 
@@ -264,8 +262,8 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
             return _limit_distance(claim, case)
         case UncertaintyRatioClaim():
             first, second = (
-                judged_uncertainty(case.cameras[name], _span(claim.over), claim.errors)
-                for name in (claim.camera, claim.against)
+                judged_uncertainty(case.cameras[camera_name], _span(claim.over), claim.errors)
+                for camera_name in (claim.camera, claim.against)
             )
             with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
                 ratio = first / second
@@ -302,8 +300,8 @@ def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
     if not near and holds(case.distance[-1:])[0] >= 0.0:
         ends = boundaries(holds, np.geomspace(last, max(_FARTHEST, 10.0 * last), _POINTS))
         return next((end.distance for end in ends if not end.begins), math.inf)
-    found = [end.distance for end in boundaries(holds, case.distance) if end.begins == near]
-    return math.nan if not found else found[0] if near else found[-1]
+    distances = [end.distance for end in boundaries(holds, case.distance) if end.begins == near]
+    return math.nan if not distances else distances[0] if near else distances[-1]
 
 
 def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case: Case) -> float:
@@ -321,8 +319,8 @@ def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case
     def begins(points: FloatArray) -> list[float]:
         return [end.distance for end in boundaries(above, points) if end.begins]
 
-    if found := begins(case.distance):
-        return found[-1]
+    if starts := begins(case.distance):
+        return starts[-1]
     uncertainty = judged_uncertainty(camera, case.distance, claim.errors)
     if np.isnan(uncertainty).all():
         return math.nan
@@ -334,10 +332,12 @@ def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case
 def _share_better(claim: ShareBetterClaim, case: Case) -> float:
     points = _span(claim.over)
     first, second = (
-        judged_uncertainty(case.cameras[name], points, claim.errors) for name in (claim.camera, claim.against)
+        judged_uncertainty(case.cameras[camera_name], points, claim.errors)
+        for camera_name in (claim.camera, claim.against)
     )
-    usable, other = (is_usable(case, name, points) for name in (claim.camera, claim.against))
+    usable, other = (is_usable(case, camera_name, points) for camera_name in (claim.camera, claim.against))
     better = usable & (~other | (first < second))
+    # Steps between points, equal on a logarithmic scale, count if it is better at both of their ends.
     return float(np.mean(better[1:] & better[:-1]))
 
 
@@ -375,10 +375,10 @@ def verdict_over_readings(met: Mapping[str, bool | None], says: Mapping[str, str
 
     A claim whose answer depends on assumptions that its source does not state cannot be decided from the source.
     """
-    decided = {name: answer for name, answer in met.items() if answer is not None}
-    silent = [name for name, answer in met.items() if answer is None]
-    yes = [name for name, answer in decided.items() if answer]
-    no = [name for name, answer in decided.items() if not answer]
+    decided = {reading: answer for reading, answer in met.items() if answer is not None}
+    silent = [reading for reading, answer in met.items() if answer is None]
+    yes = [reading for reading, answer in decided.items() if answer]
+    no = [reading for reading, answer in decided.items() if not answer]
     without = f"; no value under {_named(silent, len(met), says)}" if silent else ""
     if not decided:
         return _UNDECIDED, "no reading gives a value"
@@ -430,20 +430,20 @@ def claims_group(
     met = np.full(value.shape, -1, dtype=np.int8)
     text, near = np.full(value.shape, "", dtype=object), np.zeros(value.shape)
     tolerance = study.file.accuracy.tolerance
-    rows, asked = list(claims), claims_in_order(claims, names)
+    rows, pairs = list(claims), claims_in_order(claims, names)
     says = {name: reading.says for name, reading in study.file.readings.items()}
     answers: dict[str, dict[str, bool | None]] = {key: {} for key in claims}
-    for done, (key, name) in enumerate(asked):
-        progress("claims", done / (len(asked) + len(study.file.requirements)))
-        row, column, claim, dimension = rows.index(key), names.index(name), claims[key], claim_dimension(claims[key])
+    for done, (key, reading) in enumerate(pairs):
+        progress("claims", done / (len(pairs) + len(study.file.requirements)))
+        row, column, claim, dimension = rows.index(key), names.index(reading), claims[key], claim_dimension(claims[key])
         # A reading may also change what a claim asks, such as the blur that counts as sharp, but never what it expects.
-        value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)
+        value[row, column] = claim_value(readings[reading].file.claims[key], readings[reading].case)
         text[row, column] = pretty(value[row, column], dimension)
-        answers[key][name] = is_met(claim.expect, value[row, column], dimension)
-        met[row, column] = -1 if answers[key][name] is None else int(bool(answers[key][name]))
+        answers[key][reading] = is_met(claim.expect, value[row, column], dimension)
+        met[row, column] = -1 if answers[key][reading] is None else int(bool(answers[key][reading]))
         near[row, column] = could_be_overturned(claim.expect, value[row, column], dimension, tolerance)
     verdicts = [
-        verdict_over_readings({name: answers[key][name] for name in readings_of(claim, names)}, says)
+        verdict_over_readings({reading: answers[key][reading] for reading in readings_of(claim, names)}, says)
         for key, claim in claims.items()
     ]
     return dataset(

@@ -83,6 +83,7 @@ def depth_problem(case: Case, name: str, title: str, chosen: Models, offered: Of
         camera = apply_models(declared, models)
         tolerance = tighter * camera.propagation.tolerance
         camera = replace(camera, propagation=replace(camera.propagation, tolerance=tolerance))
+        # Different sets of models can make equal cameras, which are measured once.
         sets.setdefault(camera, _words(models, offered, tolerance))
     if len(sets) < _FEWEST:
         return None
@@ -137,8 +138,8 @@ def _words(models: Models, offered: Offered, tolerance: float) -> str:
     if all(models[slot] == names[-1] for slot, names in pictures.items()):
         return f"every effect, {propagation}"
     laws = dict.fromkeys(models[lens] for lens in LENSES if lens in pictures)
-    named = [law.capitalize() for law in laws if law != OFF]
-    return f"{f'{listed(named)} diffraction' if named else 'no diffraction'}, {propagation}"
+    law_names = [law.capitalize() for law in laws if law != OFF]
+    return f"{f'{listed(law_names)} diffraction' if law_names else 'no diffraction'}, {propagation}"
 
 
 def _usable_places(case: Case, camera: DepthCamera) -> FloatArray:
@@ -172,12 +173,12 @@ def _with_error(camera: DepthCamera, places: FloatArray) -> tuple[FloatArray, fl
     The error is that of the draws, from the Student t interval over their scrambles, plus the change due to the
     numerical error δ of the disparity error: √(1 + s ((1 + δ)² − 1)) − 1 with the share s of the noise in the variance.
     """
-    found = distribution(camera, places, "both")
+    measured = distribution(camera, places, "both")
     share = np.nan_to_num(variance_shares(camera, places)["noise"], nan=1.0)
     off = numerical_error_of_disparity_error(camera, places) / disparity_error_at(camera, places)
     picture = np.sqrt(1.0 + share * ((1.0 + off) ** 2 - 1.0)) - 1.0
-    drawn = stdtrit(SCRAMBLES - 1, 0.975) * found.judged_error / found.judged
-    return found.judged, max(float(np.nanmax(drawn + picture)), float(np.finfo(np.float64).eps))
+    drawn = stdtrit(SCRAMBLES - 1, 0.975) * measured.judged_error / measured.judged
+    return measured.judged, max(float(np.nanmax(drawn + picture)), float(np.finfo(np.float64).eps))
 
 
 def _worst(values: FloatArray, reference: FloatArray) -> float:
@@ -211,8 +212,8 @@ def spot_problem(part: LightSpotPart, name: str, chosen: SpotModels) -> CostProb
         models = replace(compared_models(part, "kirchhoff"), tolerance=max(tolerance, _FINEST))
 
         def compute() -> tuple[FloatArray, float]:
-            found = picture_of(part, models, seed=part.seed + 1)
-            return found.pixels, found.numerical_error
+            picture = picture_of(part, models, seed=part.seed + 1)
+            return picture.pixels, picture.numerical_error
 
         return Reference(words=_spot_words(part, models), compute=compute, growth=growth)
 
@@ -254,7 +255,7 @@ def _spot_words(part: LightSpotPart, models: SpotModels) -> str:
         "spectrum": models.monochromatic and len(part.lines) > 1,
     }
     to = "" if models.method == "geometric" else f" to {pretty(models.tolerance, FRACTION, digits=2)}"
-    return short_title(models.method) + to + "".join(f", without {name}" for name, off in left_out.items() if off)
+    return short_title(models.method) + to + "".join(f", without {effect}" for effect, off in left_out.items() if off)
 
 
 def _relative_norm(values: FloatArray, reference: FloatArray) -> float:
@@ -315,28 +316,28 @@ def study_cost(plan: Plan, steps: Steps | None = None, *, budget: float = DEFAUL
     steps = Steps() if steps is None else steps
     study, *_ = infer_calibrations(plan.study, steps)
     problems = list(_problems(plan, study))
-    found: list[Measured] = []
+    measured: list[Measured] = []
     end = time.perf_counter() + budget
     for number, problem in enumerate(problems):
         steps.progress("cost", number / len(problems))
         # Time that one problem does not use goes to those after it.
-        found.append(measure(problem, (end - time.perf_counter()) / (len(problems) - number)))
+        measured.append(measure(problem, (end - time.perf_counter()) / (len(problems) - number)))
     steps.progress("cost", 1.0)
-    return _dataset(found, budget)
+    return _dataset(measured, budget)
 
 
 def cost_json(study: str, study_hash: str, cost: xr.Dataset) -> str:
     """A cost as JSON: the name and hash of its study, its attributes, and a row for every problem and every entry."""
     tables = {"problems": cost.drop_dims("entry").to_dataframe().reset_index()}
     tables["entries"] = cost.drop_dims("problem").to_dataframe()
-    rows = {name: json.loads(one.to_json(orient="records", double_precision=15)) for name, one in tables.items()}
+    rows = {name: json.loads(table.to_json(orient="records", double_precision=15)) for name, table in tables.items()}
     return json_text({"study": study, "study_hash": study_hash, **cost.attrs, **rows}) + "\n"
 
 
 def _problems(plan: Plan, study: PreparedStudy) -> Iterator[CostProblem]:
-    for name in study.case.cameras:
-        chosen, offered = _models(plan, name)
-        problem = depth_problem(study.case, name, study.file.cameras[name].title, chosen, offered)
+    for camera_name in study.case.cameras:
+        chosen, offered = _models(plan, camera_name)
+        problem = depth_problem(study.case, camera_name, study.file.cameras[camera_name].title, chosen, offered)
         if problem is not None:
             yield problem
     if (part := study.file.light_spot) is not None:
@@ -345,33 +346,33 @@ def _problems(plan: Plan, study: PreparedStudy) -> Iterator[CostProblem]:
 
 def _models(plan: Plan, name: str) -> tuple[Models, Offered]:
     """The models applied to a problem, and those available."""
-    (problem,) = (one for one in plan.problems if one.name == name)
+    (choice,) = (choice for choice in plan.problems if choice.name == name)
     offered = {
-        slot.name: models_of(slot.name, "depth") if slot.name in problem.forced else slot.models
-        for slot in problem.problem.slots
+        slot.name: models_of(slot.name, "depth") if slot.name in choice.forced else slot.models
+        for slot in choice.problem.slots
     }
-    return problem.models, offered
+    return choice.models, offered
 
 
-def _dataset(found: list[Measured], budget: float) -> xr.Dataset:
-    entries = [(one, entry) for one in found for entry in one.entries]
+def _dataset(results: list[Measured], budget: float) -> xr.Dataset:
+    entries = [(result, entry) for result in results for entry in result.entries]
     values = {
-        "problem_of": [one.problem.name for one, _ in entries],
+        "problem_of": [result.problem.name for result, _ in entries],
         "models": [entry.models for _, entry in entries],
         "relative_error": [entry.error for _, entry in entries],
         "seconds": [entry.seconds for _, entry in entries],
         "chosen": [entry.chosen for _, entry in entries],
-        "frontier": [bool(on) for one in found for on in on_frontier(one.entries)],
-        "next_digit": [entry is next_digit(one.entries) for one, entry in entries],
-        "title": [one.problem.title for one in found],
-        "reference": [one.reference for one in found],
-        "reference_error": [one.reference_error for one in found],
-        "left_out": ["\n".join(one.left_out) for one in found],
+        "frontier": [bool(on) for result in results for on in on_frontier(result.entries)],
+        "next_digit": [entry is next_digit(result.entries) for result, entry in entries],
+        "title": [result.problem.title for result in results],
+        "reference": [result.reference for result in results],
+        "reference_error": [result.reference_error for result in results],
+        "left_out": ["\n".join(result.left_out) for result in results],
     }
     return dataset(
         "cost",
         values,
-        {"problem": [one.problem.name for one in found]},
+        {"problem": [result.problem.name for result in results]},
         attributes={
             "machine": json.dumps(machine.identity(), sort_keys=True),
             "measured": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -115,33 +115,35 @@ def measure(problem: CostProblem, seconds: float) -> Measured:
         Wall time for all measurements [s].
     """
     begin = time.perf_counter()
-    found: list[tuple[Candidate, FloatArray, float]] = []
+    measured: list[tuple[Candidate, FloatArray, float]] = []
     left_out = list(problem.left_out)
 
     def left() -> float:
         return seconds - (time.perf_counter() - begin)
 
     def take(candidate: Candidate) -> None:
-        predicted = candidate.growth * max((took for _, _, took in found), default=0.0)
+        predicted = candidate.growth * max((took for _, _, took in measured), default=0.0)
         if predicted >= left():
             left_out.append(
                 f"{candidate.models}: needs about {_words(predicted)}, more than the {_words(max(left(), 0.0))} left"
             )
             return
         try:
-            found.append((candidate, *_timed(candidate.compute, left)))
+            measured.append((candidate, *_timed(candidate.compute, left)))
         except TradestudyError as error:
             left_out.append(f"{candidate.models}: {error}")
 
+    # The chosen models come first: even a short budget measures them, and their time predicts that of the references.
     for candidate in problem.candidates:
         if candidate.chosen:
             take(candidate)
-    held: tuple[Reference, FloatArray, float] | None = None
-    took = max((one for _, _, one in found), default=0.0)
+    finest: tuple[Reference, FloatArray, float] | None = None
+    took = max((duration for _, _, duration in measured), default=0.0)
     for reference in problem.references:
-        predicted = reference.growth * took / (_SHARE_OF_REFERENCES if held else 1.0)
+        # The first reference may take all the time: without one, there is nothing to compare with.
+        predicted = reference.growth * took / (_SHARE_OF_REFERENCES if finest else 1.0)
         if predicted >= left():
-            if held is None:
+            if finest is None:
                 left_out.append(
                     f"not measured: the reference needs about {_words(predicted)}, more than the time left; give a "
                     "larger budget"
@@ -149,20 +151,25 @@ def measure(problem: CostProblem, seconds: float) -> Measured:
             break
         started = time.perf_counter()
         try:
-            held = (reference, *reference.compute())
+            finest = (reference, *reference.compute())
         except TradestudyError as error:
             left_out.append(f"reference, {reference.words}: {error}")
             break
         took = time.perf_counter() - started
-    if held is None:
+    if finest is None:
         return Measured(problem=problem, left_out=tuple(left_out))
     for candidate in problem.candidates:
         if not candidate.chosen:
             take(candidate)
-    reference, values, floor = held
+    reference, values, floor = finest
     entries = [
-        Entry(models=one.models, error=max(problem.difference(own, values), floor), seconds=took, chosen=one.chosen)
-        for one, own, took in found
+        Entry(
+            models=candidate.models,
+            error=max(problem.difference(answer, values), floor),
+            seconds=took,
+            chosen=candidate.chosen,
+        )
+        for candidate, answer, took in measured
     ]
     return Measured(
         problem=problem,
@@ -208,7 +215,7 @@ def _cached_functions(module: ModuleType) -> tuple[Any, ...]:
 
 def on_frontier(entries: tuple[Entry, ...]) -> BoolArray:
     """Which entries are Pareto-optimal: no other has as small an error in as little time, and less of either."""
-    error, took = (np.array([getattr(entry, of) for entry in entries]) for of in ("error", "seconds"))
+    error, took = (np.array([getattr(entry, attribute) for entry in entries]) for attribute in ("error", "seconds"))
     no_worse = (error[:, None] <= error) & (took[:, None] <= took)
     better = (error[:, None] < error) | (took[:, None] < took)
     return np.asarray(~np.any(no_worse & better, axis=0) & np.isfinite(error), dtype=bool)
@@ -216,6 +223,6 @@ def on_frontier(entries: tuple[Entry, ...]) -> BoolArray:
 
 def next_digit(entries: tuple[Entry, ...]) -> Entry | None:
     """The fastest entry with at most a tenth of the chosen entry's error; None if there is none."""
-    own = next((entry.error for entry in entries if entry.chosen), np.nan)
-    within = [entry for entry in entries if entry.error <= _TENTH * own]
+    chosen_error = next((entry.error for entry in entries if entry.chosen), np.nan)
+    within = [entry for entry in entries if entry.error <= _TENTH * chosen_error]
     return min(within, key=lambda entry: (entry.seconds, entry.error), default=None)

@@ -80,8 +80,8 @@ def _seen_twice(camera: DepthCamera, distance: FloatArray) -> FloatArray:
 def _places(study: PreparedStudy) -> FloatArray:
     """Distances of the decision, with others added across the scene: three to five, fewer if the scene has fewer."""
     file, distance = study.file, study.case.distance
-    asked = np.array(sorted(set(file.decision.at if file.decision is not None else ())))
-    if asked.size < 3:
+    places = np.array(sorted(set(file.decision.at if file.decision is not None else ())))
+    if places.size < 3:
         ends = np.geomspace(distance[0], distance[-1], 3) if distance.size > 1 else distance
-        asked = np.unique(np.concatenate([asked, ends]))
-    return np.asarray(asked[np.unique(np.linspace(0, asked.size - 1, _MOST).round().astype(int))])
+        places = np.unique(np.concatenate([places, ends]))
+    return np.asarray(places[np.unique(np.linspace(0, places.size - 1, _MOST).round().astype(int))])

@@ -116,8 +116,8 @@ def depth_tables(study: PreparedStudy, designs: Sequence[PreparedStudy], steps: 
 def depth_group(study: PreparedStudy, designs: Sequence[PreparedStudy], tables: DepthTables) -> xr.Dataset:
     """/depth over (swept parameters, camera, distance); the designs are those of `sweep_points`."""
     axes, distance = sweep_axes(study), study.case.distance
-    asked = [(camera, design.case.criteria) for design in designs for camera in design.case.cameras.values()]
-    arrays, part_names = depth_arrays([tables[one] for one in asked])
+    keys = [(camera, design.case.criteria) for design in designs for camera in design.case.cameras.values()]
+    arrays, part_names = depth_arrays([tables[key] for key in keys])
     shape = (*(len(axis.labels) for axis in axes), len(study.case.cameras))
     stacked = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
     coordinates = depth_coordinates(study, distance, part_names)
@@ -224,15 +224,15 @@ def depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]],
 
 def _error_arrays(evaluations: Sequence[DepthEvaluation]) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """The variables for depth errors, with the camera as first dimension, and the names of all their parts."""
-    part_names = list(dict.fromkeys(name for one in evaluations for name in one.shares))
+    part_names = list(dict.fromkeys(part for evaluation in evaluations for part in evaluation.shares))
 
-    def over_error_sources(name: str) -> FloatArray:
-        return np.stack([getattr(one, name).T for one in evaluations])
+    def over_error_sources(attribute: str) -> FloatArray:
+        return np.stack([getattr(evaluation, attribute).T for evaluation in evaluations])
 
-    def widths(variable: str, name: str) -> dict[str, FloatArray]:
-        found = {end: over_error_sources(name + end) for end in ("", "_error")}
-        return {variable + end: values[..., ERROR_SOURCES.index("both")] for end, values in found.items()} | {
-            f"{variable}_by_error_source{end}": values for end, values in found.items()
+    def widths(variable: str, attribute: str) -> dict[str, FloatArray]:
+        by_suffix = {end: over_error_sources(attribute + end) for end in ("", "_error")}
+        return {variable + end: values[..., ERROR_SOURCES.index("both")] for end, values in by_suffix.items()} | {
+            f"{variable}_by_error_source{end}": values for end, values in by_suffix.items()
         }
 
     missing = np.full_like(evaluations[0].distance, np.nan)
@@ -242,10 +242,13 @@ def _error_arrays(evaluations: Sequence[DepthEvaluation]) -> tuple[dict[str, NDA
         "relative_uncertainty": uncertainty["depth_uncertainty"] / evaluations[0].distance,
         **widths("depth_error_radius", "error_radius"),
         "variance_share": np.stack(
-            [np.stack([one.shares.get(name, missing) for name in part_names], axis=-1) for one in evaluations]
+            [
+                np.stack([evaluation.shares.get(part, missing) for part in part_names], axis=-1)
+                for evaluation in evaluations
+            ]
         ),
-        "depth_quantile": np.stack([np.moveaxis(one.quantile, 0, 1) for one in evaluations]),
+        "depth_quantile": np.stack([np.moveaxis(evaluation.quantile, 0, 1) for evaluation in evaluations]),
         "failed_fraction": over_error_sources("failed_fraction"),
         "failed_fraction_error": over_error_sources("failed_fraction_error"),
-        "converged": np.stack([one.converged for one in evaluations]),
+        "converged": np.stack([evaluation.converged for evaluation in evaluations]),
     }, part_names

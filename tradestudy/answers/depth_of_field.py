@@ -23,39 +23,39 @@ from tradestudy.study.schema.requirements import criterion_dimension
 _SCENE_POINTS: Final = 401
 
 
-def depth_of_field_group(study: PreparedStudy, asked: DepthOfFieldPart) -> xr.Dataset:
+def depth_of_field_group(study: PreparedStudy, part: DepthOfFieldPart) -> xr.Dataset:
     """/depth_of_field over (camera, criterion, distance).
 
     Models without diffraction leave it out of every criterion; ``diffraction`` records the measure that was applied.
     """
     case, wavelength = study.case, study.case.wavelength
     cameras, sharp = case.all_cameras, case.sharp
-    ranges = [[one.focus.sharp_range(criterion) for criterion in sharp.values()] for one in cameras.values()]
+    ranges = [[camera.focus.sharp_range(criterion) for criterion in sharp.values()] for camera in cameras.values()]
     values = {
         "blur_px": [criterion.blur_px for criterion in sharp.values()],
         "diffraction": [criterion.measure for criterion in sharp.values()],
         **_slices(ranges),
         **_stretches(ranges),
-        "extent": [[found.extent for found in row] for row in ranges],
-        "scene_share": [[found.share_of(*asked.range) for found in row] for row in ranges],
-        "reason": [[found.reason for found in row] for row in ranges],
+        "extent": [[sharp_range.extent for sharp_range in row] for row in ranges],
+        "scene_share": [[sharp_range.share_of(*part.range) for sharp_range in row] for row in ranges],
+        "reason": [[sharp_range.reason for sharp_range in row] for row in ranges],
         "images": [
-            [one.focus.images(criterion, *asked.range) for criterion in sharp.values()] for one in cameras.values()
+            [camera.focus.images(criterion, *part.range) for criterion in sharp.values()] for camera in cameras.values()
         ],
-        **_resolutions(cameras, case.distance, wavelength, asked.range),
+        **_resolutions(cameras, case.distance, wavelength, part.range),
         "microlenses_seeing": [camera.microlenses_seeing(case.distance) for camera in cameras.values()],
         "total_covering_plane": [camera.total_covering_plane for camera in cameras.values()],
     }
-    attributes: dict[str, Any] = {"scene_near": asked.range[0], "scene_far": asked.range[1]}
-    if asked.equal_resolution is not None:
-        size = asked.equal_resolution
+    attributes: dict[str, Any] = {"scene_near": part.range[0], "scene_far": part.range[1]}
+    if part.equal_resolution is not None:
+        size = part.equal_resolution
         resolved = [camera.focus.sharp_range_at_resolution(size, wavelength) for camera in cameras.values()]
         values |= {
-            "resolved_near": padded([found.union.covered[:, 0] for found in resolved]),
-            "resolved_far": padded([found.union.covered[:, 1] for found in resolved]),
-            "resolved_extent": [found.extent for found in resolved],
-            "resolved_scene_share": [found.share_of(*asked.range) for found in resolved],
-            "resolved_reason": ["" if found.extent > 0.0 else found.reason for found in resolved],
+            "resolved_near": padded([sharp_range.union.covered[:, 0] for sharp_range in resolved]),
+            "resolved_far": padded([sharp_range.union.covered[:, 1] for sharp_range in resolved]),
+            "resolved_extent": [sharp_range.extent for sharp_range in resolved],
+            "resolved_scene_share": [sharp_range.share_of(*part.range) for sharp_range in resolved],
+            "resolved_reason": ["" if sharp_range.extent > 0.0 else sharp_range.reason for sharp_range in resolved],
         }
         attributes["equal_resolution"] = size
     coordinates: dict[str, Any] = {"camera": list(cameras), "sharp": list(sharp), "distance": case.distance}
@@ -68,18 +68,18 @@ def _ragged(ranges: list[list[SharpRange]], rows: Sequence[Any], absent: Any = m
 
 
 def _slices(ranges: list[list[SharpRange]]) -> Mapping[str, Any]:
-    flat = [found for row in ranges for found in row]
+    flat = [sharp_range for row in ranges for sharp_range in row]
     return {
-        "slice_name": _ragged(ranges, [found.names for found in flat], ""),
-        "slice_near": _ragged(ranges, [found.slices.near for found in flat]),
-        "slice_far": _ragged(ranges, [found.slices.far for found in flat]),
+        "slice_name": _ragged(ranges, [sharp_range.names for sharp_range in flat], ""),
+        "slice_near": _ragged(ranges, [sharp_range.slices.near for sharp_range in flat]),
+        "slice_far": _ragged(ranges, [sharp_range.slices.far for sharp_range in flat]),
     }
 
 
 def _stretches(ranges: list[list[SharpRange]]) -> Mapping[str, Any]:
-    unions = [found.union for row in ranges for found in row]
+    unions = [sharp_range.union for row in ranges for sharp_range in row]
     return {
-        f"{name}_{side}": _ragged(ranges, [getattr(one, attribute)[:, column] for one in unions])
+        f"{name}_{side}": _ragged(ranges, [getattr(union, attribute)[:, column] for union in unions])
         for name, attribute in (("sharp", "covered"), ("gap", "gaps"), ("overlap", "overlaps"))
         for column, side in enumerate(("near", "far"))
     }
@@ -89,16 +89,16 @@ def _resolutions(
     cameras: Mapping[str, Camera], distance: FloatArray, wavelength: float, scene: tuple[float, float]
 ) -> Mapping[str, Any]:
     within = np.linspace(*scene, _SCENE_POINTS)
-    found = [camera.focus.lateral_resolution(distance, wavelength) for camera in cameras.values()]
+    resolutions = [camera.focus.lateral_resolution(distance, wavelength) for camera in cameras.values()]
     in_scene = [camera.focus.lateral_resolution(within, wavelength) for camera in cameras.values()]
     return {
-        "lateral_resolution": [one.size for one in found],
-        "resolution_of_sampling": [one.sampling for one in found],
-        "resolution_of_blur": [one.blur for one in found],
-        "resolution_of_diffraction": [one.diffraction for one in found],
-        "diffraction_width": [one.diffraction_width for one in found],
-        "scene_resolution": [float(np.max(one.size)) for one in in_scene],
-        "scene_diffraction": [float(np.max(one.diffraction_width)) for one in in_scene],
+        "lateral_resolution": [resolution.size for resolution in resolutions],
+        "resolution_of_sampling": [resolution.sampling for resolution in resolutions],
+        "resolution_of_blur": [resolution.blur for resolution in resolutions],
+        "resolution_of_diffraction": [resolution.diffraction for resolution in resolutions],
+        "diffraction_width": [resolution.diffraction_width for resolution in resolutions],
+        "scene_resolution": [float(np.max(resolution.size)) for resolution in in_scene],
+        "scene_diffraction": [float(np.max(resolution.diffraction_width)) for resolution in in_scene],
     }
 
 
@@ -112,8 +112,8 @@ def criteria_group(study: PreparedStudy) -> xr.Dataset:
     units = [criterion_dimension(name, case.attributes.values()) for name in others]
     paths = [*(criterion.path for criterion in CRITERIA), *(f"attributes.others.{other}" for other in others)]
     basis = [
-        [attribute.basis or _basis(study, name, path) for attribute, path in zip(row, paths, strict=True)]
-        for name, row in zip(cameras, rows, strict=True)
+        [attribute.basis or _basis(study, camera_name, path) for attribute, path in zip(row, paths, strict=True)]
+        for camera_name, row in zip(cameras, rows, strict=True)
     ]
     return dataset(
         "criteria",
@@ -123,7 +123,7 @@ def criteria_group(study: PreparedStudy) -> xr.Dataset:
             "basis": basis,
             "number_units": [
                 *(criterion.units for criterion in CRITERIA),
-                *("" if one is None else one.unit or "1" for one in units),
+                *("" if dimension is None else dimension.unit or "1" for dimension in units),
             ],
             "says": [*(criterion.says for criterion in CRITERIA), *["as declared"] * len(others)],
         },

@@ -40,10 +40,10 @@ def disparity_causes_group(study: PreparedStudy) -> xr.Dataset | None:
     """
     forced = study.file.effects.forced()
     derived = {
-        name: (camera, replace(law, models=with_models(complete_in_closed_form(camera, law), in_closed_form(own))))
+        name: (camera, replace(law, models=with_models(complete_in_closed_form(camera, law), in_closed_form(applied))))
         for name, camera in study.case.cameras.items()
         if isinstance(law := camera.disparity_error_px, PictureDisparityError)
-        and (own := applicable(camera, forced)) is not None
+        and (applied := applicable(camera, forced)) is not None
     }
     if not derived:
         return None
@@ -56,7 +56,7 @@ def disparity_causes_group(study: PreparedStudy) -> xr.Dataset | None:
     electrons = np.stack([n for n, _ in seen])
     brightest = _brightest(electrons, np.stack([share for _, share in seen]))
     lacked = [_light_deficit(electrons, k, brightest) for k in range(len(names))]
-    found = [
+    causes = [
         error_causes(camera.picture_geometry(distance), law.settings, law.models, ratio)
         for (camera, law), ratio in zip(derived.values(), lacked, strict=True)
     ]
@@ -67,24 +67,26 @@ def disparity_causes_group(study: PreparedStudy) -> xr.Dataset | None:
                 [_window(camera.picture_geometry(distance), law) for camera, law in derived.values()]
             ),
             "electrons": electrons,
-            "disparity_error_px": np.stack([one.value for one in found]),
-            "disparity_error_px_error": np.stack([one.error for one in found]),
-            "disparity_error_px_changed": np.stack([one.changed.T for one in found]),
-            "disparity_error_px_changed_error": np.stack([one.changed_error.T for one in found]),
+            "disparity_error_px": np.stack([cause.value for cause in causes]),
+            "disparity_error_px_error": np.stack([cause.error for cause in causes]),
+            "disparity_error_px_changed": np.stack([cause.changed.T for cause in causes]),
+            "disparity_error_px_changed_error": np.stack([cause.changed_error.T for cause in causes]),
             "brightest_camera": ["" if k < 0 else names[k] for k in brightest],
-            **_by_matchers([law for _, law in derived.values()], found),
+            **_by_matchers([law for _, law in derived.values()], causes),
         },
         {"camera": names, "distance": distance, "change": list(CHANGES)},
     )
 
 
-def _by_matchers(laws: Sequence[PictureDisparityError], found: Sequence[ErrorCauses]) -> dict[str, Any]:
+def _by_matchers(laws: Sequence[PictureDisparityError], causes: Sequence[ErrorCauses]) -> dict[str, Any]:
     """Errors of the declared matchers and their bounds; empty if none is declared."""
     if all(law.matcher == AT_BOUND for law in laws):
         return {}
-    errors = [law.matcher.numerical_error_px(one.value, one.error) for law, one in zip(laws, found, strict=True)]
+    errors = [law.matcher.numerical_error_px(cause.value, cause.error) for law, cause in zip(laws, causes, strict=True)]
     return {
-        "matched_error_px": np.stack([law.matcher.error_px(one.value) for law, one in zip(laws, found, strict=True)]),
+        "matched_error_px": np.stack(
+            [law.matcher.error_px(cause.value) for law, cause in zip(laws, causes, strict=True)]
+        ),
         "matched_error_px_error": np.stack(errors),
         "matcher": ["" if law.matcher == AT_BOUND else law.matcher.words for law in laws],
         "false_matches": [law.matcher.false_matches for law in laws],
@@ -109,8 +111,8 @@ def _brightest(electrons: FloatArray, filled: FloatArray) -> list[int]:
     """Index of the unsaturated camera with the most light at each distance; −1 where only one forms a picture."""
     fit = np.where(filled <= 1.0, electrons, -1.0)
     several = np.count_nonzero(np.isfinite(electrons), axis=0) > 1
-    found = several & (fit.max(axis=0) > 0.0)
-    return [int(k) for k in np.where(found, fit.argmax(axis=0), -1)]
+    exists = several & (fit.max(axis=0) > 0.0)
+    return [int(k) for k in np.where(exists, fit.argmax(axis=0), -1)]
 
 
 def _light_deficit(electrons: FloatArray, camera: int, brightest: list[int]) -> FloatArray:

@@ -80,68 +80,76 @@ def export(study: PreparedStudy, name: str, words: Sequence[str], *, lossy: bool
     """
     camera = study.case.all_cameras.get(name)
     if not isinstance(camera, DepthCamera):
-        known = [key for key, one in study.case.all_cameras.items() if isinstance(one, DepthCamera)]
-        what = "no camera of the study has this name" if camera is None else "this camera measures no depth"
-        raise ExportError(what, value=name, limit=", ".join(known), remedy="name one of these")
+        measuring = [key for key, other in study.case.all_cameras.items() if isinstance(other, DepthCamera)]
+        problem = "no camera of the study has this name" if camera is None else "this camera measures no depth"
+        raise ExportError(problem, value=name, limit=", ".join(measuring), remedy="name one of these")
     if unknown := [word for word in words if word not in WORDS]:
         raise ExportError("unknown format", value=", ".join(unknown), limit=", ".join(WORDS), remedy="use one of these")
-    asked = words or WORDS
+    requested = words or WORDS
     posterior = _inferred(study, name)
     texts: dict[str, str] = {}
     left_out: list[str] = []
     refused: list[str] = []
-    formats = [one for one in FORMATS if one.word in asked and one.write is not None]
+    formats = [
+        file_format for file_format in FORMATS if file_format.word in requested and file_format.write is not None
+    ]
     fitted = None if posterior is None or posterior.best is None else pair_found(posterior.best, posterior.lens)
     rig = camera.exported(fitted) if formats else None
     if formats and rig is None:
-        listed_formats = listed([one.name for one in formats])
+        listed_formats = listed([file_format.name for file_format in formats])
         refused.append(f"{listed_formats} cannot describe a camera of family {camera.family}")
         formats = []
-    for one in formats:
+    for file_format in formats:
         assert rig is not None
-        for written, missing in _written(one, rig, name):
+        for written, missing in _written(file_format, rig, name):
             texts |= written
             refused += missing
-    if POSTERIOR in asked:
+    if POSTERIOR in requested:
         session = [group.name for group in camera.calibration.groups if group.error_class is ErrorClass.SESSION]
-        refused += [f"a posterior cannot contain {one}: this error arose after the calibration" for one in session]
+        refused += [f"a posterior cannot contain {error}: this error arose after the calibration" for error in session]
         posterior = posterior or _declared(study, camera, name)
         if posterior is None:
             left_out.append("posterior: no parameter of the camera is declared uncertain")
-    found = Export(texts=texts, posterior=posterior if POSTERIOR in asked else None, left_out=(*left_out, *refused))
-    if not texts and found.posterior is None:
+    exported = Export(
+        texts=texts, posterior=posterior if POSTERIOR in requested else None, left_out=(*left_out, *refused)
+    )
+    if not texts and exported.posterior is None:
         others = [] if rig is None else _whole(rig, name)
         remedy = f"choose --format {' or '.join(others)}; nothing was written" if others else "nothing was written"
-        raise ExportError("\n".join(found.left_out), remedy=remedy)
+        raise ExportError("\n".join(exported.left_out), remedy=remedy)
     if refused and not lossy:
         others = [] if rig is None else _whole(rig, name)
         choice = f", or choose --format {' or '.join(others)}" if others else ""
         remedy = f"give --lossy (in Python, lossy=True) to leave it out{choice}; nothing was written"
         raise ExportError("\n".join(refused), remedy=remedy)
-    return found
+    return exported
 
 
 def _whole(rig: ImportedRig, stem: str) -> list[str]:
     """The formats that can represent a whole rig."""
-    writing = [one for one in FORMATS if one.write is not None]
-    return [one.word for one in writing if not any(missing for _, missing in _written(one, rig, stem))]
+    writing = [file_format for file_format in FORMATS if file_format.write is not None]
+    return [
+        file_format.word
+        for file_format in writing
+        if not any(missing for _, missing in _written(file_format, rig, stem))
+    ]
 
 
-def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping[str, str], list[str]]]:
+def _written(file_format: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping[str, str], list[str]]]:
     """The files of a format, and what they lack; no files if the format cannot represent the lens at all."""
-    assert one.write is not None
+    assert file_format.write is not None
     missing: list[str] = []
     while True:
         try:
-            yield one.write(rig, stem), missing
+            yield file_format.write(rig, stem), missing
         except UnsupportedLensError as error:
             smaller = replace(rig, left=_without(rig.left, error.names), right=_without(rig.right, error.names))
             if smaller == rig:
-                yield {}, [*missing, f"{one.name} cannot represent {listed(list(error.names))}"]
+                yield {}, [*missing, f"{file_format.name} cannot represent {listed(list(error.names))}"]
                 return
             moved = max(_largest_shift(rig.left, smaller.left), _largest_shift(rig.right, smaller.right))
             lost = f"{listed(list(error.names))}, without which points move by up to {significant(moved, 2)} px"
-            missing, rig = [*missing, f"{one.name} cannot represent {lost}"], smaller
+            missing, rig = [*missing, f"{file_format.name} cannot represent {lost}"], smaller
         else:
             return
 
@@ -156,10 +164,10 @@ def _largest_shift(camera: ImportedCamera, smaller: ImportedCamera) -> float:
 
     Where the size of the picture is unknown, the principal point is taken as its centre.
     """
-    size, focal, centre = (np.array(one) for one in (camera.pixels, camera.focal_lengths, camera.centre))
+    size, focal, centre = (np.array(vector) for vector in (camera.pixels, camera.focal_lengths, camera.centre))
     last = size - 1.0 if camera.pixels is not None else 2.0 * centre
     places = np.stack(np.meshgrid(*(np.linspace(0.0, end, _PLACES) for end in last)), axis=-1)
-    whole, rest = (FAMILIES[one.lens_model](**one.coefficients) for one in (camera, smaller))
+    whole, rest = (FAMILIES[imported.lens_model](**imported.coefficients) for imported in (camera, smaller))
     image = (places - centre) / focal
     shift = (rest.project(whole.unproject(image)) - image) * focal
     return float(np.nanmax(np.linalg.norm(shift, axis=-1)))
@@ -184,23 +192,23 @@ def _declared(study: PreparedStudy, camera: DepthCamera, name: str) -> Calibrati
     rng = point_generator(seed=study.file.propagation.seed, point=f"export/{name}", replicate=0)
     drawn = sources.draw(rng.standard_normal((sources.dimensions, _DRAWS)))
     names = tuple(drawn)
-    columns = np.concatenate([np.broadcast_to(drawn[one], (_DRAWS, 1)) for one in names], axis=1)
+    columns = np.concatenate([np.broadcast_to(drawn[parameter], (_DRAWS, 1)) for parameter in names], axis=1)
     return CalibrationDraws(names=names, draws=columns, reference=np.zeros(len(names)))
 
 
-def write_export(found: Export, folder: Path, name: str) -> list[Path]:
+def write_export(exported: Export, folder: Path, name: str) -> list[Path]:
     """Write the files of an export to a folder and return their paths."""
     from tradestudy.calibration.posterior_file import write_posterior
     from tradestudy.results.storage import list_written, replace_file, replacing
 
-    list_written(folder, [*found.texts, *(() if found.posterior is None else (f"{name}-posterior.nc",))])
+    list_written(folder, [*exported.texts, *(() if exported.posterior is None else (f"{name}-posterior.nc",))])
     written = []
-    for file, text in found.texts.items():
+    for file, text in exported.texts.items():
         replace_file(folder / file, text.encode())
         written.append(folder / file)
-    if found.posterior is not None:
+    if exported.posterior is not None:
         path = folder / f"{name}-posterior.nc"
         with replacing(path) as temporary:
-            write_posterior(temporary, found.posterior)
+            write_posterior(temporary, exported.posterior)
         written.append(path)
     return written

@@ -33,46 +33,48 @@ from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart
 _SWEEP_POINTS: Final = 1025  # enough to follow the smaller zero to twice its minimum and beyond
 _STEP: Final = "Fresnel against Kirchhoff, on axis"
 _OFF_AXIS_STEP: Final = "Fresnel against Kirchhoff, off axis"
-_Found = npt.NDArray[np.object_]  # of differences by lens phase
+_Differences = npt.NDArray[np.object_]  # of differences by lens phase
 
 
-def fresnel_validity_group(asked: FresnelValidityPart, steps: Steps, seconds: Seconds) -> xr.Dataset:
+def fresnel_validity_group(part: FresnelValidityPart, steps: Steps, seconds: Seconds) -> xr.Dataset:
     """/fresnel_validity over elements, lens phases, wavelengths, f-numbers, metrics and windows."""
-    elements = list(asked.elements.values())
-    f_numbers = listed(asked.f_numbers)
+    elements = list(part.elements.values())
+    f_numbers = listed(part.f_numbers)
     with timed(seconds, _STEP):
-        compared = [(*f_numbers, _published_f_number(one), one.f_number) for one in elements]
-        found = _differences_at(asked, compared, steps, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths)
-        on_axis, published, used = np.split(found, [len(f_numbers), len(f_numbers) + 1], axis=2)
-        limits = _limits(asked, elements, f_numbers, on_axis, steps)
+        compared = [(*f_numbers, _published_f_number(element), element.f_number) for element in elements]
+        differences = _differences_at(part, compared, steps, step=_STEP, field_angle=0.0, wavelengths=part.wavelengths)
+        on_axis, published, used = np.split(differences, [len(f_numbers), len(f_numbers) + 1], axis=2)
+        limits = _limits(part, elements, f_numbers, on_axis, steps)
     values = {
-        **_laid_out(asked, on_axis, "psf_error"),
-        **_of_one_f_number(asked, published, "published_point_error"),
-        **_of_one_f_number(asked, used, "camera_point_error"),
+        **_laid_out(part, on_axis, "psf_error"),
+        **_of_one_f_number(part, published, "published_point_error"),
+        **_of_one_f_number(part, used, "camera_point_error"),
     }
-    attributes: dict[str, Any] = {"error_limit": asked.error_limit}
-    if asked.off_axis is not None:
-        attributes |= {"field_angle": asked.off_axis.field_angle, "field_wavelength": asked.off_axis.wavelength}
-        aside, waves = asked.off_axis.field_angle, (asked.off_axis.wavelength,)
+    attributes: dict[str, Any] = {"error_limit": part.error_limit}
+    if part.off_axis is not None:
+        attributes |= {"field_angle": part.off_axis.field_angle, "field_wavelength": part.off_axis.wavelength}
+        aside, waves = part.off_axis.field_angle, (part.off_axis.wavelength,)
         with timed(seconds, _OFF_AXIS_STEP):
-            compared = [(*f_numbers, one.f_number) for one in elements]
-            found = _differences_at(asked, compared, steps, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves)
-        swept, used = np.split(found, [len(f_numbers)], axis=2)
-        off_axis = _laid_out(asked, swept, "off_axis_error") | _of_one_f_number(asked, used, "off_axis_camera_error")
-        values |= {name: one[:, :, 0] for name, one in off_axis.items()}
+            compared = [(*f_numbers, element.f_number) for element in elements]
+            differences = _differences_at(
+                part, compared, steps, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves
+            )
+        swept, used = np.split(differences, [len(f_numbers)], axis=2)
+        off_axis = _laid_out(part, swept, "off_axis_error") | _of_one_f_number(part, used, "off_axis_camera_error")
+        values |= {name: errors[:, :, 0] for name, errors in off_axis.items()}
     result = dataset(
         "fresnel_validity",
-        {**_declared(elements), **values, "limit_f_number": limits, **_criteria(asked, elements)},
+        {**_declared(elements), **values, "limit_f_number": limits, **_criteria(part, elements)},
         {
-            "element": list(asked.elements),
-            "lens_phase": list(asked.lens_phases),
-            "wavelength": list(asked.wavelengths),
+            "element": list(part.elements),
+            "lens_phase": list(part.lens_phases),
+            "wavelength": list(part.wavelengths),
             "f_number": list(f_numbers),
             "metric": list(METRICS),
-            "window": list(asked.windows),
+            "window": list(part.windows),
             "zero": ["first", "second"],
             "quarter_wave": list(np.arange(_SWEEP_POINTS) / _SWEEP_POINTS),
-            "path_error": list(asked.path_errors),
+            "path_error": list(part.path_errors),
         },
         attributes=attributes,
     )
@@ -95,8 +97,8 @@ def _declared(elements: list[ElementPart]) -> Mapping[str, Any]:
         "object_distance": [element.object_distance for element in elements],
         "image_distance": [element.image_distance for element in elements],
         "camera_f_number": [element.f_number for element in elements],
-        "published_f_number": [math.nan if one is None else one.f_number for one in published],
-        "published_error": [math.nan if one is None else one.error for one in published],
+        "published_f_number": [math.nan if error is None else error.f_number for error in published],
+        "published_error": [math.nan if error is None else error.error for error in published],
         "published_minimum": [element.published_minimum_f_number or math.nan for element in elements],
     }
 
@@ -105,7 +107,7 @@ def _declared(elements: list[ElementPart]) -> Mapping[str, Any]:
 class _Pair:
     """The lens, light and f-number for which both laws are computed."""
 
-    asked: FresnelValidityPart
+    part: FresnelValidityPart
     element: ElementPart
     f_number: float
     field_angle: float
@@ -118,15 +120,17 @@ def _differences(pair: _Pair) -> Mapping[LensPhase, PsfDifference]:
         f_number=pair.f_number,
         field_angle=pair.field_angle,
         wavelength=pair.wavelength,
-        lens_phases=pair.asked.lens_phases,
-        windows=pair.asked.windows,
-        tolerance=pair.asked.tolerance,
+        lens_phases=pair.part.lens_phases,
+        windows=pair.part.windows,
+        tolerance=pair.part.tolerance,
     )
 
 
-def _stacked(asked: FresnelValidityPart, found: Mapping[LensPhase, PsfDifference], suffix: str) -> FloatArray:
+def _stacked(part: FresnelValidityPart, differences: Mapping[LensPhase, PsfDifference], suffix: str) -> FloatArray:
     """Shape (lens phase, metric, window)."""
-    return np.array([[getattr(found[phase], metric + suffix) for metric in METRICS] for phase in asked.lens_phases])
+    return np.array(
+        [[getattr(differences[phase], metric + suffix) for metric in METRICS] for phase in part.lens_phases]
+    )
 
 
 def _published_f_number(element: ElementPart) -> float:
@@ -135,20 +139,20 @@ def _published_f_number(element: ElementPart) -> float:
 
 
 def _differences_at(
-    asked: FresnelValidityPart,
+    part: FresnelValidityPart,
     f_numbers: Sequence[tuple[float, ...]],
     steps: Steps,
     *,
     step: str,
     field_angle: float,
     wavelengths: tuple[float, ...],
-) -> _Found:
+) -> _Differences:
     """Differences of every lens at its own f-numbers, equally many for each, shape (element, wavelength, f-number)."""
-    elements = list(asked.elements.values())
+    elements = list(part.elements.values())
     shape = (len(elements), len(wavelengths), len(f_numbers[0]))
     pairs = [
         _Pair(
-            asked=asked,
+            part=part,
             element=elements[e],
             f_number=f_numbers[e][f],
             field_angle=field_angle,
@@ -156,81 +160,85 @@ def _differences_at(
         )
         for e, w, f in itertools.product(*map(range, shape))
     ]
-    labels = [f"{one.element.title}, f/{one.f_number:g}, {one.wavelength:g} m" for one in pairs]
-    found = np.empty(len(pairs), dtype=object)
-    found[:] = steps.map(step, _differences, pairs, labels)
-    return found.reshape(shape)
+    labels = [f"{pair.element.title}, f/{pair.f_number:g}, {pair.wavelength:g} m" for pair in pairs]
+    differences = np.empty(len(pairs), dtype=object)
+    differences[:] = steps.map(step, _differences, pairs, labels)
+    return differences.reshape(shape)
 
 
-def _laid_out(asked: FresnelValidityPart, found: _Found, name: str) -> dict[str, FloatArray]:
+def _laid_out(part: FresnelValidityPart, differences: _Differences, name: str) -> dict[str, FloatArray]:
     """Errors and their numerical errors, shape (element, lens phase, wavelength, f-number, metric, window)."""
     return {
         name + label: np.moveaxis(
-            np.array([[[_stacked(asked, one, suffix) for one in row] for row in rows] for rows in found]), 3, 1
+            np.array(
+                [[[_stacked(part, difference, suffix) for difference in row] for row in rows] for rows in differences]
+            ),
+            3,
+            1,
         )
         for label, suffix in (("", ""), ("_numerical", "_error"))
     }
 
 
-def _of_one_f_number(asked: FresnelValidityPart, found: _Found, name: str) -> dict[str, FloatArray]:
+def _of_one_f_number(part: FresnelValidityPart, differences: _Differences, name: str) -> dict[str, FloatArray]:
     """Like `_laid_out`, without the dimension of f-numbers."""
-    return {name: values[:, :, :, 0] for name, values in _laid_out(asked, found, name).items()}
+    return {name: values[:, :, :, 0] for name, values in _laid_out(part, differences, name).items()}
 
 
 @dataclass(frozen=True, kw_only=True)
 class _LensInLight:
     """One lens in light of one wavelength, and the known differences at all f-numbers."""
 
-    asked: FresnelValidityPart
+    part: FresnelValidityPart
     element: ElementPart
     wavelength: float
     known: Mapping[float, Mapping[LensPhase, PsfDifference]]
 
 
 def _limits(
-    asked: FresnelValidityPart,
+    part: FresnelValidityPart,
     elements: list[ElementPart],
     f_numbers: tuple[float, ...],
-    on_axis: _Found,
+    on_axis: _Differences,
     steps: Steps,
 ) -> FloatArray:
     """f-numbers at the limit, shape (element, lens phase, wavelength, metric, window)."""
     points = [
         _LensInLight(
-            asked=asked,
+            part=part,
             element=element,
             wavelength=wavelength,
             known=dict(zip(f_numbers, on_axis[e, w], strict=True)),
         )
         for e, element in enumerate(elements)
-        for w, wavelength in enumerate(asked.wavelengths)
+        for w, wavelength in enumerate(part.wavelengths)
     ]
-    labels = [f"{one.element.title}, {one.wavelength:g} m" for one in points]
-    found = np.array(steps.map("f-numbers at the limit", _limits_of, points, labels))
-    return np.moveaxis(found.reshape(len(elements), len(asked.wavelengths), *found.shape[1:]), 2, 1)
+    labels = [f"{point.element.title}, {point.wavelength:g} m" for point in points]
+    limits = np.array(steps.map("f-numbers at the limit", _limits_of, points, labels))
+    return np.moveaxis(limits.reshape(len(elements), len(part.wavelengths), *limits.shape[1:]), 2, 1)
 
 
 def _limits_of(lens: _LensInLight) -> FloatArray:
     """Shape (lens phase, metric, window)."""
-    asked = lens.asked
-    shape = (len(asked.lens_phases), len(METRICS), len(asked.windows))
+    part = lens.part
+    shape = (len(part.lens_phases), len(METRICS), len(part.windows))
     limits = np.full(shape, np.nan)
-    for place in itertools.product(*map(range, shape)):
+    for index in itertools.product(*map(range, shape)):
 
-        def error_at(f_number: float, place: tuple[int, ...] = place) -> float:
-            phase, metric, window = place
-            found = lens.known.get(f_number) or _differences(
-                _Pair(asked=asked, element=lens.element, f_number=f_number, field_angle=0.0, wavelength=lens.wavelength)
+        def error_at(f_number: float, index: tuple[int, ...] = index) -> float:
+            phase, metric, window = index
+            differences = lens.known.get(f_number) or _differences(
+                _Pair(part=part, element=lens.element, f_number=f_number, field_angle=0.0, wavelength=lens.wavelength)
             )
-            return float(getattr(found[asked.lens_phases[phase]], METRICS[metric])[window])
+            return float(getattr(differences[part.lens_phases[phase]], METRICS[metric])[window])
 
-        limits[place] = limit_f_number(error_at, tuple(lens.known), asked.error_limit)
+        limits[index] = limit_f_number(error_at, tuple(lens.known), part.error_limit)
     return limits
 
 
-def _criteria(asked: FresnelValidityPart, elements: list[ElementPart]) -> Mapping[str, Any]:
-    wavelengths = np.asarray(asked.wavelengths)
-    zeros = [paper_zeros(element, asked.wavelengths) for element in elements]
+def _criteria(part: FresnelValidityPart, elements: list[ElementPart]) -> Mapping[str, Any]:
+    wavelengths = np.asarray(part.wavelengths)
+    zeros = [paper_zeros(element, part.wavelengths) for element in elements]
     return {
         "paper_eq27_f_number": [zero for zero, _ in zeros],
         "paper_eq27_condition": [condition for _, condition in zeros],
@@ -242,13 +250,13 @@ def _criteria(asked: FresnelValidityPart, elements: list[ElementPart]) -> Mappin
                     wavelength=wavelength,
                     points=_SWEEP_POINTS,
                 )
-                for wavelength in asked.wavelengths
+                for wavelength in part.wavelengths
             ]
             for element in elements
         ],
         "path_error_f_number": [
-            path_error_f_number(element, wavelengths[:, None], np.asarray(asked.path_errors)) for element in elements
+            path_error_f_number(element, wavelengths[:, None], np.asarray(part.path_errors)) for element in elements
         ],
         "goodman_f_number": [goodman_f_number(element, wavelengths) for element in elements],
-        "southwell_f_number": [southwell_f_number(element, wavelengths, asked.error_limit) for element in elements],
+        "southwell_f_number": [southwell_f_number(element, wavelengths, part.error_limit) for element in elements],
     }

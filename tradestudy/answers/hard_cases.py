@@ -11,16 +11,16 @@ from tradestudy.verification import all_families
 from tradestudy.verification.case import OutcomeCase, Verdict, judge, references
 
 
-def hard_cases_group(asked: HardCasesPart, progress: Progress) -> xr.Dataset:
+def hard_cases_group(part: HardCasesPart, progress: Progress) -> xr.Dataset:
     """/hard_cases over every case of the requested families."""
-    families = [family for family in all_families() if family.name in asked.families]
+    families = [family for family in all_families() if family.name in part.families]
     cases = [(family, case) for family in families for case in family.cases]
-    found: dict[int, Verdict] = {}
+    by_place: dict[int, Verdict] = {}
     for done, place in enumerate(mixed(len(cases))):
         progress("hard cases", done / len(cases))
         family, case = cases[place]
-        found[place] = judge(family, case, references().get(family.name, {}))
-    verdicts = [found[place] for place in range(len(cases))]
+        by_place[place] = judge(family, case, references().get(family.name, {}))
+    verdicts = [by_place[place] for place in range(len(cases))]
     progress("hard cases", 1.0)
     fields = ("family", "law", "naive_answer", "our_answer", "naive_error", "our_error", "bound", "condition_number")
     return dataset(

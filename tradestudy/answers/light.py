@@ -53,24 +53,24 @@ def images_group(part: LightSpotPart, steps: Steps, seconds: Seconds, models: Mo
     """
     chosen = spot_models(models)
     compared = [compared_models(part, method) for method in part.methods]
-    asked = compared if chosen in compared else [*compared, chosen]
+    to_compute = compared if chosen in compared else [*compared, chosen]
     pictures, progress = {}, steps.progress
-    for done, one in enumerate(asked):
-        ends = done / len(asked), (done + 1) / len(asked)
+    for done, picture_models in enumerate(to_compute):
+        ends = done / len(to_compute), (done + 1) / len(to_compute)
         progress(STEP, ends[0])
-        name = f"image: {one.method}" if one in compared else "image: chosen"
-        with timed(seconds, name):
-            pictures[one] = spot_picture(part, one, partial(_report, progress, *ends), steps)
-    shown = compared or asked
-    found = [pictures[one] for one in shown]
+        label = f"image: {picture_models.method}" if picture_models in compared else "image: chosen"
+        with timed(seconds, label):
+            pictures[picture_models] = spot_picture(part, picture_models, partial(_report, progress, *ends), steps)
+    shown = compared or to_compute
+    shown_pictures = [pictures[models] for models in shown]
     progress(STEP, 1.0)
     benchmarks: dict[str, float] = {}
     if part.benchmarks:
         progress("benchmarks of light", 0.0)
         benchmarks = light_benchmarks(part, seconds)
     methods = [models.method for models in shown]
-    images = np.stack([one.pixels for one in found])
-    numerical = np.array([one.numerical_error for one in found])
+    images = np.stack([picture.pixels for picture in shown_pictures])
+    numerical = np.array([picture.numerical_error for picture in shown_pictures])
     power, norms = images.sum(axis=(1, 2)), np.linalg.norm(images, axis=(1, 2))
     of_sum = numerical * math.sqrt(images[0].size) * norms / power  # Cauchy–Schwarz: from L2 to L1
     differences = np.array([[image_difference(image, other) for other in images] for image in images])
@@ -130,8 +130,8 @@ def images_group(part: LightSpotPart, steps: Steps, seconds: Seconds, models: Mo
             "chosen_spectrum": float(not chosen.monochromatic),
         },
     )
-    for name in ("row", "column"):
-        result[name].attrs = {"units": "m", "long_name": f"position of the {name} on the detector"}
+    for label in ("row", "column"):
+        result[label].attrs = {"units": "m", "long_name": f"position of the {label} on the detector"}
     result["wavelength"].attrs = {"units": "m", "long_name": "wavelength of a spectral line", "symbol": "λ"}
     return result
 
@@ -151,12 +151,14 @@ def _against_geometric(methods: list[MethodName], images: FloatArray, of_sum: Fl
 
 
 def _published(part: LightSpotPart, methods: list[MethodName]) -> Mapping[str, Any]:
-    stated = {one.method: one for one in part.published_times}
+    stated = {published.method: published for published in part.published_times}
     shown = [stated.get(method) for method in methods]
     return {
-        "published_seconds": [math.nan if one is None or one.takes is None else one.takes for one in shown],
-        "published_words": ["" if one is None else one.says for one in shown],
-        "published_source": ["" if one is None else one.source for one in shown],
+        "published_seconds": [
+            math.nan if published is None or published.takes is None else published.takes for published in shown
+        ],
+        "published_words": ["" if published is None else published.says for published in shown],
+        "published_source": ["" if published is None else published.source for published in shown],
     }
 
 
@@ -199,17 +201,19 @@ def point_spread_group(part: PointSpreadPart, steps: Steps, seconds: Seconds, mo
     longest = max(map(len, varied.values()))
     shape = (len(elements), len(METHODS), len(varied), longest)
     values = {name + suffix: np.full(shape, np.nan) for name in MEASURES for suffix in ("", "_error")}
-    named = list(varied.items())
-    places = [place for place in itertools.product(*map(range, shape)) if place[3] < len(named[place[2]][1])]
+    parameters = list(varied.items())
+    places = [place for place in itertools.product(*map(range, shape)) if place[3] < len(parameters[place[2]][1])]
     points, labels = [], []
-    for element, method, what, number in places:
-        name, chosen = named[what]
-        points.append(_Point(part=part, lens=elements[element], changed=(name, chosen[number]), method=METHODS[method]))
-        labels.append(f"{elements[element].title}, {METHODS[method]}, {name} {chosen[number]:g}")
+    for element, method, which, number in places:
+        parameter, chosen = parameters[which]
+        points.append(
+            _Point(part=part, lens=elements[element], changed=(parameter, chosen[number]), method=METHODS[method])
+        )
+        labels.append(f"{elements[element].title}, {METHODS[method]}, {parameter} {chosen[number]:g}")
     with timed(seconds, _STEP):
-        found = steps.map(_STEP, _measured, points, labels)
-    for place, one in zip(places, found, strict=True):
-        for measure, (value, error) in one.items():
+        measured = steps.map(_STEP, _measured, points, labels)
+    for place, measures in zip(places, measured, strict=True):
+        for measure, (value, error) in measures.items():
             values[measure][place], values[f"{measure}_error"][place] = value, error
     padded = [[*chosen, *[np.nan] * (longest - len(chosen))] for chosen in varied.values()]
     return dataset(
@@ -218,8 +222,8 @@ def point_spread_group(part: PointSpreadPart, steps: Steps, seconds: Seconds, mo
             "title": [element.title for element in elements],
             "airy_radius": [case_of(part, element, {}).airy_radius for element in elements],
             "value": [padded] * len(elements),
-            "varied_units": [_UNITS[name] for name in varied],
-            "standing": [[base_values(part, element)[name] for name in varied] for element in elements],
+            "varied_units": [_UNITS[parameter] for parameter in varied],
+            "standing": [[base_values(part, element)[parameter] for parameter in varied] for element in elements],
             **values,
             "chosen": [float(models["main_lens_diffraction"] == method) for method in METHODS],
         },

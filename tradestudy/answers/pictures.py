@@ -115,17 +115,18 @@ def render_scene(study: PreparedStudy, steps: Steps) -> Rendering:
     whole, errors = [], []
     for taken, (by_waves, change) in zip(cameras, _models(study), strict=True):
         recording = recording_of(image, picture, taken.camera.sensor)
-        for one in whole_pictures(study, image, scene, taken, recording):
-            waves = waves_of(one.exposure, scene, study.case.wavelength) if by_waves else None
-            whole.append(replace(one, waves=waves))
+        for whole_tile in whole_pictures(study, image, scene, taken, recording):
+            waves = waves_of(whole_tile.exposure, scene, study.case.wavelength) if by_waves else None
+            whole.append(replace(whole_tile, waves=waves))
             errors.append(change if waves is None else waves.bent_farther)
-    tiles = [tiles_of(one) for one in whole]
-    flat = [tile for some in tiles for tile in some]
+    tiles = [tiles_of(whole_tile) for whole_tile in whole]
+    flat = [tile for parts in tiles for tile in parts]
     labels = [f"{tile.camera} {tile.exposure.name}, row {tile.rows[0]}, column {tile.columns[0]}" for tile in flat]
+    # In the order of their pictures, so that each picture takes the next results for its tiles.
     rendered = iter(steps.map(STEP, render_tile, flat, labels))
     pictures = [
-        assemble(one, [(tile, next(rendered)) for tile in some], error)
-        for one, some, error in zip(whole, tiles, errors, strict=True)
+        assemble(whole_tile, [(tile, next(rendered)) for tile in parts], error)
+        for whole_tile, parts, error in zip(whole, tiles, errors, strict=True)
     ]
     return Rendering(study=study, image=image, scene=scene, cameras=cameras, pictures=pictures)
 
@@ -134,9 +135,9 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
     """Write the pictures, their depth, and a description of the cameras that took them."""
     written: list[Path] = []
     facts_of: dict[str, dict[str, Any]] = {}
-    for one in rendering.pictures:
-        written.append(_write_picture(one, directory / one.camera, rendering.image.depth_format))
-        facts_of.setdefault(one.camera, {})[one.name] = _picture_facts(one, written[-1], rendering)
+    for picture in rendering.pictures:
+        written.append(_write_picture(picture, directory / picture.camera, rendering.image.depth_format))
+        facts_of.setdefault(picture.camera, {})[picture.name] = _picture_facts(picture, written[-1], rendering)
     for taken in rendering.cameras:
         facts = _camera_facts(rendering, taken, facts_of[taken.name])
         replace_file(directory / taken.name / "camera.json", f"{json_text(facts)}\n".encode())
@@ -147,12 +148,13 @@ def _models(study: PreparedStudy) -> list[tuple[bool, float]]:
     """For each camera that takes pictures, whether it uses waves, and the change that the choice of models makes."""
     forced = study.file.effects.forced()
     free = picture_problems(study, {}) if forced else ()
+    # A forced model is the most complete one allowed and so changes nothing; its change by forcing counts instead.
     return [
         (
-            one.models["main_lens_diffraction"] != OFF,
-            {**one.changes, **one.by_forcing}["pixel_intensity"].relative,
+            choice.models["main_lens_diffraction"] != OFF,
+            {**choice.changes, **choice.by_forcing}["pixel_intensity"].relative,
         )
-        for one in choose_each(study, picture_problems(study, forced), free)
+        for choice in choose_each(study, picture_problems(study, forced), free)
     ]
 
 
@@ -169,9 +171,9 @@ def refuse_too_large(study: PreparedStudy, *, workers: int = 1, rig: Rig | None 
     scene, cameras = set_up(study, rig=rig)
     sensors = [exposure.sensor for taken in cameras for exposure in taken.exposures]
     pixels = sum(sensor.columns * sensor.rows for sensor in sensors)
-    patterns = {one.pattern for one in scene.surfaces if isinstance(one.pattern, RandomPattern)}
-    each = WORKER_BYTES + sum(_BYTES_PER_SAMPLE * pattern.side**2 for pattern in patterns)
-    needed, free = pixels * _BYTES_PER_PIXEL + workers * each, available_memory()
+    patterns = {surface.pattern for surface in scene.surfaces if isinstance(surface.pattern, RandomPattern)}
+    per_worker = WORKER_BYTES + sum(_BYTES_PER_SAMPLE * pattern.side**2 for pattern in patterns)
+    needed, free = pixels * _BYTES_PER_PIXEL + workers * per_worker, available_memory()
     if needed > free:
         largest = max(sensors, key=lambda sensor: sensor.columns * sensor.rows)
         raise UnaffordableError(
@@ -214,19 +216,19 @@ def _joined(whole: Tile, parts: Sequence[tuple[Tile, Recorded]]) -> tuple[NDArra
     return values, depth
 
 
-def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:
+def _write_picture(picture: TakenPicture, folder: Path, depth_format: str) -> Path:
     """Write digital numbers as PNG, electrons as TIFF; depth in metres."""
     from PIL import Image
 
-    values, depth = one.values, one.depth
-    digital = one.tile.recording.is_digital
-    path = folder / f"{one.name}.{'png' if digital else 'tiff'}"
+    values, depth = picture.values, picture.depth
+    digital = picture.tile.recording.is_digital
+    path = folder / f"{picture.name}.{'png' if digital else 'tiff'}"
     with replacing(path) as part:
         if digital:
             Image.fromarray(values).save(part, format="PNG", compress_level=_COMPRESSION)
         else:
             Image.fromarray(values).save(part, format="TIFF", description="electrons")
-    with replacing(folder / f"{one.name}_depth.{depth_format}") as part:
+    with replacing(folder / f"{picture.name}_depth.{depth_format}") as part:
         if depth_format == "npy":
             with part.open("wb") as file:
                 np.save(file, depth)
@@ -235,28 +237,28 @@ def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:
     return path
 
 
-def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[str, Any]:
+def _picture_facts(picture: TakenPicture, path: Path, rendering: Rendering) -> dict[str, Any]:
     """Facts about one picture, for ``camera.json``."""
     tolerance = rendering.study.file.accuracy.asked().tolerances["pixel_intensity"]
-    pose = one.tile.exposure.pose
+    pose = picture.tile.exposure.pose
     return {
         "file": path.name,
-        "depth_file": f"{one.name}_depth.{rendering.image.depth_format}",
+        "depth_file": f"{picture.name}_depth.{rendering.image.depth_format}",
         "centre": list(pose.centre),
         "rotation": [list(row) for row in pose.rotation],
-        "saturated_pixels": one.saturated,
-        "model": "rays" if one.tile.waves is None else "waves",
-        "sampling_error": round(one.sampling_error, 6),
-        "model_error": round(one.model_error, 6),
-        "within_tolerance": math.hypot(one.sampling_error, one.model_error) <= tolerance,
-        **one.tile.exposure.description(),
+        "saturated_pixels": picture.saturated,
+        "model": "rays" if picture.tile.waves is None else "waves",
+        "sampling_error": round(picture.sampling_error, 6),
+        "model_error": round(picture.model_error, 6),
+        "within_tolerance": math.hypot(picture.sampling_error, picture.model_error) <= tolerance,
+        **picture.tile.exposure.description(),
     }
 
 
 def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any]) -> dict[str, Any]:
     """The content of ``camera.json``."""
     study, image, sensor = rendering.study, rendering.image, taken.camera.sensor
-    recording = next(one.tile.recording for one in rendering.pictures if one.camera == taken.name)
+    recording = next(picture.tile.recording for picture in rendering.pictures if picture.camera == taken.name)
     part = study.file.cameras[taken.name]
     near, far = rendering.scene.extent
     values: dict[str, Any] = (

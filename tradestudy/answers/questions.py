@@ -80,27 +80,29 @@ def solve(study: PreparedStudy, question: SolvePart) -> Solved:
         answer = f"{throughout}, from {pretty(low, dimension)} to {pretty(high, dimension)}"
         return Solved(solutions=(), dimension=dimension, answer=answer, tried=tried)
     find = ratios.whole_number if varying.is_counted else ratios.crossing
-    found = [
+    solutions = [
         find((places[k], places[k + 1]))
         for k in range(len(places) - 1)
         if means[k] * means[k + 1] <= 0.0 and (means[k] != 0.0 or k == 0)  # a root at a tried value counts once
     ]
-    if not found and np.isnan(means).any():  # a claim about all values would be unfounded
+    if not solutions and np.isnan(means).any():  # a claim about all values would be unfounded
         return Solved(solutions=(), dimension=dimension, answer=_undecided(question))
-    if not found:
+    if not solutions:
         answer = _nowhere(study, question, (low, high), means)
         if question.equal is None and question.errors != "noise" and np.all(means > 0.0):
             best = math.exp(places[int(np.argmin(means))])
             answer += _larger_noise(study.with_values(varying.changes(best)), question)
         return Solved(solutions=(), dimension=dimension, answer=answer, tried=tried)
-    answer = _answer(study, question, found, is_counted=varying.is_counted)
+    answer = _answer(study, question, solutions, is_counted=varying.is_counted)
     if ratios.plans > 1:
         answer += f"; mean over {ratios.plans} arrangements of the calibration views"
     rests, share = NamedInput(), math.nan
     if question.errors == "calibration" and question.equal is None:
-        answer += _larger_noise(study.with_values(varying.changes(found[0].value)), question)
-        rests, share = _corner_noise(ratios.changed(math.log(found[0].value)), question)
-    return Solved(solutions=tuple(found), dimension=dimension, answer=answer, tried=tried, rests_on=rests, share=share)
+        answer += _larger_noise(study.with_values(varying.changes(solutions[0].value)), question)
+        rests, share = _corner_noise(ratios.changed(math.log(solutions[0].value)), question)
+    return Solved(
+        solutions=tuple(solutions), dimension=dimension, answer=answer, tried=tried, rests_on=rests, share=share
+    )
 
 
 class _Ratios:
@@ -128,14 +130,14 @@ class _Ratios:
 
     def _root(self, number: int, logs: tuple[float, float]) -> float:
         """Where the ratio in one scramble or plan passes one between two values; the nearer of these if nowhere."""
-        own = number if self.plans > 1 else 0
+        own_plan = number if self.plans > 1 else 0
         while True:
-            tried = np.array(sorted(log for log, plan in self._known if plan == own))  # for other scrambles, too
-            ratios = np.array([self._one(number, log) for log in tried])
+            tried = np.array(sorted(log for log, plan in self._known if plan == own_plan))  # for other scrambles, too
+            ratios = np.array([self._ratio(number, log) for log in tried])
             within = (logs[0] <= tried[:-1]) & (tried[1:] <= logs[1])
             passed = np.flatnonzero(within & (ratios[:-1] * ratios[1:] <= 0.0))[:1]
             if not passed.size:
-                return min(logs, key=lambda log: abs(self._one(number, log)))
+                return min(logs, key=lambda log: abs(self._ratio(number, log)))
             low, high = tried[passed[0]], tried[passed[0] + 1]
             around = stencil(passed, tried.size)[:, 0]
             with np.errstate(invalid="ignore", divide="ignore"):  # equal ratios
@@ -144,23 +146,25 @@ class _Ratios:
             best = float(zero if trusted else 0.5 * (low + high))
             if high - low <= _ROOT_TOLERANCE or (trusted and apart <= _PARABOLAS * _ROOT_TOLERANCE) or best in tried:
                 return best
-            self._one(number, best)
+            self._ratio(number, best)
 
     def whole_number(self, logs: tuple[float, float]) -> Solution:
         """The whole number next to the crossing on the side that meets the limit; error over scrambles or plans."""
         count = max(len(self._all(log)) for log in logs)
-        certain, other = sorted(logs, key=self.mean)
-        each = [self._last_whole(partial(self._one, k), (certain, other)) for k in range(count)]
-        return Solution(value=self._last_whole(self.mean, (certain, other)), error=_error_of_mean(np.array(each)))
+        certain, other = sorted(logs, key=self.mean)  # the smaller ratio meets the limit
+        whole_numbers = [self._last_whole(partial(self._ratio, k), (certain, other)) for k in range(count)]
+        return Solution(
+            value=self._last_whole(self.mean, (certain, other)), error=_error_of_mean(np.array(whole_numbers))
+        )
 
     def _last_whole(self, log_ratio: Callable[[float], float], logs: tuple[float, float]) -> float:
         certain, other = (float(round(math.exp(log))) for log in logs)
         if log_ratio(logs[0]) > 0.0 or log_ratio(logs[1]) <= 0.0:  # this scramble or plan crosses beyond an end
             return certain if log_ratio(logs[0]) > 0.0 else other
         possible = self._varying.possible
-        return bracketed(certain, other, lambda one: log_ratio(math.log(one)) <= 0.0, possible=possible, close=0.0)[0]
+        return bracketed(certain, other, lambda n: log_ratio(math.log(n)) <= 0.0, possible=possible, close=0.0)[0]
 
-    def _one(self, number: int, log_value: float) -> float:
+    def _ratio(self, number: int, log_value: float) -> float:
         """The ratio in one scramble or one plan; a linear model is the same in all scrambles."""
         if self.plans > 1:
             return float(np.mean(self.at_plan(log_value, number)))
@@ -169,7 +173,7 @@ class _Ratios:
 
     def _all(self, log_value: float) -> FloatArray:
         if self.plans > 1:
-            return np.array([self._one(plan, log_value) for plan in self._plans])
+            return np.array([self._ratio(plan, log_value) for plan in self._plans])
         return self.at_plan(log_value, 0)
 
     def at_plan(self, log_value: float, plan: int) -> FloatArray:
@@ -199,14 +203,14 @@ def _log_ratios(study: PreparedStudy, question: SolvePart) -> FloatArray:
         assert question.camera is not None  # the schema ensures it
         first, second = _widths(cameras[question.camera], question), np.array([question.goal])
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
-        found = np.log(first) - np.log(second)
-    return np.asarray(np.clip(found, -_LOG_OF_UNBOUNDED, _LOG_OF_UNBOUNDED))
+        log_ratios = np.log(first) - np.log(second)
+    return np.asarray(np.clip(log_ratios, -_LOG_OF_UNBOUNDED, _LOG_OF_UNBOUNDED))
 
 
 def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     """Uncertainty [m] at the distance of the question, in each scramble; draws need to converge only there."""
-    asked = replace(camera, propagation=replace(camera.propagation, judged=(question.place,)))
-    return distribution(asked, np.array([question.place]), question.errors).judged_widths[:, 0]
+    judged = replace(camera, propagation=replace(camera.propagation, judged=(question.place,)))
+    return distribution(judged, np.array([question.place]), question.errors).judged_widths[:, 0]
 
 
 def _larger_noise(study: PreparedStudy, question: SolvePart) -> str:
@@ -216,8 +220,8 @@ def _larger_noise(study: PreparedStudy, question: SolvePart) -> str:
     if width <= question.goal:
         return ""
     enough = counted(math.ceil((width / question.goal) ** 2), "measurement")
-    both = f"the matching noise of one measurement, {pretty(width, LENGTH)}, exceeds the goal"
-    return f"; {both} of {pretty(question.goal, LENGTH)}, so average at least {enough}"
+    excess = f"the matching noise of one measurement, {pretty(width, LENGTH)}, exceeds the goal"
+    return f"; {excess} of {pretty(question.goal, LENGTH)}, so average at least {enough}"
 
 
 _NOISE_STEP: Final = 1.01  # factor of the corner noise on both sides of the declared one
@@ -230,20 +234,20 @@ def _corner_noise(study: PreparedStudy, question: SolvePart) -> tuple[NamedInput
     The planned covariance combines the corners with the errors before the calibration: its logarithmic derivative with
     respect to the variance of the corners is their share. Empty and NaN where this is not most of it.
     """
-    name = question.camera or ""
-    asked = {one.name: one for one in to_plan(study).values()}
-    if name not in asked:
+    camera_name = question.camera or ""
+    targets = {target.name: target for target in to_plan(study).values()}
+    if camera_name not in targets:
         return NamedInput(), math.nan
-    path = ("cameras", name, "calibration", "target", "corner_noise")
+    path = ("cameras", camera_name, "calibration", "target", "corner_noise")
     changes = [
-        {".".join(path): quantity_entry(asked[name].part.corner_noise * factor, PIXELS)}
+        {".".join(path): quantity_entry(targets[camera_name].part.corner_noise * factor, PIXELS)}
         for factor in (1.0 / _NOISE_STEP, _NOISE_STEP)
     ]
-    low, high = (_log_ratios(planned(study.with_values(one)), question)[0] for one in changes)
+    low, high = (_log_ratios(planned(study.with_values(change)), question)[0] for change in changes)
     share = float(high - low) / (2.0 * math.log(_NOISE_STEP))
     if not share > _MOST:
         return NamedInput(), math.nan
-    title = with_article(study.file.cameras[name].title)
+    title = with_article(study.file.cameras[camera_name].title)
     return declared_input(study, f"corner noise of {title}", path), share
 
 
@@ -283,14 +287,14 @@ def _goal_words(question: SolvePart) -> str:
     return f"{goal or pretty(question.relative or 0.0, FRACTION)} at {pretty(question.place, LENGTH)}"
 
 
-def _answer(study: PreparedStudy, question: SolvePart, found: Sequence[Solution], *, is_counted: bool) -> str:
+def _answer(study: PreparedStudy, question: SolvePart, solutions: Sequence[Solution], *, is_counted: bool) -> str:
     """Every solution with its error, that of a count rounded up to a whole number, and the declared value."""
     dimension = question_ends(question)[0]
     values = [
-        f"{one.value:.0f} ± {math.ceil(one.error)}"
-        if is_counted and one.error > 0.0
-        else pretty_with_error(one.value, one.error, dimension)
-        for one in found
+        f"{solution.value:.0f} ± {math.ceil(solution.error)}"
+        if is_counted and solution.error > 0.0
+        else pretty_with_error(solution.value, solution.error, dimension)
+        for solution in solutions
     ]
     answer = listed(values) if len(values) == 1 else f"{len(values)} solutions: {listed(values)}"
     return with_declared_value(study, question, answer)

@@ -42,10 +42,10 @@ class RankPoint:
     error_source: str
 
 
-def rank_distances(distance: FloatArray, asked: tuple[float, ...]) -> FloatArray:
+def rank_distances(distance: FloatArray, places: tuple[float, ...]) -> FloatArray:
     """A sample of the distances [m] of a study, with those of its decision."""
-    some = distance[np.unique(np.linspace(0, distance.size - 1, _MOST_DISTANCES).round().astype(int))]
-    return np.union1d(some, asked)
+    sample = distance[np.unique(np.linspace(0, distance.size - 1, _MOST_DISTANCES).round().astype(int))]
+    return np.union1d(sample, places)
 
 
 def rank_at(point: RankPoint) -> RankProbability:
@@ -61,16 +61,17 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_so
     cameras = (first, second)
     groups = [uncertain_groups(camera, error_source) for camera in cameras]
     shared = [group for group in groups[0] if group.name in SESSION_PARAMETERS and group in groups[1]]
-    own = [
+    own_groups = [
         group.under(prefix)
-        for prefix, some in zip(_PREFIXES, groups, strict=True)
-        for group in some
+        for prefix, camera_groups in zip(_PREFIXES, groups, strict=True)
+        for group in camera_groups
         if group not in shared
     ]
     models = [
-        _model(camera, prefix, some, distance) for camera, prefix, some in zip(cameras, _PREFIXES, groups, strict=True)
+        _model(camera, prefix, camera_groups, distance)
+        for camera, prefix, camera_groups in zip(cameras, _PREFIXES, groups, strict=True)
     ]
-    drawn = (*own, *shared) or (_NOTHING,)
+    drawn = (*own_groups, *shared) or (_NOTHING,)
     return rank_probability(
         models[0],
         models[1],
@@ -80,6 +81,7 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_so
         replicates=_SCRAMBLES,
         seed=first.propagation.seed,
         point="rank",
+        # As many draws as keep a batch below 2¹⁴ depths, but no fewer than 2⁸.
         batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
     )
 
@@ -90,12 +92,12 @@ def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance
     alone = outcome_model(camera, distance)
 
     def evaluate(values: Mapping[str, FloatArray]) -> Outcome:
-        own = {name: values[prefix + name] if prefix + name in values else values[name] for name in names}
-        found = alone(own)
-        if own:
-            return found
+        own_values = {name: values[prefix + name] if prefix + name in values else values[name] for name in names}
+        outcome = alone(own_values)
+        if own_values:
+            return outcome
         draws = len(next(iter(values.values())))  # only the other camera has draws; this one reads the same in each
-        return replace(found, values=np.repeat(found.values, draws, axis=0))
+        return replace(outcome, values=np.repeat(outcome.values, draws, axis=0))
 
     return evaluate
 
@@ -113,12 +115,14 @@ def ranks_group(study: PreparedStudy, steps: Steps) -> xr.Dataset:
         for first, second in pairs
         for error_source in RANK_ERROR_SOURCES
     ]
-    found = steps.map(
+    probabilities = steps.map(
         "ranks", rank_at, points, [f"{name}, {error_source}" for name in names for error_source in RANK_ERROR_SOURCES]
     )
 
-    def over_pairs(name: str) -> Any:
-        return np.array([getattr(one, name) for one in found]).reshape(len(pairs), len(RANK_ERROR_SOURCES), -1)
+    def over_pairs(attribute: str) -> Any:
+        return np.array([getattr(probability, attribute) for probability in probabilities]).reshape(
+            len(pairs), len(RANK_ERROR_SOURCES), -1
+        )
 
     return dataset(
         "decision",

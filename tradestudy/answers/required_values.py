@@ -73,14 +73,14 @@ def solve_requirement(study: PreparedStudy, question: SolvePart) -> Solved:
     for _ in range(_REFINEMENTS):
         for value in _beside_the_nearest({value: tried.answer(value) for value in tried.known}):
             tried.answer(varying.possible(value))
-    asked = _cameras_asked(study, tried)
+    cameras = _several_cameras(study, tried)
     varied = {path.removeprefix("cameras.").partition(".")[0] for path in question.paths}
-    alone = {name: _solved(tried, study, name) for name in sorted(asked, key=lambda name: name not in varied)}
-    first = next((name for name in alone if name in varied), "")
+    alone = {name: _solved(tried, study, name) for name in sorted(cameras, key=lambda name: name not in varied)}
+    first = next((camera for camera in alone if camera in varied), "")
     solutions, answer = alone[first] if first else _solved(tried, study)
     if alone:
-        each = "; ".join(f"{study.file.cameras[name].title}: {words}" for name, (_, words) in alone.items())
-        answer = each if first else f"{answer}; {each}"
+        by_camera = "; ".join(f"{study.file.cameras[camera].title}: {words}" for camera, (_, words) in alone.items())
+        answer = by_camera if first else f"{answer}; {by_camera}"
     return Solved(
         solutions=tuple(solutions),
         dimension=varying.dimension,
@@ -118,23 +118,24 @@ class _Tried:
 
 
 def _hardest(judged: Sequence[_Judged], camera: str) -> RequirementAnswer:
-    answers = [every[camera] if camera else deciding for deciding, every in judged]
-    return min(answers, key=lambda one: (one.met is True, one.met is None, np.nan_to_num(one.margin)))
+    answers = [by_camera[camera] if camera else deciding for deciding, by_camera in judged]
+    # Missed ones come first, then undecided ones; among equals, the smallest margin.
+    return min(answers, key=lambda answer: (answer.met is True, answer.met is None, np.nan_to_num(answer.margin)))
 
 
-def _cameras_asked(study: PreparedStudy, tried: _Tried) -> list[str]:
+def _several_cameras(study: PreparedStudy, tried: _Tried) -> list[str]:
     """The cameras of a requirement on any of several, in their order; none for other requirements."""
     if len(tried.requirements) > 1 or study.file.requirements[tried.requirements[0]].camera != ANY:
         return []
-    ((_, every),) = next(iter(tried.known.values()))
-    return list(every) if len(every) > 1 else []
+    ((_, by_camera),) = next(iter(tried.known.values()))
+    return list(by_camera) if len(by_camera) > 1 else []
 
 
 def _solved(tried: _Tried, study: PreparedStudy, camera: str = "") -> tuple[list[Solution], str]:
     """Where the requirements begin or cease to be met, by all cameras together or by one alone, also in words."""
     varying = tried.varying
     trials = [_Trial(value=value, answer=tried.answer(value, camera)) for value in sorted(tried.known)]
-    if undecided := [one.answer.reason for one in trials if one.answer.met is None]:
+    if undecided := [trial.answer.reason for trial in trials if trial.answer.met is None]:
         return [], f"cannot be decided: {undecided[0]}"
     solutions: list[Solution] = []
     for before, after in itertools.pairwise(trials):
@@ -159,14 +160,14 @@ def _solved(tried: _Tried, study: PreparedStudy, camera: str = "") -> tuple[list
 def _error(answer: RequirementAnswer, bracket: float, before: _Trial, after: _Trial) -> float:
     """Half of the bracket, combined with the shift of the end due to the error of the worst value."""
     slope = abs(after.answer.margin - before.answer.margin) / abs(after.value - before.value)
-    own = answer.error / abs(answer.value) if answer.error > 0.0 and math.isfinite(answer.value) else 0.0
-    return math.hypot(bracket / 2.0, own / slope if slope > 0.0 and math.isfinite(slope) else 0.0)
+    relative = answer.error / abs(answer.value) if answer.error > 0.0 and math.isfinite(answer.value) else 0.0
+    return math.hypot(bracket / 2.0, relative / slope if slope > 0.0 and math.isfinite(slope) else 0.0)
 
 
-def _beside_the_nearest(known: Mapping[float, RequirementAnswer]) -> list[float]:
+def _beside_the_nearest(answers: Mapping[float, RequirementAnswer]) -> list[float]:
     """Values halfway to the neighbours of that with the largest margin, if it is met nowhere and margins differ."""
-    values, margins = sorted(known), [known[value].margin for value in sorted(known)]
-    if any(answer.met is not False for answer in known.values()) or _alike(margins):
+    values, margins = sorted(answers), [answers[value].margin for value in sorted(answers)]
+    if any(answer.met is not False for answer in answers.values()) or _alike(margins):
         return []
     nearest = int(np.argmax(margins))
     beside = {max(nearest - 1, 0), min(nearest + 1, len(values) - 1)} - {nearest}
@@ -217,10 +218,10 @@ def _nearest(
     met_beyond: _MetBeyond = lambda _values: None,
 ) -> str:
     """Where it comes closest to being met and how close; among values that are equally close, at the declared one."""
-    margins = np.array([one.answer.margin for one in trials])
+    margins = np.array([trial.answer.margin for trial in trials])
     below, above = [trials[0].value / factor for factor in _BEYOND], [trials[-1].value * factor for factor in _BEYOND]
     if _alike(margins.tolist()):
-        at = next((k for k, one in enumerate(trials) if one.value in declared), 0)
+        at = next((k for k, trial in enumerate(trials) if trial.value in declared), 0)
         if (met := met_beyond([*below, *above])) is None:
             return f"it does not depend on this value ({trials[at].answer.reason})"
         return f"equally far from it everywhere ({trials[at].answer.reason}); met at {pretty(met, dimension)}"

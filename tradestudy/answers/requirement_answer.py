@@ -81,6 +81,7 @@ class RequirementAnswer:
         by_value, by_ends = abs(margin) <= of_value, self.end_shift <= of_ends
         if self.met or self.value_margin is None or self.unusable == 0.0:
             return by_value or (self.met is True and by_ends)
+        # Where the usable range has a gap, it must close, and the value must meet its bound, or nearly so.
         return by_ends and (by_value or margin > 0.0)
 
     @property
@@ -125,10 +126,10 @@ def check_criterion(required: CriterionPart, case: Case, name: str) -> Requireme
     """Check a bound on a criterion of one camera; undecided if the camera has no number for it."""
     dimension = criterion_dimension(required.name, case.attributes.values())
     assert dimension is not None  # in a valid study
-    bound, found = parse(required.bound, dimension), criterion_of(case, name, required.name)
-    if math.isnan(found.number):
-        return RequirementAnswer.unknown(name, bound, f"{required.name}: {found.text}")
-    value = found.number
+    bound, criterion = parse(required.bound, dimension), criterion_of(case, name, required.name)
+    if math.isnan(criterion.number):
+        return RequirementAnswer.unknown(name, bound, f"{required.name}: {criterion.text}")
+    value = criterion.number
     return _bounded(name, value, bound, f"{required.name} {pretty(value, dimension)}", above=required.side == "above")
 
 
@@ -171,19 +172,19 @@ def check_refocused_depth(required: RefocusedDepthOfFieldPart, case: Case, name:
 def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer:
     """Check a requirement on the sharp range of one camera, all its slices together, by a blur criterion."""
     criterion = required.criterion or next(iter(case.sharp))
-    found = case.all_cameras[name].focus.sharp_range(case.sharp[criterion])
+    sharp = case.all_cameras[name].focus.sharp_range(case.sharp[criterion])
     if required.above is not None:
-        depth = found.extent
-        reason = f"depth of field {pretty(depth, LENGTH)}" if depth > 0.0 else f"nothing is sharp: {found.reason}"
+        depth = sharp.extent
+        reason = f"depth of field {pretty(depth, LENGTH)}" if depth > 0.0 else f"nothing is sharp: {sharp.reason}"
         kept, margin = depth >= required.above, depth / required.above - 1.0
         return _exact(name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
-    return _check_range(found, required.distances, name, "sharp")
+    return _check_range(sharp, required.distances, name, "sharp")
 
 
-def _check_range(found: SharpRange, over: tuple[float, ...], name: str, word: str) -> RequirementAnswer:
+def _check_range(sharp: SharpRange, over: tuple[float, ...], name: str, word: str) -> RequirementAnswer:
     """How far the sharp range extends beyond the required one, at its tighter end, or by how much it falls short."""
     near, far = over
-    around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
+    around = [row for row in sharp.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
     if around:
         first, last = (float(end) for end in around[0])
         beyond = (near / first - 1.0 if first > 0.0 else math.inf, near), (last / far - 1.0, far)
@@ -192,12 +193,12 @@ def _check_range(found: SharpRange, over: tuple[float, ...], name: str, word: st
         # Ends that coincide within rounding count as met.
         margin = max(margin, 0.0)
         return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
-    clipped = np.clip(found.union.covered, near, far)
-    sharp = float(np.sum(np.log(clipped[:, 1] / clipped[:, 0])))
-    unsharp = 1.0 - (sharp / math.log(far / near) if near < far else 0.0)
-    gaps = _gaps(found.union.covered, near, far)
+    clipped = np.clip(sharp.union.covered, near, far)
+    sharp_share = float(np.sum(np.log(clipped[:, 1] / clipped[:, 0])))
+    unsharp = 1.0 - (sharp_share / math.log(far / near) if near < far else 0.0)
+    gaps = _gaps(sharp.union.covered, near, far)
     place = gaps[0][0]
-    why = f": {found.reason}" if found.extent == 0.0 and found.reason else ""
+    why = f": {sharp.reason}" if sharp.extent == 0.0 and sharp.reason else ""
     reason = f"not {word} {listed([range_words(*gap, math.floor, math.ceil) for gap in gaps])}{why}"
     margin = -max(unsharp, _LEAST_MISS)
     miss = _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
@@ -206,7 +207,7 @@ def _check_range(found: SharpRange, over: tuple[float, ...], name: str, word: st
 
 def _gaps(covered: FloatArray, near: float, far: float) -> list[tuple[float, float]]:
     """The ranges of distance [m] in which the scene is not sharp, from near to far; the first if all vanish."""
-    ends = [near, *(end for one in np.clip(covered, near, far).tolist() for end in one), far]
+    ends = [near, *(end for interval in np.clip(covered, near, far).tolist() for end in interval), far]
     gaps = list(zip(ends[::2], ends[1::2], strict=True))
     return [(start, end) for start, end in gaps if end > start * _MORE] or gaps[:1]
 

@@ -118,8 +118,8 @@ def _check_measured(
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
     among = "" if required.at is not None and len(_fields(requirement, case)) == 1 else "worst "
     worst = "no value" if math.isnan(value) else among + _distinguished(bound, value, dimension)
-    named = requirement.varies_over_picture and (field != 0.0 or requirement.field is not None)
-    where = f", {place_words(field)}" if named else ""
+    says_place = requirement.varies_over_picture and (field != 0.0 or requirement.field is not None)
+    where = f", {place_words(field)}" if says_place else ""
     reason, limit = f"{worst} {range_words(place, place)}{where}", ""
     if requirement.quantity == _RESOLUTION and math.isfinite(value):
         reason += f", by {_coarsest_part(case, name, place)}"
@@ -128,6 +128,7 @@ def _check_measured(
         broken = [_limit_of(intervals, gap, case, name) for gap in gaps]
         derived = requirement.quantity in _BLUR_COUNTED and _derives_its_error(case, name)
         reason = f"{_not_usable(gaps, broken, derived=derived)}; {reason}"
+        # The smaller margin decides: that of the usable range or that of the value.
         limit = broken[0] if -unusable <= margin else ""
         reach = "throughout" if required.at is None else "there"
         if kept and (only := _declared_limits_alone(case, name, gaps)):
@@ -176,10 +177,10 @@ class Judge:
         self._usable = usable or {}
         self._known: dict[_Key, RequirementAnswer] = {}
 
-    def check(self, asked: Iterable[tuple[RequirementPart, Case]], steps: Steps) -> None:
+    def check(self, requirements: Iterable[tuple[RequirementPart, Case]], steps: Steps) -> None:
         """Check the requirements of several designs in one step, before their answers are needed."""
         points: dict[_Key, _Alone] = {}
-        for requirement, case in asked:
+        for requirement, case in requirements:
             for name in _names(requirement, case):
                 key = _key(requirement, case, name)
                 if key is not None and key not in self._known and key not in points:
@@ -192,7 +193,7 @@ class Judge:
                         fields=case.fields,
                     )
                     points[key] = _Alone(requirement=requirement, case=alone, known=self._usable.get(key[1:3]))
-        labels = [f"{one.requirement.says}, {next(iter(one.case.cameras))}" for one in points.values()]
+        labels = [f"{point.requirement.says}, {next(iter(point.case.cameras))}" for point in points.values()]
         answer = steps.map("requirements", _check_alone, list(points.values()), labels)
         self._known.update(zip(points, answer, strict=True))
 
@@ -207,15 +208,15 @@ class Judge:
         nowhere in the required range comes last.
         """
         names = _names(requirement, case)
-        found = {name: self._answer_of(requirement, case, name) for name in names}
-        known = [one for one in found.values() if one.met is not None]
-        silent = [one for one in found.values() if one.met is None]
-        settled = any(one.met is not (requirement.camera == ALL) for one in known)
+        answers = {name: self._answer_of(requirement, case, name) for name in names}
+        decided = [answer for answer in answers.values() if answer.met is not None]
+        silent = [answer for answer in answers.values() if answer.met is None]
+        settled = any(answer.met is not (requirement.camera == ALL) for answer in decided)
         if silent and not settled:
-            return silent[0], found
+            return silent[0], answers
         deciding = min if requirement.camera == ALL else max
         above = isinstance(requirement.required, ShareAbovePart)
-        return deciding(known, key=lambda one: _closeness(one, above=above)), found
+        return deciding(decided, key=lambda answer: _closeness(answer, above=above)), answers
 
     def _answer_of(self, requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
         key = _key(requirement, case, name)
@@ -231,6 +232,7 @@ def is_kept(requirement: RequirementPart, case: Case) -> bool | None:
 
     None where this cannot be decided, as where a camera lacks the attribute that the requirement bounds.
     """
+    # One camera that meets an "any", or that misses an "all", settles it.
     settling, is_undecided = requirement.camera != ALL, False
     for name in _names(requirement, case):
         if requirement.needs_usable_range:
@@ -293,11 +295,11 @@ def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, 
     near, far = required.distances
     unusable, gaps = _unusable(intervals, required.distances)
     if unusable == 0.0:
-        one = next(one for one in intervals if one.far >= far * _LESS)
-        margins = {one.near: near / one.near - 1.0, one.far: one.far / far - 1.0}
+        interval = next(interval for interval in intervals if interval.far >= far * _LESS)
+        margins = {interval.near: near / interval.near - 1.0, interval.far: interval.far / far - 1.0}
         place = min(margins, key=lambda end: margins[end])
-        margin, words = margins[place], f"usable from {pretty(one.near, LENGTH)} to {pretty(one.far, LENGTH)}"
-        limit = (one.near_limit if place == one.near else one.far_limit).partition(", ")[0]
+        margin, words = margins[place], f"usable from {pretty(interval.near, LENGTH)} to {pretty(interval.far, LENGTH)}"
+        limit = (interval.near_limit if place == interval.near else interval.far_limit).partition(", ")[0]
         if limit == END_OF_STUDY:
             words, limit = f"{words}, the end of the study's range", ""
     else:
@@ -337,7 +339,7 @@ def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[f
     A single distance is covered or not.
     """
     reached, gaps = 0.0, []
-    for near, far in (*((one.near, one.far) for one in intervals), (math.inf, math.inf)):
+    for near, far in (*((interval.near, interval.far) for interval in intervals), (math.inf, math.inf)):
         if _is_gap(reached, near, over):
             gaps.append((max(reached, over[0]), min(near, over[1])))
         reached = max(reached, far)
@@ -367,16 +369,17 @@ def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> 
     """
     near, far = over
     closing = []
-    for before, after in pairwise((None, *sorted(intervals, key=lambda one: one.near), None)):
+    for before, after in pairwise((None, *sorted(intervals, key=lambda interval: interval.near), None)):
         last, first = -math.inf if before is None else before.far, math.inf if after is None else after.near
         if not _is_gap(last, first, over):
             continue
         alone = [far / last - 1.0] * (before is not None) + [1.0 - near / first] * (after is not None)
+        # Two ends meet if each shifts by this share of its distance, in opposite directions.
         meeting = [(first - last) / (first + last)] if len(alone) > 1 and near < far else []
         closing.append(min([*alone, *meeting], default=math.inf))
     if closing:
         return max(closing)
-    whole = next(one for one in intervals if one.far >= far * _LESS)
+    whole = next(interval for interval in intervals if interval.far >= far * _LESS)
     ends = ((near / whole.near - 1.0, whole.near_limit), (1.0 - far / whole.far, whole.far_limit))
     return min((shift for shift, limit in ends if limit != END_OF_STUDY), default=math.inf)
 
@@ -384,14 +387,15 @@ def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> 
 def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Case, name: str) -> str:
     """The limit at the nearest end of a usable interval; without any interval, the one violated in most of the gap."""
     place = gap[0]
-    limits = [one.far_limit for one in sorted(intervals, key=lambda one: -one.far) if one.far <= place]
-    limits += [one.near_limit for one in sorted(intervals, key=lambda one: one.near) if one.near > place]
-    known = [limit for limit in limits if limit != END_OF_STUDY]
-    if known:
-        return known[0].partition(", ")[0]
-    there = evaluate_limits(case.cameras[name], case.criteria, np.geomspace(place * _MORE, gap[1], _POINTS))
-    broken = {limit: int(np.sum(~found.met)) for limit, found in there.items() if not found.met.all()}
-    return max(broken, key=lambda limit: broken[limit], default="")
+    before = sorted((interval for interval in intervals if interval.far <= place), key=lambda interval: -interval.far)
+    after = sorted((interval for interval in intervals if interval.near > place), key=lambda interval: interval.near)
+    limits = [*(interval.far_limit for interval in before), *(interval.near_limit for interval in after)]
+    causes = [limit for limit in limits if limit != END_OF_STUDY]
+    if causes:
+        return causes[0].partition(", ")[0]
+    evaluated = evaluate_limits(case.cameras[name], case.criteria, np.geomspace(place * _MORE, gap[1], _POINTS))
+    broken = {name: int(np.sum(~limit.met)) for name, limit in evaluated.items() if not limit.met.all()}
+    return max(broken, key=lambda name: broken[name], default="")
 
 
 def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str], *, derived: bool) -> str:
@@ -421,8 +425,8 @@ def _declared_limits_alone(case: Case, name: str, gaps: Sequence[tuple[float, fl
     camera = case.cameras[name]
     if not all(limit.met.all() for limit in evaluate_limits(camera, UsableCriteria(), inside).values()):
         return ""
-    found = evaluate_limits(camera, case.criteria, inside, _DECLARED)
-    broken = {_DECLARED[limit]: one.bound for limit, one in found.items() if not one.met.all()}
+    evaluated = evaluate_limits(camera, case.criteria, inside, _DECLARED)
+    broken = {_DECLARED[name]: limit.bound for name, limit in evaluated.items() if not limit.met.all()}
     words = [f"{key}: {pretty(bound, dimension)}" for (key, dimension), bound in broken.items()]
     if not words:
         return ""
@@ -454,7 +458,7 @@ def _worst_place(
         few = _spaced(over, _COARSE)
         worst_at = np.argmax([broken_by(few, field) for field in fields], axis=0)
         fields = [fields[k] for k in dict.fromkeys(worst_at.tolist())]
-    points = np.union1d(_spaced(over, _POINTS), [one for one in features if over[0] < one < over[1]])
+    points = np.union1d(_spaced(over, _POINTS), [feature for feature in features if over[0] < feature < over[1]])
     severity = np.array([broken_by(points, field) for field in fields])
     place, worst = (int(k) for k in np.unravel_index(np.argmax(severity), severity.shape))
     if points.size == 1:
@@ -490,8 +494,8 @@ def _overlap(camera: DepthCamera, distance: FloatArray, field: FieldPosition, de
 
 def _coarsest_part(case: Case, name: str, place: float) -> str:
     """Which part of the lateral resolution is the largest at a distance [m]."""
-    found = case.all_cameras[name].focus.lateral_resolution(place, case.wavelength)
-    return max(("sampling", "blur", "diffraction"), key=lambda part: float(getattr(found, part)))
+    resolution = case.all_cameras[name].focus.lateral_resolution(place, case.wavelength)
+    return max(("sampling", "blur", "diffraction"), key=lambda part: float(getattr(resolution, part)))
 
 
 def _values(

@@ -59,7 +59,7 @@ def compute(
     """
     steps = Steps() if steps is None else steps
     study, inferred, failed = infer_calibrations(plan.study, steps)
-    asked = _Asked(
+    run = _Run(
         study=study,
         designs=sweep_points(study, sweep_axes(study)),
         readings={NOMINAL: study, **study.readings},
@@ -82,19 +82,19 @@ def compute(
     tables: DepthTables = {}
     if study.case.cameras:
         compute_kirchhoff_pictures(study, steps.progress)
-        tables = depth_tables(study, asked.designs, steps)
-        groups |= _depth_groups(asked, tables)
-    groups |= _groups_of_few(asked)
-    groups |= _answers(asked, tables, groups.get("/criteria"))
+        tables = depth_tables(study, run.designs, steps)
+        groups |= _depth_groups(run, tables)
+    groups |= _groups_of_few(run)
+    groups |= _answers(run, tables, groups.get("/criteria"))
     if study.file.solve:
-        known = [groups["/decision"]] if "/decision" in groups else []
+        decided = [groups["/decision"]] if "/decision" in groups else []
         solved = questions_group(study, steps.progress)
-        groups["/decision"] = xr.merge([*known, solved], combine_attrs="drop_conflicts")
+        groups["/decision"] = xr.merge([*decided, solved], combine_attrs="drop_conflicts")
     return xr.DataTree.from_dict(groups)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Asked:
+class _Run:
     """The study being computed, its designs and readings, and how to compute it."""
 
     study: PreparedStudy
@@ -111,10 +111,10 @@ def _root(study: PreparedStudy) -> xr.Dataset:
     return xr.Dataset(attrs=attributes | ({} if file.scene is None else {"wavelength": file.scene.wavelength}))
 
 
-def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
+def _depth_groups(run: _Run, tables: DepthTables) -> dict[str, xr.Dataset]:
     """Groups about the cameras that measure depth, and which of them is best."""
-    study, steps, file = asked.study, asked.steps, asked.study.file
-    groups = {"/depth": depth_group(study, asked.designs, tables)}
+    study, steps, file = run.study, run.steps, run.study.file
+    groups = {"/depth": depth_group(study, run.designs, tables)}
     if file.propagation.field_places:
         groups["/depth_field"] = depth_field_group(study, file.propagation.field_places, steps)
     steps.progress("decision", 0.0)
@@ -127,9 +127,9 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
     if (causes := disparity_causes_group(study)) is not None:
         groups["/disparity_causes"] = causes
     groups["/datasheet"] = datasheet_group(study)
-    decided = [decision_group(study, asked.readings, steps.progress)]
+    decided = [decision_group(study, run.readings, steps.progress)]
     if file.sweep:
-        decided.append(design_verdicts(study, asked.designs, tables))
+        decided.append(design_verdicts(study, run.designs, tables))
     steps.progress("decision", 1.0)
     if file.decision is not None:
         decided.append(ranks_group(study, steps))
@@ -137,10 +137,10 @@ def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
     return groups
 
 
-def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
+def _groups_of_few(run: _Run) -> dict[str, xr.Dataset]:
     """Groups that few studies ask for; their modules are imported on demand."""
-    study, file, models = asked.study, asked.study.file, asked.study.choices.models
-    progress, seconds = asked.steps.progress, asked.seconds
+    study, file, models = run.study, run.study.file, run.study.choices.models
+    progress, seconds = run.steps.progress, run.seconds
     groups: dict[str, xr.Dataset] = {}
     if file.value_of_information is not None:
         from tradestudy.answers.value_of_information import value_of_information_group
@@ -150,16 +150,16 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.answers.scene import pictures_group, take_scene
 
         depth = file.scene.image.depth_maps
-        taken = take_scene(study, asked.pictures, asked.steps, depth=depth)
+        taken = take_scene(study, run.pictures, run.steps, depth=depth)
         groups["/pictures"] = pictures_group(taken)
     if file.depth_loop is not None:
         from tradestudy.answers.depth_loop import depth_loop_group
 
-        groups["/depth_loop"] = depth_loop_group(study, file.depth_loop, asked.steps)
+        groups["/depth_loop"] = depth_loop_group(study, file.depth_loop, run.steps)
     if file.sensitivity is not None:
         from tradestudy.answers.sensitivity import sensitivity_group
 
-        groups["/sensitivity"] = sensitivity_group(study, np.array(file.sensitivity.at), asked.steps)
+        groups["/sensitivity"] = sensitivity_group(study, np.array(file.sensitivity.at), run.steps)
     if file.measurements:
         from tradestudy.answers.measured import measurements_group
 
@@ -175,22 +175,22 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
     if file.refocusing is not None:
         from tradestudy.answers.refocusing import refocusing_group
 
-        groups["/refocusing"] = refocusing_group(study, asked.designs, file.refocusing)
+        groups["/refocusing"] = refocusing_group(study, run.designs, file.refocusing)
     if file.fresnel_validity is not None:
         from tradestudy.answers.fresnel_validity import fresnel_validity_group
 
-        groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, asked.steps, seconds)
+        groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, run.steps, seconds)
     if file.light_spot is not None:
         from tradestudy.answers.light import images_group
         from tradestudy.models import light_spot
 
-        groups["/images"] = images_group(file.light_spot, asked.steps, seconds, models[light_spot.NAME])
+        groups["/images"] = images_group(file.light_spot, run.steps, seconds, models[light_spot.NAME])
     if file.point_spread is not None:
         from tradestudy.answers.light import point_spread_group
         from tradestudy.models import sharpness as point_spread
 
         laws = models[point_spread.NAME]
-        groups["/point_spread"] = point_spread_group(file.point_spread, asked.steps, seconds, laws)
+        groups["/point_spread"] = point_spread_group(file.point_spread, run.steps, seconds, laws)
     if file.hard_cases is not None:
         from tradestudy.answers.hard_cases import hard_cases_group
 
@@ -198,23 +198,23 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
     return groups
 
 
-def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) -> dict[str, xr.Dataset]:
+def _answers(run: _Run, tables: DepthTables, criteria: xr.Dataset | None) -> dict[str, xr.Dataset]:
     """Claims, requirements and the trade-off, whose criteria join those derived for a relief."""
-    study, file, progress = asked.study, asked.study.file, asked.steps.progress
+    study, file, progress = run.study, run.study.file, run.steps.progress
     groups: dict[str, xr.Dataset] = {}
     if file.claims or file.requirements:
         progress("claims", 0.0)
     if file.claims:
-        groups["/claims"] = claims_group(study, asked.readings, progress)
-    judge = Judge({one: table.intervals for one, table in tables.items()})
+        groups["/claims"] = claims_group(study, run.readings, progress)
+    judge = Judge({key: table.intervals for key, table in tables.items()})
     if file.requirements:
-        groups["/requirements"] = requirements_group(study, asked.designs, judge, asked.steps)
+        groups["/requirements"] = requirements_group(study, run.designs, judge, run.steps)
     if file.claims or file.requirements:
         progress("claims", 1.0)
     if file.trade_off is not None:
         from tradestudy.answers.trade_off import trade_off_group
 
-        weighed = trade_off_group(study, asked.designs, judge, progress)
-        both = [weighed] if criteria is None else [criteria, weighed]
-        groups["/criteria"] = xr.merge(both, combine_attrs="drop_conflicts")
+        weighed = trade_off_group(study, run.designs, judge, progress)
+        merged = [weighed] if criteria is None else [criteria, weighed]
+        groups["/criteria"] = xr.merge(merged, combine_attrs="drop_conflicts")
     return groups

@@ -72,6 +72,7 @@ def sensitivity_of(name: str, camera: DepthCamera, distance: FloatArray, field: 
         absolute_tolerance=0.0,
         relative_tolerance=_ACCURACY,
         budget_draws=_TORNADO_BUDGET,
+        # As many draws as keep a batch below 2¹⁴ depths, but no fewer than 2⁸.
         batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
         memory_bytes=2**28,
     )
@@ -104,53 +105,53 @@ def _least_certain_corner(camera: DepthCamera, distance: FloatArray, field: floa
         relative = distribution(camera, distance, "both", place).half_width / distance
         return int(np.sum(~np.isnan(relative))), float(np.nansum(relative))
 
-    found = dict(zip(CORNERS, map(uncertainty, towards_corners(field)), strict=True))
-    return max(found, key=lambda corner: found[corner])
+    by_corner = dict(zip(CORNERS, map(uncertainty, towards_corners(field)), strict=True))
+    return max(by_corner, key=lambda corner: by_corner[corner])
 
 
 def sensitivity_group(study: PreparedStudy, distance: FloatArray, steps: Steps) -> xr.Dataset:
     """/sensitivity over (camera, field, distance, source), on the axis and at the declared field positions."""
     cameras, fields = study.case.cameras, study.file.propagation.axis_and_places
     groups = [{group.name: group for group in uncertain_groups(camera, "both")} for camera in cameras.values()]
-    asked = [
+    points = [
         SensitivityPoint(name=name, camera=camera, distance=distance, fields=fields) for name, camera in cameras.items()
     ]
-    found = steps.map("sensitivity", sensitivity_over_field, asked, list(cameras))
-    sources = list(dict.fromkeys(name for camera in groups for name in camera))
+    analyses = steps.map("sensitivity", sensitivity_over_field, points, list(cameras))
+    sources = list(dict.fromkeys(source for camera in groups for source in camera))
     parameters = list(
         dict.fromkeys(
-            name
-            for camera in found
+            parameter
+            for camera in analyses
             for field in camera
             if field.parameters is not None
-            for name in field.parameters.names
+            for parameter in field.parameters.names
         )
     )
     shape = (len(cameras), len(fields), distance.size)
     by_source = {name: np.full((*shape, len(sources)), np.nan) for name in _SOURCE_VARIABLES}
     by_parameter = {name: np.full((*shape, len(parameters)), np.nan) for name in _PARAMETER_VARIABLES}
     refused = np.full(shape, "", dtype=object)
-    for i, camera_found in enumerate(found):
-        for j, one in enumerate(camera_found):
+    for i, camera_analyses in enumerate(analyses):
+        for j, analysis in enumerate(camera_analyses):
             for kind, into, columns, alone in (
-                ("source", by_source, sources, one.groups),
-                ("parameter", by_parameter, parameters, one.parameters),
+                ("source", by_source, sources, analysis.groups),
+                ("parameter", by_parameter, parameters, analysis.parameters),
             ):
                 if alone is not None:
                     errors = np.stack([bar.half_width_error for bar in alone.bars])
                     _fill(into[f"{kind}_uncertainty"][i, j], columns, alone.names, alone.half_width)
                     _fill(into[f"{kind}_uncertainty_error"][i, j], columns, alone.names, errors)
-            refused[i, j] = one.no_indices if one.indices is None else one.indices.refused
-            if one.indices is not None:
-                for name, suffix in itertools.product(("first", "total"), ("", "_error")):
-                    share = getattr(one.indices, name + suffix)
-                    _fill(by_source[f"{name}_index{suffix}"][i, j], sources, one.indices.names, share)
+            refused[i, j] = analysis.no_indices if analysis.indices is None else analysis.indices.refused
+            if analysis.indices is not None:
+                for order, suffix in itertools.product(("first", "total"), ("", "_error")):
+                    share = getattr(analysis.indices, order + suffix)
+                    _fill(by_source[f"{order}_index{suffix}"][i, j], sources, analysis.indices.names, share)
     values: dict[str, Any] = {
         **by_source,
         "source_class": [[c[s].error_class.value if s in c else "" for s in sources] for c in groups],
         "source_parameters": [[", ".join(c[s].parameters) if s in c else "" for s in sources] for c in groups],
-        "corner": [[one.corner for one in camera_found] for camera_found in found],
-        "parameter_refused": [camera_found[0].refused for camera_found in found],
+        "corner": [[analysis.corner for analysis in camera_analyses] for camera_analyses in analyses],
+        "parameter_refused": [camera_analyses[0].refused for camera_analyses in analyses],
         "index_refused": refused,
     }
     coordinates: dict[str, Any] = {

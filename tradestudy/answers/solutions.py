@@ -62,24 +62,26 @@ def planned(study: PreparedStudy, plan: int = 0) -> PreparedStudy:
     TradestudyError
         A target is seen in too few views.
     """
-    asked = to_plan(study)
-    if not asked:
+    requests = to_plan(study)
+    if not requests:
         return study
     from tradestudy.calibration.camera_target import planned_calibration
 
-    found = {key: planned_calibration(one, plan) for key, one in asked.items()}
-    return replace(study, choices=replace(study.choices, posteriors={**study.choices.posteriors, **found}))
+    posteriors = {key: planned_calibration(request, plan) for key, request in requests.items()}
+    return replace(study, choices=replace(study.choices, posteriors={**study.choices.posteriors, **posteriors}))
 
 
 def to_plan(study: PreparedStudy) -> dict[str, TargetToInfer]:
     """The calibrations by a target that have not been inferred, by the keys of their posteriors."""
-    asked = study.definition.calibrations_to_infer()
-    if not asked:
+    requests = study.definition.calibrations_to_infer()
+    if not requests:
         return {}
     from tradestudy.calibration.camera_target import TargetToInfer
 
-    known = study.choices.posteriors
-    return {key: one for key, one in asked.items() if isinstance(one, TargetToInfer) and key not in known}
+    inferred = study.choices.posteriors
+    return {
+        key: request for key, request in requests.items() if isinstance(request, TargetToInfer) and key not in inferred
+    }
 
 
 def to_be_planned(study: PreparedStudy, varying: Varying) -> PreparedStudy:
@@ -98,7 +100,7 @@ def varied_calibrations(study: PreparedStudy, varying: Varying) -> set[str]:
 
 def plans(study: PreparedStudy) -> range:
     """The arrangements of the views to try: only the first if nothing needs planning or every pose is given."""
-    is_spread = any(one.part.poses is None for one in to_plan(study).values())
+    is_spread = any(request.part.poses is None for request in to_plan(study).values())
     return PLANS if is_spread else PLANS[:1]
 
 

@@ -240,11 +240,11 @@ CRITERIA: Final = (
 
 def criterion_of(case: Case, camera: str, name: str) -> Attribute:
     """One criterion of one camera of a study, declared or derived for the relief."""
-    own = case.attributes[camera]
-    derived = next((one for one in CRITERIA if one.name == name), None)
+    attributes = case.attributes[camera]
+    derived = next((criterion for criterion in CRITERIA if criterion.name == name), None)
     if derived is not None:
-        return derived.of(case.all_cameras[camera], own, Relief.of(case))
-    text = own.others.get(name)
+        return derived.of(case.all_cameras[camera], attributes, Relief.of(case))
+    text = attributes.others.get(name)
     if text is None:
         return Attribute(text=_NOT_STATED, basis="")
     dimension = criterion_dimension(name, case.attributes.values())
@@ -265,22 +265,22 @@ def refuse_words(study: PreparedStudy) -> None:
     if part is None:
         return
     problems: list[Problem] = []
-    for name, one in part.criteria.items():
-        if one.quantity is None:
-            problems += _words(study, case, name, study.file.ranked)
+    for criterion, weighed in part.criteria.items():
+        if weighed.quantity is None:
+            problems += _words(study, case, criterion, study.file.ranked)
     if problems:
         raise StudyError(problems)
 
 
-def _words(study: PreparedStudy, case: Case, name: str, ranked: Sequence[str]) -> list[Problem]:
-    path = ("trade_off", "criteria", name)
-    found = {camera: criterion_of(case, camera, name) for camera in ranked}
+def _words(study: PreparedStudy, case: Case, criterion: str, ranked: Sequence[str]) -> list[Problem]:
+    path = ("trade_off", "criteria", criterion)
+    attributes = {camera: criterion_of(case, camera, criterion) for camera in ranked}
     return [
         study.document.locate(path).problem(
             path,
-            f"{camera!r} has no number for this criterion ({one.text}); leave the criterion out, or list candidates "
-            "without this camera",
+            f"{camera!r} has no number for this criterion ({attribute.text}); leave the criterion out, or list "
+            "candidates without this camera",
         )
-        for camera, one in found.items()
-        if math.isnan(one.number)
+        for camera, attribute in attributes.items()
+        if math.isnan(attribute.number)
     ]

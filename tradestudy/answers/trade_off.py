@@ -50,16 +50,16 @@ def non_dominated(values: FloatArray, maximise: Sequence[bool]) -> BoolArray:
     """
     costs = np.where(np.asarray(maximise, dtype=bool), -values, values)
     known = ~np.isnan(costs).any(axis=1)
-    found = np.zeros(len(costs), dtype=bool)
+    undominated = np.zeros(len(costs), dtype=bool)
     if not known.any():
-        return found
+        return undominated
     # In lexicographic order only earlier rows can dominate a row, and duplicates are removed.
     rows, inverse = np.unique(costs[known] + 0.0, axis=0, return_inverse=True)
     on_front = np.zeros(len(rows), dtype=bool)
     for number, row in enumerate(rows):
         on_front[number] = not (rows[:number][on_front[:number]] <= row).all(axis=1).any()
-    found[known] = on_front[inverse.ravel()]
-    return found
+    undominated[known] = on_front[inverse.ravel()]
+    return undominated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,36 +83,39 @@ class Measurer:
         """The criteria of the trade-off of a study, over its cameras."""
         file, case = study.file, study.case
         assert file.trade_off is not None  # the caller has checked
-        found = np.array(
+        measured = np.array(
             [
-                [self._one(case, camera, name, one) for name, one in file.trade_off.criteria.items()]
+                [
+                    self._measured(case, camera, criterion, weighed)
+                    for criterion, weighed in file.trade_off.criteria.items()
+                ]
                 for camera in file.ranked
             ]
         )
-        return CriterionValues(values=found[..., 0], errors=found[..., 1])
+        return CriterionValues(values=measured[..., 0], errors=measured[..., 1])
 
-    def _one(self, case: Case, camera: str, name: str, one: WeighedPart) -> tuple[float, float]:
-        if one.quantity is None:
-            return criterion_of(case, camera, name).number, 0.0
-        key = (one, case.cameras[camera], case.criteria)
+    def _measured(self, case: Case, camera: str, criterion: str, weighed: WeighedPart) -> tuple[float, float]:
+        if weighed.quantity is None:
+            return criterion_of(case, camera, criterion).number, 0.0
+        key = (weighed, case.cameras[camera], case.criteria)
         if key not in self._known:
-            self._known[key] = _computed(case, camera, one)
+            self._known[key] = _computed(case, camera, weighed)
         return self._known[key]
 
 
-def _computed(case: Case, name: str, one: WeighedPart) -> tuple[float, float]:
-    camera = case.cameras[name]
-    if one.at is not None:
-        at = np.array([one.at])
-        if not is_usable(case, name, at)[0]:
+def _computed(case: Case, camera_name: str, weighed: WeighedPart) -> tuple[float, float]:
+    camera = case.cameras[camera_name]
+    if weighed.at is not None:
+        at = np.array([weighed.at])
+        if not is_usable(case, camera_name, at)[0]:
             return math.nan, 0.0
         error = judged_uncertainty_error(camera, at, depth=distribution)
         return float(judged_at(camera, at)[0]), float(np.nan_to_num(error)[0])
-    found = usable_intervals(camera, case.criteria, case.distance)
-    if not found:
+    intervals = usable_intervals(camera, case.criteria, case.distance)
+    if not intervals:
         return math.nan, 0.0
-    is_near = one.quantity == "usable_near"
-    return (found[0].near, found[0].near_error) if is_near else (found[-1].far, found[-1].far_error)
+    is_near = weighed.quantity == "usable_near"
+    return (intervals[0].near, intervals[0].near_error) if is_near else (intervals[-1].far, intervals[-1].far_error)
 
 
 def value_scales(study: PreparedStudy) -> tuple[ValueScale, ...]:
@@ -120,9 +123,9 @@ def value_scales(study: PreparedStudy) -> tuple[ValueScale, ...]:
     part, attributes = study.file.trade_off, study.case.attributes
     assert part is not None
     scales = []
-    for name, one in part.criteria.items():
-        dimension = weighed_dimension(name, one.quantity, attributes.values())
-        scales.append(ValueScale(worst=parse(one.worst, dimension), best=parse(one.best, dimension)))
+    for criterion, weighed in part.criteria.items():
+        dimension = weighed_dimension(criterion, weighed.quantity, attributes.values())
+        scales.append(ValueScale(worst=parse(weighed.worst, dimension), best=parse(weighed.best, dimension)))
     return tuple(scales)
 
 
@@ -137,81 +140,86 @@ def trade_off_group(
     part, names = file.trade_off, file.ranked
     assert part is not None  # the caller has checked
     measurer, scales, weights = Measurer(), value_scales(study), part.weights
-    own = measurer.measure(study)
-    found = acceptability(own.values, own.errors, scales, weights, seed=file.propagation.seed)
+    declared = measurer.measure(study)
+    ranking = acceptability(declared.values, declared.errors, scales, weights, seed=file.propagation.seed)
     measured, feasible = [], []
     for number, design in enumerate(designs):
         progress(STEP, number / len(designs))
-        measured.append(own if design is study else measurer.measure(design))
+        measured.append(declared if design is study else measurer.measure(design))
         feasible.append(_feasible(design, names, judge))
     possible = np.array(feasible)  # the Pareto front is that of all candidates in all feasible designs
-    table = np.array([one.values for one in measured])
+    table = np.array([criteria.values for criteria in measured])
     rows = np.where(possible[..., np.newaxis], table, np.nan).reshape(possible.size, -1)
     front = non_dominated(rows, [scale.best > scale.worst for scale in scales]).reshape(possible.shape)
     progress(STEP, 1.0)
     shape = tuple(len(axis.labels) for axis in axes)
     values: dict[str, Any] = {
-        **_weighed(study, part, own, scales),
-        **_ranks(found),
+        **_weighed(study, part, declared, scales),
+        **_ranks(ranking),
         "feasible": np.array(feasible, dtype=np.float64).reshape(*shape, len(names)),
         "on_pareto_front": front.astype(np.float64).reshape(*shape, len(names)),
     }
     if axes:
         whole = (*shape, len(names), len(part.criteria))
         values["design_value"] = table.reshape(whole)
-        values["design_value_error"] = np.array([one.errors for one in measured]).reshape(whole)
+        values["design_value_error"] = np.array([criteria.errors for criteria in measured]).reshape(whole)
     coordinates: dict[str, Any] = {
         "candidate": list(names),
         "weighed": list(part.criteria),
         "rank": np.arange(1, len(names) + 1),
     }
-    return over_designs("criteria", values, coordinates, axes, {"weight_draws": found.draws})
+    return over_designs("criteria", values, coordinates, axes, {"weight_draws": ranking.draws})
 
 
 def _weighed(
-    study: PreparedStudy, part: TradeOffPart, own: CriterionValues, scales: Sequence[ValueScale]
+    study: PreparedStudy, part: TradeOffPart, measured: CriterionValues, scales: Sequence[ValueScale]
 ) -> dict[str, Any]:
     attributes = study.case.attributes
-    dimensions = [weighed_dimension(name, one.quantity, attributes.values()) for name, one in part.criteria.items()]
-    ranges = [one.range for one in part.criteria.values()]
+    dimensions = [
+        weighed_dimension(criterion, weighed.quantity, attributes.values())
+        for criterion, weighed in part.criteria.items()
+    ]
+    ranges = [weighed.range for weighed in part.criteria.values()]
     order = part.order or ()
     return {
-        "weighed_value": own.values,
-        "weighed_value_error": own.errors,
-        "weighed_units": [one.unit or "1" for one in dimensions],
-        "weighed_says": [_says(name, one) for name, one in part.criteria.items()],
+        "weighed_value": measured.values,
+        "weighed_value_error": measured.errors,
+        "weighed_units": [dimension.unit or "1" for dimension in dimensions],
+        "weighed_says": [_says(criterion, weighed) for criterion, weighed in part.criteria.items()],
         "worst": [scale.worst for scale in scales],
         "best": [scale.best for scale in scales],
-        "worth": np.stack([scale.value(column) for scale, column in zip(scales, own.values.T, strict=True)], axis=1),
-        "worth_error": own.errors / [abs(scale.best - scale.worst) for scale in scales],
+        "worth": np.stack(
+            [scale.value(column) for scale, column in zip(scales, measured.values.T, strict=True)], axis=1
+        ),
+        "worth_error": measured.errors / [abs(scale.best - scale.worst) for scale in scales],
         "clipped": np.stack(
-            [scale.clips(column) for scale, column in zip(scales, own.values.T, strict=True)], axis=1
+            [scale.clips(column) for scale, column in zip(scales, measured.values.T, strict=True)], axis=1
         ).astype(np.float64),
         "weight_low": [low for low, _ in ranges],
         "weight_high": [high for _, high in ranges],
-        "weight_order": [order.index(name) + 1 if name in order else 0 for name in part.criteria],
+        "weight_order": [order.index(criterion) + 1 if criterion in order else 0 for criterion in part.criteria],
     }
 
 
-def _says(name: str, one: WeighedPart) -> str:
-    match one.quantity:
+def _says(criterion: str, weighed: WeighedPart) -> str:
+    match weighed.quantity:
         case None:
-            return name
+            return criterion
         case "depth_uncertainty":
-            return f"depth uncertainty at {pretty(one.at or 0.0, LENGTH)}"
+            return f"depth uncertainty at {pretty(weighed.at or 0.0, LENGTH)}"
         case quantity:
             return f"{'near' if quantity == 'usable_near' else 'far'} end of the usable range"
 
 
-def _ranks(found: Acceptability) -> dict[str, Any]:
-    first, missing = found.rank[:, 0], np.asarray(np.isnan(found.central).any(axis=1))
+def _ranks(ranking: Acceptability) -> dict[str, Any]:
+    first, missing = ranking.rank[:, 0], np.asarray(np.isnan(ranking.central).any(axis=1))
     reasons = ["never ranks first" if share == 0.0 else "ranks first in too few draws" for share in first.tolist()]
     return {
-        "weight_mean": found.mean,
-        "rank_acceptability": found.rank,
-        "rank_acceptability_error": found.rank_error,
-        "central_weight": found.central,
-        "central_weight_error": found.central_error,
+        "weight_mean": ranking.mean,
+        "rank_acceptability": ranking.rank,
+        "rank_acceptability_error": ranking.rank_error,
+        "central_weight": ranking.central,
+        "central_weight_error": ranking.central_error,
         "central_weight_reason": [
             reason if none else "" for reason, none in zip(reasons, missing.tolist(), strict=True)
         ],
@@ -221,11 +229,11 @@ def _ranks(found: Acceptability) -> dict[str, Any]:
 def _feasible(design: PreparedStudy, names: Sequence[str], judge: Judge) -> list[bool]:
     """Whether each candidate itself meets all "must" requirements, including those that any camera may meet."""
     feasible = dict.fromkeys(names, True)
-    for one in design.file.requirements.values():
-        if one.priority != "must":
+    for requirement in design.file.requirements.values():
+        if requirement.priority != "must":
             continue
-        deciding, every = judge.answer(one, design.case)
-        for name in names:
-            answer = every.get(name) if one.camera == ANY else deciding
-            feasible[name] &= answer is not None and answer.met is True
+        deciding, answers = judge.answer(requirement, design.case)
+        for candidate in names:
+            answer = answers.get(candidate) if requirement.camera == ANY else deciding
+            feasible[candidate] &= answer is not None and answer.met is True
     return list(feasible.values())

@@ -37,9 +37,12 @@ def value_of_information_group(study: PreparedStudy, part: ValueOfInformationPar
     own_seed = hashlib.sha256(f"{file.propagation.seed} {NAME}".encode()).digest()[:16]  # of this group alone
     rng = np.random.default_rng(int.from_bytes(own_seed))
     scaled = scrambled_sobol(len(part.assumptions), rng)(part.draws)
-    assumptions = [assumed(study, one) for one in part.assumptions.values()]
+    assumptions = [assumed(study, assumption) for assumption in part.assumptions.values()]
     values = np.array(
-        [[one.at_share(share) for share in row] for one, row in zip(assumptions, scaled.tolist(), strict=True)]
+        [
+            [assumption.at_share(share) for share in row]
+            for assumption, row in zip(assumptions, scaled.tolist(), strict=True)
+        ]
     )
     outcomes = []
     for number in range(part.draws):
@@ -47,24 +50,29 @@ def value_of_information_group(study: PreparedStudy, part: ValueOfInformationPar
         changed = study.with_values(_changes(assumptions, values[:, number]))
         outcomes.append(_outcome(changed.case, names, places, part, changed))
     progress(STEP, 1.0)
-    utility = np.array([one.utility for one in outcomes])
-    found = [worth_of_one(utility, row, rng) for row in values]
+    utility = np.array([outcome.utility for outcome in outcomes])
+    worths = [worth_of_one(utility, row, rng) for row in values]
     whole = worth_of_all(utility)
     requirements = list(file.requirements)
     return dataset(
         NAME,
         {
-            "worth": [min(one.value, whole.value) for one in found],  # one assumption is never worth more than all
-            "worth_error": [one.error for one in found],
-            "worth_bias": [one.bias for one in found],
-            "says": [one.says or (one.paths[0] if one.paths else name) for name, one in part.assumptions.items()],
-            "varied": [", ".join(one.paths or one.readings or ()) for one in part.assumptions.values()],
-            "between": [_between(study, one) for one in part.assumptions.values()],
+            "worth": [min(worth.value, whole.value) for worth in worths],  # one assumption is never worth more than all
+            "worth_error": [worth.error for worth in worths],
+            "worth_bias": [worth.bias for worth in worths],
+            "says": [
+                assumption.says or (assumption.paths[0] if assumption.paths else name)
+                for name, assumption in part.assumptions.items()
+            ],
+            "varied": [
+                ", ".join(assumption.paths or assumption.readings or ()) for assumption in part.assumptions.values()
+            ],
+            "between": [_between(study, assumption) for assumption in part.assumptions.values()],
             "expected_utility": utility.mean(axis=0),
             "expected_utility_error": utility.std(axis=0, ddof=1) / math.sqrt(part.draws),
             "best_overall": np.mean(np.argmax(utility, axis=1)[:, np.newaxis] == np.arange(len(names)), axis=0),
-            "best_probability": np.mean([one.best for one in outcomes], axis=0),
-            "requirement_probability": np.mean([one.met for one in outcomes], axis=0),
+            "best_probability": np.mean([outcome.best for outcome in outcomes], axis=0),
+            "requirement_probability": np.mean([outcome.met for outcome in outcomes], axis=0),
         },
         {"assumption": list(part.assumptions), "candidate": names, "place": places, "requirement": requirements},
         attributes={
@@ -78,8 +86,8 @@ def value_of_information_group(study: PreparedStudy, part: ValueOfInformationPar
 
 def _changes(assumptions: Sequence[Varying | AnyReading], values: FloatArray) -> dict[str, Entry]:
     changed: dict[str, Entry] = {}
-    for one, value in zip(assumptions, values.tolist(), strict=True):
-        changed |= one.changes(value)
+    for assumption, value in zip(assumptions, values.tolist(), strict=True):
+        changed |= assumption.changes(value)
     return changed
 
 
@@ -107,9 +115,9 @@ def _outcome(
 ) -> _Outcome:
     loss = np.array([_loss(case, name, places, part.unusable) for name in names])
     best = np.zeros(loss.shape)
-    known = loss.min(axis=0) < part.unusable
-    best[np.argmin(loss, axis=0)[known], np.flatnonzero(known)] = 1.0
-    verdicts = [is_kept(one, case) for one in study.file.requirements.values()]
+    usable = loss.min(axis=0) < part.unusable
+    best[np.argmin(loss, axis=0)[usable], np.flatnonzero(usable)] = 1.0
+    verdicts = [is_kept(requirement, case) for requirement in study.file.requirements.values()]
     met = [math.nan if kept is None else float(kept) for kept in verdicts]
     return _Outcome(utility=-loss.mean(axis=1), best=best, met=met)
 
