@@ -52,7 +52,7 @@ __all__ = [
 
 def _refuse_file(directory: Path) -> None:
     """Refuse an output folder at the path of a file."""
-    nearest = next((one for one in (directory, *directory.absolute().parents) if one.exists()), directory)
+    nearest = next((path for path in (directory, *directory.absolute().parents) if path.exists()), directory)
     if nearest.exists() and not nearest.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(nearest))
 
@@ -199,7 +199,7 @@ def render(
         prepared, *_ = infer_calibrations(study.prepared, steps)
         taken = take_scene(prepared, folder, steps, depth=depth)
         checkpoints.remove()
-    scores = {one.camera: one.score for one in taken.depths}
+    scores = {measured.camera: measured.score for measured in taken.depths}
     return RenderedScene(arrays=taken.arrays, pictures=taken.written, depths=scores)
 
 
@@ -212,7 +212,7 @@ def asked_of_camera(document: Document) -> dict[str, str]:
     from tradestudy.study.schema.validation import asked_values
 
     problems = () if document.problems else asked_values(document, StudyFile)
-    return {one.path.split(".", 2)[2]: one.what.partition("; ")[2] for one in problems}
+    return {problem.path.split(".", 2)[2]: problem.what.partition("; ")[2] for problem in problems}
 
 
 def refocuses(document: Document) -> bool:
@@ -221,7 +221,12 @@ def refocuses(document: Document) -> bool:
     from tradestudy.study.document import ScalarEntry
 
     kind = document.entry(("cameras", "rig", "kind"))
-    kinds = [name for one in KINDS if one.camera.refocuses for name in get_args(one.model_fields["kind"].annotation)]
+    kinds = [
+        kind_name
+        for declaration in KINDS
+        if declaration.camera.refocuses
+        for kind_name in get_args(declaration.model_fields["kind"].annotation)
+    ]
     return isinstance(kind, ScalarEntry) and kind.text in kinds
 
 
@@ -233,7 +238,7 @@ def usable_span(study: Study) -> tuple[float, float] | None:
 
     ((camera,), criteria) = study.prepared.case.cameras.values(), study.prepared.case.criteria
     intervals = usable_intervals(camera, criteria, np.geomspace(0.02, 1e3, 121))
-    longest = max(intervals, key=lambda one: one.far / one.near, default=None)
+    longest = max(intervals, key=lambda interval: interval.far / interval.near, default=None)
     if longest is None:
         return None
     return 1.05 * longest.near, longest.far  # within it after rounding to two digits, too
@@ -271,9 +276,9 @@ def export(
     from tradestudy.answers.export import SUFFIXES, export, write_export
     from tradestudy.results.storage import refuse_foreign
 
-    refuse_foreign(directory, [f"{escape(camera)}-{one}" for one in SUFFIXES])
-    found = export(study.prepared, camera, formats, lossy=lossy)
-    return write_export(found, directory, camera), found.left_out
+    refuse_foreign(directory, [f"{escape(camera)}-{suffix}" for suffix in SUFFIXES])
+    exported = export(study.prepared, camera, formats, lossy=lossy)
+    return write_export(exported, directory, camera), exported.left_out
 
 
 def _finished(study: Study, directory: Path) -> Result | None:
@@ -308,14 +313,14 @@ def cost(
     from tradestudy.results.storage import list_written, refuse_foreign, replace_file
 
     refuse_foreign(directory, ["cost.json", "cost.svg"])
-    found = study.cost(progress, budget=budget)
-    drawings = figures.build(DataTree.from_dict({"/cost": found}))
-    written = {"cost.json": cost_json(study.name, study.hash, found).encode()}
+    costs = study.cost(progress, budget=budget)
+    drawings = figures.build(DataTree.from_dict({"/cost": costs}))
+    written = {"cost.json": cost_json(study.name, study.hash, costs).encode()}
     written |= {f"{name}.svg": drawing.draw().svg() for name, drawing in drawings.items()}
     list_written(directory, written)
     for name, content in written.items():
         replace_file(directory / name, content)
-    return [*(plain_text(answer) for answer in answers(found)), str(directory / list(written)[-1])]
+    return [*(plain_text(answer) for answer in answers(costs)), str(directory / list(written)[-1])]
 
 
 def compare(directories: Sequence[str | Path | Result]) -> Comparison:
@@ -341,10 +346,10 @@ def compare(directories: Sequence[str | Path | Result]) -> Comparison:
     """
     from tradestudy.comparison import compare_runs
 
-    results = [one if isinstance(one, Result) else open_result(one) for one in directories]
+    results = [source if isinstance(source, Result) else open_result(source) for source in directories]
     names = [
-        f"{one.data.attrs['study']} ({number})" if isinstance(one, Result) else str(one)
-        for number, one in enumerate(directories, start=1)
+        f"{source.data.attrs['study']} ({number})" if isinstance(source, Result) else str(source)
+        for number, source in enumerate(directories, start=1)
     ]
     with shown(dict(zip(names, results, strict=True))):
         return compare_runs(names, [result.run_record for result in results], [result.data for result in results])

@@ -161,25 +161,25 @@ class Camera:
         StudyError
             If no camera can have these values.
         """
-        given = {
+        new_values = {
             path: new_value(path, value, _leaf(self._tree, path.split(".")))
             for path, value in {**(changes or {}), **values}.items()
         }
-        copy = self._replaced_quickly(given) or Camera(self._origin, self._changed(given))
-        for path in given.keys() - self._origin.warned:
+        copy = self._replaced_quickly(new_values) or Camera(self._origin, self._changed(new_values))
+        for path in new_values.keys() - self._origin.warned:
             keys = path.split(".")
-            if what := unusual(["cameras", *keys], str(_leaf(copy._tree, keys))):
+            if problem := unusual(["cameras", *keys], str(_leaf(copy._tree, keys))):
                 self._origin.warned.add(path)
-                warn(f"cameras.{self.name}.{path}: {what}")
+                warn(f"cameras.{self.name}.{path}: {problem}")
         return copy
 
-    def _replaced_quickly(self, given: Mapping[str, Value]) -> Camera | None:
+    def _replaced_quickly(self, new_values: Mapping[str, Value]) -> Camera | None:
         """The changed camera without a new study; None if this cannot tell whether the values are right."""
         if self.name in self._study.definition.posterior_keys or not isinstance(self._part, DepthCameraDeclaration):
             return None
         tree, quick = self._tree, dict(self._quick)
-        for path, value in given.items():
-            if type(value) in (int, float):
+        for path, value in new_values.items():
+            if type(value) in (int, float):  # not bool, which is an int
                 unit = _UNITS.get((type(self._part), path))
                 if unit is None:
                     return None
@@ -202,14 +202,14 @@ class Camera:
         copy.__dict__.pop("_depth", None)
         return copy
 
-    def _changed(self, given: Mapping[str, Value]) -> PreparedStudy:
+    def _changed(self, new_values: Mapping[str, Value]) -> PreparedStudy:
         """The study of the camera with all its changes."""
         study = self._study
-        for values in (self._quick, given):
+        for values in (self._quick, new_values):
             if values:
                 paths = {f"cameras.{self.name}.{path}": value for path, value in values.items()}
                 study = study.with_values(paths, numbers_in_si=True)
-        for path, value in given.items():
+        for path, value in new_values.items():
             entry = study.document.entry(f"cameras.{self.name}.{path}")
             if type(value) in (int, float) and isinstance(entry, ScalarEntry):
                 _UNITS[type(study.file.cameras[self.name]), path] = entry.text.partition(" ")[2]
@@ -218,15 +218,15 @@ class Camera:
     @cached_property
     def _calibrated(self) -> in_si.Camera:
         """The camera in SI, with its calibration."""
-        study, known = self._study, self._origin.posteriors
+        study, posteriors = self._study, self._origin.posteriors
         key = study.definition.posterior_keys.get(self.name)
         if key is None:
             return study.case.all_cameras[self.name]
-        if key not in known:
+        if key not in posteriors:
             from tradestudy.calibration.posteriors import infer
 
-            known[key] = infer(study.definition.calibrations_to_infer()[key]).calibration
-        return replace(study, choices=Choices(posteriors={key: known[key]})).case.all_cameras[self.name]
+            posteriors[key] = infer(study.definition.calibrations_to_infer()[key]).calibration
+        return replace(study, choices=Choices(posteriors={key: posteriors[key]})).case.all_cameras[self.name]
 
     @cached_property
     def _depth(self) -> DepthCamera:
@@ -359,12 +359,12 @@ class Camera:
         import xarray as xr
 
         case = self._origin.study.case
-        found = usable_intervals(self._depth, case.criteria, case.distance)
+        intervals = usable_intervals(self._depth, case.criteria, case.distance)
         columns: dict[str, list[Any]] = {
-            "usable_near": [one.near for one in found],
-            "usable_far": [one.far for one in found],
-            "near_limit": [one.near_limit for one in found],
-            "far_limit": [one.far_limit for one in found],
+            "usable_near": [interval.near for interval in intervals],
+            "usable_far": [interval.far for interval in intervals],
+            "near_limit": [interval.near_limit for interval in intervals],
+            "far_limit": [interval.far_limit for interval in intervals],
         }
         kinds = {name: object if "limit" in name else float for name in columns}
         return xr.Dataset(
@@ -485,26 +485,26 @@ def sweep(study: PreparedStudy, values: Mapping[str, Any], what: str | Sequence[
     if not study.case.cameras:
         raise OutOfRangeError("a sweep of depth", value="no camera", limit="studies with cameras that measure depth")
     others = [key for key in _OTHER_QUESTIONS if study.document.entry((key,)) is not None]
-    given = {path: _several(study, path, plain_value(several)) for path, several in values.items()}
-    asked = study.with_values(dict.fromkeys(others)).with_values({"sweep": given}, numbers_in_si=True)
-    axes = tuple(_as_asked(axis, asked.document.tree["sweep"][axis.path]) for axis in sweep_axes(asked))
-    chosen = replace(asked, choices=Choices(models=choose_depth_models(asked, asked.case.cameras)))
+    swept_values = {path: _several(study, path, plain_value(several)) for path, several in values.items()}
+    with_sweep = study.with_values(dict.fromkeys(others)).with_values({"sweep": swept_values}, numbers_in_si=True)
+    axes = tuple(_as_asked(axis, with_sweep.document.tree["sweep"][axis.path]) for axis in sweep_axes(with_sweep))
+    chosen = replace(with_sweep, choices=Choices(models=choose_depth_models(with_sweep, with_sweep.case.cameras)))
     designs = sweep_points(infer_calibrations(chosen, Steps())[0], axes)
     distance = study.case.distance
-    cameras = [(camera, one.case.criteria) for one in designs for camera in one.case.cameras.values()]
-    known = {one: number for number, one in enumerate(dict.fromkeys(cameras))}
-    arrays, parts = _swept_arrays(names, list(known), distance)
+    cameras = [(camera, design.case.criteria) for design in designs for camera in design.case.cameras.values()]
+    numbers = {camera: number for number, camera in enumerate(dict.fromkeys(cameras))}
+    arrays, parts = _swept_arrays(names, list(numbers), distance)
     labels = dict(zip(coordinate_names([axis.path for axis in axes]), axes, strict=True))
-    shape, places = tuple(len(axis.labels) for axis in axes), [known[one] for one in cameras]
+    shape, places = tuple(len(axis.labels) for axis in axes), [numbers[camera] for camera in cameras]
     variables: dict[str, Any] = {}
     for name in names:
-        dims = [one for one in GROUPS["depth"][name].dims if one != "error_source" or name not in _QUICK]
+        dims = [dim for dim in GROUPS["depth"][name].dims if dim != "error_source" or name not in _QUICK]
         array = arrays[name][places].reshape((*shape, -1, *arrays[name].shape[1:]))
         variables[name] = ((*labels, *dims), array, dict(_attributes(name)))
     swept = xr.Dataset(variables)
     coordinates: dict[str, Any] = {
-        name: (name, np.array(own, dtype=object if isinstance(own[0], str) else None))
-        for name, own in depth_coordinates(study, distance, parts).items()
+        name: (name, np.array(column, dtype=object if isinstance(column[0], str) else None))
+        for name, column in depth_coordinates(study, distance, parts).items()
         if name in swept.dims
     }
     for name, axis in labels.items():
@@ -541,7 +541,7 @@ def _swept_arrays(
     if not set(names) <= set(_QUICK):
         points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in cameras]
         arrays, parts = depth_arrays([depth_table(point) for point in points])
-    quick = {name: np.stack([_quick(name, *one, distance) for one in cameras]) for name in names if name in _QUICK}
+    quick = {name: np.stack([_quick(name, *pair, distance) for pair in cameras]) for name in names if name in _QUICK}
     return arrays | quick, parts
 
 
@@ -558,7 +558,7 @@ def _quick(
 
 def _variables(what: str | Sequence[str]) -> tuple[str, ...]:
     """The variables that a sweep computes."""
-    found: list[str] = []
+    variables: list[str] = []
     for name in (what,) if isinstance(what, str) else what:
         spelled = str(name).replace(" ", "_")
         if spelled not in _MEANT and spelled not in GROUPS["depth"]:
@@ -569,27 +569,27 @@ def _variables(what: str | Sequence[str]) -> tuple[str, ...]:
                 limit=f"{', '.join(map(repr, (*_MEANT, *_QUICK)))} and the other variables of /depth",
                 remedy="" if close is None else f"nearest: {close!r}",
             )
-        found += _MEANT.get(spelled, (spelled,))
-    if not found:
+        variables += _MEANT.get(spelled, (spelled,))
+    if not variables:
         raise OutOfRangeError("what a sweep computes", value=repr(what), limit="at least one variable of /depth")
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(variables))
 
 
-def _several(study: PreparedStudy, path: str, given: Value) -> Value:
+def _several(study: PreparedStudy, path: str, values: Value) -> Value:
     """The values of one swept parameter, of which the first is possible."""
-    if not isinstance(given, list) or not given:
+    if not isinstance(values, list) or not values:
         raise OutOfRangeError(
-            f"{path}: the swept values", value=f"{given!r:.60}", limit="a list or an array with at least one value"
+            f"{path}: the swept values", value=f"{values!r:.60}", limit="a list or an array with at least one value"
         )
-    if given[0] is not None:
-        study.with_values({path: given[0]}, numbers_in_si=True)
-    return given
+    if values[0] is not None:
+        study.with_values({path: values[0]}, numbers_in_si=True)
+    return values
 
 
-def _as_asked(axis: SweepAxis, given: Sequence[Value]) -> SweepAxis:
+def _as_asked(axis: SweepAxis, values: Sequence[Value]) -> SweepAxis:
     """An axis with the given values alone, in their order, without the declared one."""
     dimension = axis.dimension
-    labels = [scalar_text(cast(Scalar, one)) if dimension is None else parse(one, dimension) for one in given]
+    labels = [scalar_text(cast(Scalar, value)) if dimension is None else parse(value, dimension) for value in values]
     entries = dict(zip(axis.labels, axis.values, strict=True))
     return replace(
         axis, labels=cast(tuple[float, ...], tuple(labels)), values=tuple(entries[label] for label in labels)

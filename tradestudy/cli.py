@@ -84,9 +84,9 @@ QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but er
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the Python traceback of an error.")]
 
 
-def _print_version(asked: bool) -> None:
+def _print_version(requested: bool) -> None:
     """Print the version and exit, on request."""
-    if asked:
+    if requested:
         typer.echo(f"tradestudy {tradestudy.__version__}")
         raise typer.Exit
 
@@ -199,15 +199,12 @@ def render(
 
         loaded = warned(api.load(study, set_ or ()), quiet=quiet)
         directory = out if out is not None else Path("reports") / loaded.folder_name
-        with (
-            _executor(jobs=jobs, threads=threads, dask=dask) as executor,
-            shown_progress(quiet=quiet) as progress,
-        ):
+        with _executor(jobs=jobs, threads=threads, dask=dask) as executor, shown_progress(quiet=quiet) as progress:
             done = api.render(loaded, directory, depth=depth, fresh=fresh, progress=progress, executor=executor)
         if not quiet:
             say(
                 *map(str, done.pictures),
-                *(line for name, one in done.depths.items() for line in (one.line(name), f"  {one.matcher}")),
+                *(line for camera, score in done.depths.items() for line in (score.line(camera), f"  {score.matcher}")),
             )
 
 
@@ -368,7 +365,7 @@ def new(
         _refuse_joined(from_ or (), context.args)
         name = name.removesuffix(".yaml")
         options = {"--stereo": stereo, "--plenoptic": plenoptic, "--from-measurements": from_measurements is not None}
-        kinds = [option for option, given in options.items() if given]
+        kinds = [option for option, is_given in options.items() if is_given]
         if from_measurements is not None and len(kinds) > 1:
             raise OutOfRangeError("--from-measurements starts from one stereo rig", value=kinds[0], remedy="omit it")
         if kinds and from_:
@@ -452,10 +449,10 @@ def compare(
 
         if html is not None:
             _refuse_other(html)
-        found = api.compare(directories)
+        comparison = api.compare(directories)
         if html is not None:
-            replace_file(html, found.html())
-        say(*str(found).split("\n"), *([] if html is None else [f"Page: {html}"]))
+            replace_file(html, comparison.html())
+        say(*str(comparison).split("\n"), *([] if html is None else [f"Page: {html}"]))
 
 
 @app.command()
@@ -506,11 +503,11 @@ def cameras(
             return
         from tradestudy.catalogue.listing import content, filters, lines
 
-        asked = filters(kind, range_, baseline, field_of_view)
+        chosen = filters(kind, range_, baseline, field_of_view)
         if as_json:
-            typer.echo(json_text(content(asked)))
+            typer.echo(json_text(content(chosen)))
         else:
-            say(*lines(asked))
+            say(*lines(chosen))
 
 
 @app.command()
@@ -540,12 +537,12 @@ def _refuse_other(page: Path) -> None:
 @contextmanager
 def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Iterator[Executor | None]:
     """The executor that the options choose; None if they choose none."""
-    given = [name for name, value in (("--jobs", jobs), ("--threads", threads), ("--dask", dask)) if value is not None]
-    if not given:
+    chosen = [name for name, value in (("--jobs", jobs), ("--threads", threads), ("--dask", dask)) if value is not None]
+    if not chosen:
         yield None
         return
-    if len(given) > 1:
-        raise OutOfRangeError("these options exclude each other", value=" and ".join(given), remedy="give one of them")
+    if len(chosen) > 1:
+        raise OutOfRangeError("these options exclude each other", value=" and ".join(chosen), remedy="give one of them")
     from tradestudy.execution import DaskCluster, Processes, Threads
 
     if jobs is not None:
@@ -564,21 +561,21 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Ite
 
 def _refuse_joined(files: Sequence[Path], further: Sequence[str]) -> None:
     """Refuse arguments beyond the name, and several files given as one."""
-    joined = [part for one in files if not one.exists() for part in str(one).split()]
+    joined = [part for file in files if not file.exists() for part in str(file).split()]
     together = [*map(str, files), *further] if further else joined
     if further and not files:
         raise OutOfRangeError("new takes one name", value=" ".join(further), remedy="leave the others out")
-    if further or (len(joined) > 1 and all(Path(one).exists() for one in joined)):
-        remedy = "write " + " ".join(f"--from {one}" for one in together)
+    if further or (len(joined) > 1 and all(Path(part).exists() for part in joined)):
+        remedy = "write " + " ".join(f"--from {part}" for part in together)
         raise OutOfRangeError("--from takes one file", value=" ".join(together), remedy=remedy)
 
 
 def _asking(path: Path, asked: Mapping[str, str], program: str | None) -> Iterator[str]:
     """What a new study asks for, and how to give it."""
-    given = " ".join(f"--set rig.{key}=…" for key in asked)
+    settings = " ".join(f"--set rig.{key}=…" for key in asked)
     yield f"{path}: write these values into it, or give them to the command below; the calibration file lacks them"
-    yield from (f"  {key}: {what}" for key, what in asked.items())
-    yield f"{program} run {path} {given}"
+    yield from (f"  {key}: {description}" for key, description in asked.items())
+    yield f"{program} run {path} {settings}"
 
 
 def _not_written(path: Path, error: TradestudyError, said: Sequence[str]) -> str:
@@ -587,10 +584,12 @@ def _not_written(path: Path, error: TradestudyError, said: Sequence[str]) -> str
     ``said`` are the keys given with ``--set``; advice to give them is not repeated.
     """
     problems = error.problems if isinstance(error, StudyError) else ()
-    causes = [f"{one.path}: {one.what}" if one.file == str(path) else str(one) for one in problems] or [str(error)]
+    causes = [
+        f"{problem.path}: {problem.what}" if problem.file == str(path) else str(problem) for problem in problems
+    ] or [str(error)]
     examples = {"length_unit": "--set length_unit=mm", "sensor.pixels": "--set 'sensor.pixels=[1280, 720]'"}
-    given = {one.partition("=")[0].strip() for one in said}
-    shown = " or ".join(example for key, example in examples.items() if key not in given)
+    keys = {setting.partition("=")[0].strip() for setting in said}
+    shown = " or ".join(example for key, example in examples.items() if key not in keys)
     such = f", such as {shown}," if shown else ""
     advice = (
         f"{path} was not written. Keys beside from: can be given with --set{such} and the file of a second camera with "

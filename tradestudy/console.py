@@ -88,11 +88,11 @@ def reporting_errors(*, debug: bool) -> Iterator[None]:
     except OSError as error:
         if debug:
             traceback.print_exc()
-        known = place_error(error)
-        if known is None:
+        explained = place_error(error)
+        if explained is None:
             raise _unexpected(error) from None
-        say(*str(known).split("\n"), err=True)
-        raise typer.Exit(known.exit_status) from None
+        say(*str(explained).split("\n"), err=True)
+        raise typer.Exit(explained.exit_status) from None
     except Exception as error:
         if debug:
             traceback.print_exc()

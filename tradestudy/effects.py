@@ -59,7 +59,7 @@ _MODELS: Final[Mapping[SlotName, Mapping[str, tuple[Use, ...]]]] = {
 def models_of(slot: SlotName, use: Use | None = None) -> tuple[str, ...]:
     """Names of an effect's models for one use, or for any, from the cheapest to the most complete."""
     uses = _EVERY if use is None else (use,)
-    return tuple(name for name, own in _MODELS[slot].items() if not set(uses).isdisjoint(own))
+    return tuple(model for model, model_uses in _MODELS[slot].items() if not set(uses).isdisjoint(model_uses))
 
 
 LENSES: Final[tuple[SlotName, SlotName]] = ("main_lens_diffraction", "microlens_diffraction")

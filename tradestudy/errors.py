@@ -25,7 +25,7 @@ def escaped(text: str, *, lines: bool = False) -> str:
     """
     if lines:
         return "\n".join(map(escaped, text.split("\n")))
-    return _UNPRINTABLE.sub(lambda found: _escape(found[0]), text)
+    return _UNPRINTABLE.sub(lambda match: _escape(match[0]), text)
 
 
 def _escape(letter: str) -> str:

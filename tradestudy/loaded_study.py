@@ -236,12 +236,12 @@ class Study:
         warning. A study from a dictionary also gives them as `ImplausibleValueWarning`, and so does `with_values` with
         new ones.
         """
-        return tuple(one.message for one in implausible(self.prepared))
+        return tuple(warning.message for warning in implausible(self.prepared))
 
     @cached_property
     def _warnings_of_python(self) -> tuple[str, ...]:
         """Those about values that are in no file."""
-        return tuple(one.message for one in implausible(self.prepared) if one.file in OF_PYTHON)
+        return tuple(warning.message for warning in implausible(self.prepared) if warning.file in OF_PYTHON)
 
     @property
     def imported(self) -> tuple[str, ...]:
@@ -252,12 +252,14 @@ class Study:
     def folder_name(self) -> str:
         """Name of the run's folder, made of the study's name, overrides and tolerance."""
         document, tolerance = self.definition.document, self.definition.tolerance
-        said = sorted(f"{'.'.join(map(str, one.path))}={one.text or 'none'}" for one in document.overrides)
-        said += [] if tolerance is None else [f"tolerance={tolerance}"]
-        found = "--".join([self.name, *(_folder_text(one) for one in said)])
-        if len(found.encode()) <= _LONGEST_FOLDER:
-            return found
-        return f"{self.name}--{provenance.study_hash({'set': said})[:12]}"
+        settings = sorted(
+            f"{'.'.join(map(str, override.path))}={override.text or 'none'}" for override in document.overrides
+        )
+        settings += [] if tolerance is None else [f"tolerance={tolerance}"]
+        folder = "--".join([self.name, *(_folder_text(setting) for setting in settings)])
+        if len(folder.encode()) <= _LONGEST_FOLDER:
+            return folder
+        return f"{self.name}--{provenance.study_hash({'set': settings})[:12]}"
 
     def __repr__(self) -> str:
         return f"<Study {self.check_summary()}>"
@@ -268,7 +270,8 @@ class Study:
         document, tolerance = self.definition.document, self.definition.tolerance
         notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
         notes |= {
-            ".".join(map(str, one.path)): ["set for this run", one.text, one.before] for one in document.overrides
+            ".".join(map(str, override.path)): ["set for this run", override.text, override.before]
+            for override in document.overrides
         }
         files = {name: provenance.file_hash(path) for name, path in self.definition.data_files.items()}
         says = {"says": document.tree, "notes": notes, "files": files}
@@ -344,13 +347,13 @@ class Study:
                 f"values by their paths are expected, such as {{'scene.distances.to': 2.0}}, not {values!r}"
             )
         entry = self.definition.document.entry
-        given = {
+        new_values = {
             path: new_value(path, value, plain(old) if isinstance(path, str) and (old := entry(path)) else None)
             for path, value in values.items()
         }
-        changed = Study(with_questions_checked(self.definition.with_values(given, numbers_in_si=True)))
-        if found := changed._warnings_of_python:
-            warn(*(one for one in found if one not in self._warnings_of_python))
+        changed = Study(with_questions_checked(self.definition.with_values(new_values, numbers_in_si=True)))
+        if warnings := changed._warnings_of_python:
+            warn(*(warning for warning in warnings if warning not in self._warnings_of_python))
         return changed
 
     def sweep(self, values: Mapping[str, Any], what: str | Sequence[str] = "depth") -> xr.Dataset:
@@ -441,8 +444,8 @@ class Study:
             from tradestudy.models.spot_images import compared_models
 
             claimed = compared_spots(self.prepared)
-            for asked, method in dict.fromkeys([*((spot, method) for method in spot.methods), *claimed]):
-                refuse_picture(asked, compared_models(asked, method))
+            for part, method in dict.fromkeys([*((spot, method) for method in spot.methods), *claimed]):
+                refuse_picture(part, compared_models(part, method))
         if self.file.point_spread is not None:
             from tradestudy.models.point_spreads import refuse_spreads
 

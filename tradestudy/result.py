@@ -42,10 +42,17 @@ class Result:
         from tradestudy.results.views.groups import unconverged
         from tradestudy.results.views.requirement_conclusions import requirement_conclusions
 
-        unmet = [one for one in requirement_conclusions(self.data) if one.priority == "must" and not one.met]
+        unmet = [
+            requirement
+            for requirement in requirement_conclusions(self.data)
+            if requirement.priority == "must" and not requirement.met
+        ]
         return [
-            *(f"{one.name}: {one.says} ({one.camera}: {one.reason})" for one in unmet),
-            *(f"calibrations did not converge for {one}" for one in unconverged(self.data)),
+            *(
+                f"{requirement.name}: {requirement.says} ({requirement.camera}: {requirement.reason})"
+                for requirement in unmet
+            ),
+            *(f"calibrations did not converge for {camera}" for camera in unconverged(self.data)),
         ]
 
     def lines(self, most: int = 6) -> tuple[str, ...]:
@@ -357,7 +364,9 @@ def shown(results: Mapping[str, Result]) -> Iterator[None]:
     try:
         yield
     except KeyError as error:
-        others = [name for name, one in results.items() if one.data.attrs.get("code_hash") != provenance.code_hash()]
+        others = [
+            name for name, result in results.items() if result.data.attrs.get("code_hash") != provenance.code_hash()
+        ]
         if not others:
             raise ResultsError(
                 f"these results or their record are damaged: they lack {error}",
@@ -397,8 +406,8 @@ def tables_left_out(result: Result) -> list[str]:
     from tradestudy.report.csv_tables import large_tables
     from tradestudy.units import DATA, pretty
 
-    found = [f"{name} ({pretty(8.0 * size, DATA, digits=2)})" for name, size in large_tables(result.data).items()]
-    return [f"Tables above 50 MB, written only with --large-tables: {', '.join(found)}"] * bool(found)
+    tables = [f"{name} ({pretty(8.0 * size, DATA, digits=2)})" for name, size in large_tables(result.data).items()]
+    return [f"Tables above 50 MB, written only with --large-tables: {', '.join(tables)}"] * bool(tables)
 
 
 def write_parts(tree: xr.DataTree, directory: Path) -> None:
@@ -408,9 +417,9 @@ def write_parts(tree: xr.DataTree, directory: Path) -> None:
     """
     from tradestudy.results import storage
 
-    own = storage.written(directory)
+    written = storage.written(directory)
     made = [*_write_posteriors(tree, directory), *_write_matchers(tree, directory), *_write_fitted(tree, directory)]
-    storage.remove_earlier(directory, own, ("posteriors/*.nc", "matchers.yaml", "fitted/*.yaml"), made)
+    storage.remove_earlier(directory, written, ("posteriors/*.nc", "matchers.yaml", "fitted/*.yaml"), made)
     pictures = directory / storage.PICTURES
     if "pictures" not in tree.children and (pictures / storage.LIST).is_file():
         storage.remove_earlier(pictures, storage.written(pictures) | {storage.LIST}, ("*/*", storage.LIST))
@@ -418,7 +427,7 @@ def write_parts(tree: xr.DataTree, directory: Path) -> None:
             with suppress(OSError):  # it holds other files
                 folder.rmdir()
     if _study_of_costs(directory) != tree.attrs.get("study_hash"):
-        storage.remove_earlier(directory, own, ("cost.json", "cost.svg"))
+        storage.remove_earlier(directory, written, ("cost.json", "cost.svg"))
 
 
 def _study_of_costs(directory: Path) -> object:
@@ -464,7 +473,7 @@ def _write_fitted(tree: xr.DataTree, directory: Path) -> list[str]:
     from tradestudy.results.views.groups import records
 
     rows = records(tree, "measurements", "table")
-    files = {f"fitted/{one['table']}.yaml": str(one["fitted_camera"]) for one in rows if one["fitted_camera"]}
+    files = {f"fitted/{row['table']}.yaml": str(row["fitted_camera"]) for row in rows if row["fitted_camera"]}
     list_written(directory, files)
     for name, text in files.items():
         (directory / name).parent.mkdir(exist_ok=True)

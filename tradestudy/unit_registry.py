@@ -136,6 +136,7 @@ def _resolve_by_pint(unit: str, *, absolute: bool) -> ResolvedUnit | str:
             return f"has the unknown unit '{match['name']}'{_suggestion(match['name'])}"
     if not (absolute and _CELSIUS.fullmatch(compact)):
         compact = _CELSIUS.sub("delta_degree_Celsius", compact)
+    # The values of one and zero units give scale and offset, also of units such as degC that have both.
     one, zero = (
         registry.Quantity(number, registry.parse_units("1" + compact if compact[0] == "/" else compact))
         for number in (1.0, 0.0)

@@ -278,6 +278,7 @@ def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
         return "—"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
+    # Rounded before the unit is chosen: 0.9996 m is 1 m, not 1000 mm. Kelvins would lose digits of degrees Celsius.
     rounded = float(f"{value:.{digits - 1}e}") if not dimension.absolute else value
     unit = display_unit(rounded, dimension)
     return significant((value - unit.zero) / unit.size, digits) + unit.label
@@ -408,8 +409,8 @@ _KNOWN = (
 )  # fmt: skip
 
 
-def _mismatch(what: str, dimension: Dimension) -> UnitError:
-    return UnitError(f"{what}; {dimension.name} is expected, such as {dimension.example}")
+def _mismatch(problem: str, dimension: Dimension) -> UnitError:
+    return UnitError(f"{problem}; {dimension.name} is expected, such as {dimension.example}")
 
 
 def _shown(value: object) -> str:

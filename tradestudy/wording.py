@@ -60,7 +60,7 @@ def with_article(title: str) -> str:
 
 def listed(items: Sequence[str], last: str = "and") -> str:
     """Join items for a sentence: "a", "a and b", "a, b and c"; items with bare commas as "a, x; and b"."""
-    has_commas = len(items) > 1 and any(", " in _BRACKETS.sub("", one) for one in items)
+    has_commas = len(items) > 1 and any(", " in _BRACKETS.sub("", item) for item in items)
     mark, word = ("; ", f"; {last} ") if has_commas else (", ", f" {last} ")
     return word.join(part for part in (mark.join(items[:-1]), *items[-1:]) if part)
 

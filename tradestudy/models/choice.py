@@ -54,10 +54,10 @@ def choose_models(study: PreparedStudy) -> list[Choice]:
         compute.
     """
     forced = study.file.effects.forced()
-    found = tuple(problems(study, forced))
-    if mistakes := [*_ignored_tolerances(study, found), *_ignored_models(study, found, forced)]:
+    all_problems = tuple(problems(study, forced))
+    if mistakes := [*_ignored_tolerances(study, all_problems), *_ignored_models(study, all_problems, forced)]:
         raise StudyError(mistakes)
-    return choose_each(study, found, problems(study, {}) if forced else ())
+    return choose_each(study, all_problems, problems(study, {}) if forced else ())
 
 
 def choose_each(
@@ -71,16 +71,16 @@ def choose_each(
         If even the most complete models exceed a tolerance; one error for all problems.
     """
     forced, tolerances = study.file.effects.forced(), study.file.accuracy.asked().tolerances
-    without = {one.name: one for one in free}
-    found, refused = [], []
+    without = {problem.name: problem for problem in free}
+    choices, refused = [], []
     for problem in problems:
         try:
-            found.append(choose(problem, tolerances, forced, without.get(problem.name)))
+            choices.append(choose(problem, tolerances, forced, without.get(problem.name)))
         except UnaffordableError as error:
             refused.append(error)
     if refused:
         raise refused[0] if len(refused) == 1 else UnaffordableError("\n".join(map(str, refused)))
-    return found
+    return choices
 
 
 def refuse_chosen_spot(study: PreparedStudy, problems: Sequence[Choice]) -> None:
@@ -89,7 +89,7 @@ def refuse_chosen_spot(study: PreparedStudy, problems: Sequence[Choice]) -> None
         from tradestudy.models.light_spot import NAME, spot_models
         from tradestudy.models.light_trial import refuse_picture
 
-        refuse_picture(spot, spot_models(next(one.models for one in problems if one.name == NAME)))
+        refuse_picture(spot, spot_models(next(choice.models for choice in problems if choice.name == NAME)))
 
 
 def choose_depth_models(study: PreparedStudy, names: Collection[str]) -> dict[str, Models]:
@@ -102,33 +102,33 @@ def choose_depth_models(study: PreparedStudy, names: Collection[str]) -> dict[st
     """
     from tradestudy.models.depth_problem import depth_problems
 
-    asked = (one for one in depth_problems(study, study.file.effects.forced()) if one.name in names)
-    return {one.name: one.models for one in choose_each(study, asked)}
+    requested = (problem for problem in depth_problems(study, study.file.effects.forced()) if problem.name in names)
+    return {choice.name: choice.models for choice in choose_each(study, requested)}
 
 
-def _ignored_tolerances(study: PreparedStudy, found: tuple[SimulationProblem, ...]) -> Iterator[Problem]:
+def _ignored_tolerances(study: PreparedStudy, problems: tuple[SimulationProblem, ...]) -> Iterator[Problem]:
     """Tolerances on quantities that the study does not compute."""
     part = study.file.accuracy
     for quantity in QUANTITIES:
-        if getattr(part, quantity) is None or any(quantity in one.asked for one in found):
+        if getattr(part, quantity) is None or any(quantity in problem.asked for problem in problems):
             continue
         path = ("accuracy", quantity)
-        what = f"no part of this study computes this quantity ({IN_WORDS[quantity]}); remove its tolerance"
-        yield study.document.locate(path).problem(path, what)
+        message = f"no part of this study computes this quantity ({IN_WORDS[quantity]}); remove its tolerance"
+        yield study.document.locate(path).problem(path, message)
 
 
-def _ignored_models(study: PreparedStudy, found: tuple[SimulationProblem, ...], forced: Models) -> Iterator[Problem]:
+def _ignored_models(study: PreparedStudy, problems: tuple[SimulationProblem, ...], forced: Models) -> Iterator[Problem]:
     """Forced models that apply to nothing in the study."""
-    for effect, name in forced.items():
-        slots = [slot for one in found for slot in one.slots if slot.name == effect]
-        offered = dict.fromkeys(model for slot in slots for model in slot.models)
+    for effect, model in forced.items():
+        slots = [slot for problem in problems for slot in problem.slots if slot.name == effect]
+        offered = dict.fromkeys(offered_model for slot in slots for offered_model in slot.models)
         # Every camera that measures depth propagates calibration errors, even if it has none.
-        if name in offered or (effect == "calibration" and slots):
+        if model in offered or (effect == "calibration" and slots):
             continue
-        what = f"'{name}' applies to nothing in this study"
+        message = f"'{model}' applies to nothing in this study"
         if set(offered) - {OFF}:
-            what += f"; its models of this effect are {', '.join(offered)}"
+            message += f"; its models of this effect are {', '.join(offered)}"
         else:
             reasons = "; ".join(dict.fromkeys(slot.reason for slot in slots if slot.reason))
-            what += f": {reasons}" if reasons else ": no part of it has this effect"
-        yield study.document.locate(("effects", effect)).problem(("effects", effect), what)
+            message += f": {reasons}" if reasons else ": no part of it has this effect"
+        yield study.document.locate(("effects", effect)).problem(("effects", effect), message)

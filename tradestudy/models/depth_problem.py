@@ -81,11 +81,13 @@ class DepthProblem(SimulationProblem):
         self.name, self.title, self.asked = name, title, asked
         self._variants, self._drawn_above, self._rejected_above = tuple(variants), drawn_above, rejected_above
         self._drawn: frozenset[DepthVariant] = frozenset()
-        self._pictured = tuple(one for one in variants if one.law is not None and one.places.size)
-        slots = _slots(variants[0].camera, [one.camera for one in self._pictured], forced)
-        bare = not any(one.camera.calibration.groups or not one.camera.calibration.inferred for one in variants)
+        self._pictured = tuple(variant for variant in variants if variant.law is not None and variant.places.size)
+        slots = _slots(variants[0].camera, [variant.camera for variant in self._pictured], forced)
+        bare = not any(
+            variant.camera.calibration.groups or not variant.camera.calibration.inferred for variant in variants
+        )
         self.slots = tuple(
-            _NO_ERRORS if bare and one.name == "calibration" and not one.reason else one for one in slots
+            _NO_ERRORS if bare and slot.name == "calibration" and not slot.reason else slot for slot in slots
         )
         self._linear: Change | None = None
         self._exact_paths: tuple[float, float] | None = None
@@ -94,9 +96,10 @@ class DepthProblem(SimulationProblem):
         """The largest changes over all forms of the camera, as far as they are known."""
         if models == self.complete:
             return {quantity: Change(relative=0.0) for quantity in self.asked}
-        found = [self._changes_of(variant, models) for variant in self._variants]
+        of_forms = [self._changes_of(variant, models) for variant in self._variants]
         worst: dict[Quantity, Change] = {
-            quantity: max((one[quantity] for one in found), key=lambda c: c.relative) for quantity in found[0]
+            quantity: max((changes[quantity] for changes in of_forms), key=lambda c: c.relative)
+            for quantity in of_forms[0]
         }
         return worst | (self._noise(models) if "depth_noise" in self.asked else {})
 
@@ -104,8 +107,8 @@ class DepthProblem(SimulationProblem):
         """Models of the readings and inverse questions that need draws, although the study as declared does not."""
         if models["calibration"] == "exact":
             return {}
-        drawn = [one for one in self._variants if one in self._drawn]  # in the order of the study
-        return {name: {**models, "calibration": "exact"} for one in drawn for name in one.only_in}
+        drawn = [variant for variant in self._variants if variant in self._drawn]  # in the order of the study
+        return {name: {**models, "calibration": "exact"} for variant in drawn for name in variant.only_in}
 
     def unasked(self, models: Models) -> Changes:
         """The change of the uncertainty from noise alone, where it has no tolerance."""
@@ -121,7 +124,7 @@ class DepthProblem(SimulationProblem):
             and self._pictured
             and any(models[name] != "kirchhoff" for name in self._free_lenses)
         ):
-            worst = max(self._pictured, key=lambda one: float(np.nanmax(np.sum(one.by_exact_paths, axis=0))))
+            worst = max(self._pictured, key=lambda variant: float(np.nanmax(np.sum(variant.by_exact_paths, axis=0))))
             of_error, of_depth = worst.tried_by_exact_paths()
             self._exact_paths = TRIAL_MARGIN * of_error, TRIAL_MARGIN * of_depth
             return True
@@ -131,7 +134,7 @@ class DepthProblem(SimulationProblem):
     def _is_line(self) -> bool:
         """Whether errors can be propagated linearly: all calibrations are known before the run and have covariances."""
         cameras = [variant.camera for variant in self._variants]
-        return all(one.calibration.inferred and has_covariance(one) for one in cameras)
+        return all(camera.calibration.inferred and has_covariance(camera) for camera in cameras)
 
     @property
     def _free_lenses(self) -> list[SlotName]:
@@ -150,30 +153,32 @@ class DepthProblem(SimulationProblem):
         if not variant.places.size or math.isinf(line.relative):
             return {"depth_uncertainty": line, "usable_range": line}
         left_out = self._paths_left_out(variant, models)
-        known = moved = variant.moved(models)
+        computed = moved = variant.moved(models)
         if left_out is not None or line.relative > 0.0:
             moved = variant.moved(models, 0.0 if left_out is None else left_out, line.relative)
         evidence = self._evidence(left_out, drawn=line.relative > 0.0)
-        whole = _largest(variant, moved.uncertainty, known.uncertainty, evidence, line)
+        whole = _largest(variant, moved.uncertainty, computed.uncertainty, evidence, line)
         if variant.fields:
             aside = variant.moved_of_field(models) + line.relative
             whole = whole if aside <= whole.relative else replace(whole, relative=aside, least=aside, at=math.nan)
         return {
             "depth_uncertainty": whole,
             "usable_range": Change(
-                relative=float(_with_margin(moved.ends, known.ends)), least=known.ends, evidence=evidence
+                relative=float(_with_margin(moved.ends, computed.ends)), least=computed.ends, evidence=evidence
             ),
         }
 
     def _noise(self, models: Models) -> dict[Quantity, Change]:
         """The largest change, over all forms, of the uncertainty from noise alone, without calibration errors."""
-        found = []
+        changes = []
         for variant in self._variants:
             left_out = self._paths_left_out(variant, models)
-            known = variant.moved_noise(models)
-            moved = known if left_out is None else variant.moved_noise(models, left_out)
-            found.append(_largest(variant, moved, known, self._evidence(left_out, drawn=False), Change(relative=0.0)))
-        return {"depth_noise": max(found, key=lambda one: one.relative)}
+            computed = variant.moved_noise(models)
+            moved = computed if left_out is None else variant.moved_noise(models, left_out)
+            changes.append(
+                _largest(variant, moved, computed, self._evidence(left_out, drawn=False), Change(relative=0.0))
+            )
+        return {"depth_noise": max(changes, key=lambda change: change.relative)}
 
     def _evidence(self, left_out: FloatArray | None, *, drawn: bool) -> Evidence:
         if drawn or (left_out is not None and self._exact_paths is not None):
@@ -186,22 +191,25 @@ class DepthProblem(SimulationProblem):
             return Change(relative=0.0)
         if not self._is_line:
             return _UNKNOWN
-        if not any(one.camera.calibration.groups for one in self._variants):
+        if not any(variant.camera.calibration.groups for variant in self._variants):
             return Change(relative=0.0)
         return _TO_BE_TRIED if self._linear is None else self._linear
 
     def _try_line(self) -> None:
         """Find the largest error of linear propagation, and the forms that need draws although the study does not."""
-        found: dict[DepthVariant, tuple[float, float]] = {}
-        for one in self._variants:
-            if one.camera.calibration.groups:
-                found[one] = one.linear_error()
-                if found[one][0] > self._rejected_above and not one.only_in and self._is_free("calibration"):
+        errors: dict[DepthVariant, tuple[float, float]] = {}
+        for variant in self._variants:
+            if variant.camera.calibration.groups:
+                errors[variant] = variant.linear_error()
+                if errors[variant][0] > self._rejected_above and not variant.only_in and self._is_free("calibration"):
                     break  # the study as declared needs draws, whatever its other forms need
-        beyond = frozenset(one for one, (error, _) in found.items() if error > self._drawn_above)
-        if all(one.only_in for one in beyond) and self._is_free("calibration"):
+        # Only forms that occur in readings and questions alone may be propagated by other models than the study.
+        beyond = frozenset(variant for variant, (error, _) in errors.items() if error > self._drawn_above)
+        if all(variant.only_in for variant in beyond) and self._is_free("calibration"):
             self._drawn = beyond
-        error, at = max((missed for one, missed in found.items() if one not in self._drawn), default=(0.0, math.nan))
+        error, at = max(
+            (missed for variant, missed in errors.items() if variant not in self._drawn), default=(0.0, math.nan)
+        )
         self._linear = Change(relative=error, least=_SURE * error, evidence="trial", at=at)
 
     def _paths_left_out(self, variant: DepthVariant, models: Models) -> FloatArray | None:
@@ -215,16 +223,19 @@ class DepthProblem(SimulationProblem):
         left_out = np.minimum(np.nan_to_num(np.sum(parts, axis=0), nan=0.0, posinf=1.0), _ALL)
         if self._exact_paths is not None:
             of_error, of_depth = self._exact_paths
+            # The change of the depth uncertainty is that of the noise times its share of the variance.
             left_out = np.minimum(left_out, np.minimum(of_error, of_depth / variant.noise_share))
         return np.asarray(left_out)
 
 
-def _largest(variant: DepthVariant, moved: FloatArray, known: FloatArray, evidence: Evidence, line: Change) -> Change:
+def _largest(
+    variant: DepthVariant, moved: FloatArray, computed: FloatArray, evidence: Evidence, line: Change
+) -> Change:
     """The largest change over the places, with its margin and with the error of linear propagation."""
     if not moved.size:
         return Change(relative=line.relative, evidence=evidence)
-    changed = _with_margin(moved, known)
-    place, least = int(np.argmax(changed)), float(np.max(np.abs(known)))
+    changed = _with_margin(moved, computed)
+    place, least = int(np.argmax(changed)), float(np.max(np.abs(computed)))
     largest = float(changed[place])
     return Change(
         relative=(1.0 + line.relative) * largest + line.relative,
@@ -234,11 +245,11 @@ def _largest(variant: DepthVariant, moved: FloatArray, known: FloatArray, eviden
     )
 
 
-def _with_margin(moved: ArrayLike, known: ArrayLike) -> FloatArray:
+def _with_margin(moved: ArrayLike, computed: ArrayLike) -> FloatArray:
     """The size of a change with a margin on its computed part: what a rule or a trial adds has a margin of its own."""
     with np.errstate(invalid="ignore"):
-        added = np.abs(moved) - np.abs(known)
-    return np.asarray(MARGIN * np.abs(known) + np.where(np.isnan(added), 0.0, np.maximum(added, 0.0)))
+        added = np.abs(moved) - np.abs(computed)
+    return np.asarray(MARGIN * np.abs(computed) + np.where(np.isnan(added), 0.0, np.maximum(added, 0.0)))
 
 
 _NO_ERRORS: Final = Slot(name="calibration", models=(OFF,), reason="no calibration errors are declared")
@@ -253,7 +264,7 @@ def depth_problems(study: PreparedStudy, forced: Models) -> tuple[DepthProblem, 
     asked: tuple[Quantity, ...] = ("depth_uncertainty", "usable_range")
     if "depth_noise" in tolerances:
         asked = (*asked, "depth_noise")
-    strictest = min(tolerances[one] for one in asked[:2])
+    strictest = min(tolerances[quantity] for quantity in asked[:2])
     return tuple(
         DepthProblem(
             name,
@@ -293,22 +304,22 @@ def _axes_of_cameras(study: PreparedStudy) -> Iterator[tuple[SweepAxis, ...]]:
     """
     axes = sweep_axes(study)
     paths = [study.document.path_of(axis.path) for axis in axes]
-    found = (
-        tuple(axis for axis, path in zip(axes, paths, strict=True) if path[0] != "cameras" or path[1] == name)
-        for name in study.case.cameras
+    of_cameras = (
+        tuple(axis for axis, path in zip(axes, paths, strict=True) if path[0] != "cameras" or path[1] == camera_name)
+        for camera_name in study.case.cameras
     )
-    yield from dict.fromkeys(own for own in found if own)
+    yield from dict.fromkeys(camera_axes for camera_axes in of_cameras if camera_axes)
 
 
 def _assumed(study: PreparedStudy) -> Iterator[PreparedStudy]:
     """The study with each assumption at either of its ends, the others as declared."""
     part = study.file.value_of_information
-    for one in part.assumptions.values() if part is not None else ():
-        if one.readings is None:
-            for value in (one.low, one.high):
-                yield study.with_values(dict.fromkeys(one.paths, value))
-        for name in one.readings or ():
-            yield study.with_values(study.definition.entries_of_reading(name))
+    for assumption in part.assumptions.values() if part is not None else ():
+        if assumption.readings is None:
+            for value in (assumption.low, assumption.high):
+                yield study.with_values(dict.fromkeys(assumption.paths, value))
+        for reading in assumption.readings or ():
+            yield study.with_values(study.definition.entries_of_reading(reading))
 
 
 def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
@@ -320,26 +331,27 @@ def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
         [axis.values[k] for k in np.unique(np.round(np.linspace(0, len(axis.values) - 1, size)).astype(int))]
         for axis, size in zip(axes, sizes, strict=True)
     ]
+    # The ends alone are too many designs from six axes on; then only the first of these are examined.
     return itertools.islice(itertools.product(*kept), _MOST_DESIGNS)
 
 
-def _distinct(variants: Sequence[tuple[str, PreparedStudy]], name: str, forced: Models) -> list[DepthVariant]:
+def _distinct(variants: Sequence[tuple[str, PreparedStudy]], camera_name: str, forced: Models) -> list[DepthVariant]:
     """The distinct forms of a camera; `only_in` names the readings and questions of forms that no design has."""
-    found: list[DepthVariant] = []
+    forms: list[DepthVariant] = []
     for reading, study in variants:
-        one = _variant(study, name, forced)
-        if one is None:
+        form = _variant(study, camera_name, forced)
+        if form is None:
             continue
-        known = next((k for k, other in enumerate(found) if _same(one, other)), None)
-        if known is None:
-            found.append(replace(one, only_in=(reading,) if reading else ()))
-        elif found[known].only_in:
-            found[known] = replace(found[known], only_in=(*found[known].only_in, reading) if reading else ())
-    return found
+        index = next((k for k, other in enumerate(forms) if _same(form, other)), None)
+        if index is None:
+            forms.append(replace(form, only_in=(reading,) if reading else ()))
+        elif forms[index].only_in:
+            forms[index] = replace(forms[index], only_in=(*forms[index].only_in, reading) if reading else ())
+    return forms
 
 
-def _variant(study: PreparedStudy, name: str, forced: Models) -> DepthVariant | None:
-    camera = study.case.cameras.get(name)
+def _variant(study: PreparedStudy, camera_name: str, forced: Models) -> DepthVariant | None:
+    camera = study.case.cameras.get(camera_name)
     if camera is None:  # a reading may replace it by a camera that measures no depth
         return None
     distance, file = study.case.distance, study.file
@@ -357,49 +369,49 @@ def _variant(study: PreparedStudy, name: str, forced: Models) -> DepthVariant | 
 
 def _error_sources_asked(file: StudyFile) -> tuple[str, ...]:
     """The errors that answers include: both kinds, and calibration alone where a question names it."""
-    named = {getattr(one, "errors", "") for one in (*file.solve.values(), *file.claims.values())}
-    return ("both", "calibration") if "calibration" in named else ("both",)
+    sources = {getattr(part, "errors", "") for part in (*file.solve.values(), *file.claims.values())}
+    return ("both", "calibration") if "calibration" in sources else ("both",)
 
 
-def _same(one: DepthVariant, other: DepthVariant) -> bool:
+def _same(variant: DepthVariant, other: DepthVariant) -> bool:
     return (
-        one.camera == other.camera
-        and one.fields == other.fields
-        and one.error_sources == other.error_sources
-        and one.criteria == other.criteria
-        and np.array_equal(one.distance, other.distance)
-        and np.array_equal(one.asked, other.asked)
+        variant.camera == other.camera
+        and variant.fields == other.fields
+        and variant.error_sources == other.error_sources
+        and variant.criteria == other.criteria
+        and np.array_equal(variant.distance, other.distance)
+        and np.array_equal(variant.asked, other.asked)
     )
 
 
 def applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
     """The forced models that apply to a camera's depth: of microlenses and of a spectrum only if it has them."""
-    found = {slot: name for slot, name in forced.items() if name in models_of(slot, "depth")}
+    applied = {slot: model for slot, model in forced.items() if model in models_of(slot, "depth")}
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
-        return {slot: name for slot, name in found.items() if slot == "calibration"}
+        return {slot: model for slot, model in applied.items() if slot == "calibration"}
     if not camera.pictured_by_microlenses:
         for slot in ("microlens_diffraction", "crosstalk"):
-            found.pop(slot, None)
+            applied.pop(slot, None)
     if not law.settings.spectrum:
-        found.pop("spectrum", None)
-    return found
+        applied.pop("spectrum", None)
+    return applied
 
 
 def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models) -> tuple[Slot, ...]:
     """A slot for every effect on depth; with one model where the study or all forms of the camera allow no other."""
-    own: dict[SlotName, str] = {}
-    for one in (camera, *pictured):
-        own |= applicable(one, forced)
+    applied: dict[SlotName, str] = {}
+    for form in (camera, *pictured):
+        applied |= applicable(form, forced)
     why = _why_no_picture(camera, pictured=bool(pictured))
-    found = []
+    slots = []
     for name in (*_SAVING, *_OTHERS):
         models, reason = models_of(name, "depth"), ""
         if name != "calibration" and (reason := _absent(camera, pictured, name) or why):
             models = (OFF,)
         slot = Slot(name=name, models=models, saves_time=name in _SAVING, costly=_COSTLY.get(name, 0), reason=reason)
-        found.append(slot if slot.reason else slot.under(own))
-    return tuple(found)
+        slots.append(slot if slot.reason else slot.under(applied))
+    return tuple(slots)
 
 
 def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
@@ -415,8 +427,8 @@ def _absent(camera: DepthCamera, pictured: Sequence[DepthCamera], slot: SlotName
     """Why a picture lacks an effect; empty where some form of the camera has it."""
     if slot in ("microlens_diffraction", "crosstalk") and not camera.pictured_by_microlenses:
         return "the compared pictures are not taken through single microlenses" if camera.elements else NO_MICROLENSES
-    laws = [(one, one.disparity_error_px) for one in pictured]
-    complete = [complete_in_closed_form(one, law) for one, law in laws if isinstance(law, PictureDisparityError)]
-    if slot == "spectrum" and complete and all(one.spectrum == OFF for one in complete):
+    laws = [(form, form.disparity_error_px) for form in pictured]
+    complete = [complete_in_closed_form(form, law) for form, law in laws if isinstance(law, PictureDisparityError)]
+    if slot == "spectrum" and complete and all(models.spectrum == OFF for models in complete):
         return "the study declares one wavelength"
     return ""

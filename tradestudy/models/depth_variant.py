@@ -127,8 +127,8 @@ class DepthVariant:
     @property
     def law(self) -> PictureDisparityError | None:
         """The law of its disparity error where that is derived from the picture; None where it is declared."""
-        found = self.reference.disparity_error_px
-        return found if isinstance(found, PictureDisparityError) else None
+        law = self.reference.disparity_error_px
+        return law if isinstance(law, PictureDisparityError) else None
 
     @property
     def _derived(self) -> PictureDisparityError:
@@ -230,20 +230,20 @@ class DepthVariant:
     def disparity_error_px(self, models: Models) -> FloatArray:
         """Lower bound of the disparity error everywhere [samples], with these models in closed form."""
         law = self._derived
-        own = _closed_form_of(law, models)
-        if own == law.models:  # cached by the law, since readings of depth at these places use it too
+        closed_form = _closed_form_of(law, models)
+        if closed_form == law.models:  # cached by the law, since readings of depth at these places use it too
             return law.bound_px(self.reference, self._everywhere)
-        if own not in self._errors_px:
-            self._errors_px[own] = self._weighed.bound_px(own)
-        return self._errors_px[own]
+        if closed_form not in self._errors_px:
+            self._errors_px[closed_form] = self._weighed.bound_px(closed_form)
+        return self._errors_px[closed_form]
 
     def _factor(self, models: Models) -> FloatArray:
         """That bound over the reference's, everywhere; 1 where the error is declared or the lens forms no picture."""
         if self.law is None:
             return np.ones(self._everywhere.shape)
         with np.errstate(invalid="ignore", divide="ignore"):
-            found = self.disparity_error_px(models) / self.disparity_error_px({})
-        return np.where(np.isnan(found), 1.0, found)
+            ratio = self.disparity_error_px(models) / self.disparity_error_px({})
+        return np.where(np.isnan(ratio), 1.0, ratio)
 
     def _half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
         """Half widths of depth everywhere, or radii about the truth if larger; kept, as many models give the same.
@@ -255,8 +255,8 @@ class DepthVariant:
         if key not in self._half_widths:
             noise = factor if self.law is None else self.law.matcher.change(self.disparity_error_px({}), factor)
             scale, false_matches = np.hypot(noise, beside), false_match_share(self.reference)
-            found = scaled_noise(self.reference, self._everywhere, 0.0, scale, false_matches)
-            self._half_widths[key] = found.judged
+            scaled = scaled_noise(self.reference, self._everywhere, 0.0, scale, false_matches)
+            self._half_widths[key] = scaled.judged
         return self._half_widths[key]
 
     @cached_property
@@ -315,7 +315,7 @@ class DepthVariant:
     ) -> dict[str, _Compared]:
         """The limits that a set of models can change, by name."""
         by_depth, by_matching = self._decided_by
-        found = {
+        compared = {
             "relative_uncertainty": _Compared(
                 old=self._whole / self._everywhere,
                 new=half_width / self._everywhere,
@@ -328,31 +328,35 @@ class DepthVariant:
             error = self.disparity_error_px({})
             with np.errstate(invalid="ignore"):  # 0 · ∞: without a picture, no model makes matching possible
                 new = error * factor
-            found["matching"] = _Compared(old=error, new=new, bound=LARGEST_ERROR_PX, sets_end=by_matching)
+            compared["matching"] = _Compared(old=error, new=new, bound=LARGEST_ERROR_PX, sets_end=by_matching)
         if off and (bound := self._failed_at_most) is not None:
             old, new = self._failed
             near = _near(self._split(old)[2][:, 1], bound, _SET_BY_FAILURES)
-            found["failed_fraction"] = _Compared(old=old, new=new, bound=bound, sets_end=near)
-        return found
+            compared["failed_fraction"] = _Compared(old=old, new=new, bound=bound, sets_end=near)
+        return compared
 
     def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray, missed: float, *, off: bool) -> float:
         """The largest relative shift, to first order, of an end; infinite where a range appears or vanishes."""
         compared, largest = self._compared(factor, half_width, missed, off=off), 0.0
-        for one in compared.values():
+        for quantity in compared.values():
             with np.errstate(invalid="ignore", divide="ignore"):
-                by = np.abs(np.log(self._split(one.new / one.old)[2][:, 1])) + np.log1p(one.missed)
-                shifts = np.where(one.sets_end & (by != 0.0), by / np.abs(_slope(self._split(one.old)[2])), 0.0)
+                # An end moves until its limit is back at the bound: by the change over the slope, both logarithmic.
+                by = np.abs(np.log(self._split(quantity.new / quantity.old)[2][:, 1])) + np.log1p(quantity.missed)
+                shifts = np.where(
+                    quantity.sets_end & (by != 0.0), by / np.abs(_slope(self._split(quantity.old)[2])), 0.0
+                )
             largest = max(largest, float(np.max(np.where(np.isnan(shifts), np.inf, shifts), initial=0.0)))
         return np.inf if largest > _LARGEST_SHIFT or self._range_appears_or_vanishes(compared, largest) else largest
 
     def _range_appears_or_vanishes(self, compared: Mapping[str, _Compared], shift: float) -> bool:
         """Whether the verdict on a limit changes anywhere but next to an end."""
         changed = np.zeros(self._imaged.shape, dtype=bool)
-        for one in compared.values():
-            old, new = self._split(one.old)[1], self._split(one.new)[1]
-            for value in (new * (1.0 + one.missed), new / (1.0 + one.missed)):
-                changed |= False if one.bound is None else (value <= one.bound) != (old <= one.bound)
+        for quantity in compared.values():
+            old, new = self._split(quantity.old)[1], self._split(quantity.new)[1]
+            for value in (new * (1.0 + quantity.missed), new / (1.0 + quantity.missed)):
+                changed |= False if quantity.bound is None else (value <= quantity.bound) != (old <= quantity.bound)
         others = {name: limit for name, limit in self.limits.items() if name not in ("matching", *compared)}
+        # Other limits must be met, too; and a verdict that changes beside an end only tells that this end moves.
         could_be = all_met(others, self.distance.shape)[self._images]
         return bool(np.any(changed & could_be & self._apart(2.0 * (shift + _ENDS_ARE_KNOWN_TO))))
 
@@ -396,7 +400,7 @@ class DepthVariant:
         from tradestudy.models.light_spot import places_to_try, tried_change  # as above
 
         law = self._derived
-        by_rule, share = (self._split(one)[0] for one in (np.sum(self.by_exact_paths, axis=0), self.noise_share))
+        by_rule, share = (self._split(values)[0] for values in (np.sum(self.by_exact_paths, axis=0), self.noise_share))
         tried = places_to_try(by_rule * share, self.reference.picture_geometry(self.places).blur_px)
         geometry = self.reference.picture_geometry(self.places[tried])
         change = np.nan_to_num(tried_change(geometry, law.settings, law.models))
@@ -412,8 +416,8 @@ class DepthVariant:
             return np.inf, np.nan
         camera, places = apply_models(self.reference, {"calibration": "linear"}), self.distance[self.usable]
         asked = self.asked[camera.images(self.asked)]
-        some = np.linspace(0, max(0, asked.size - 1), _MOST_ASKED).round().astype(int)  # including the farthest
-        tried = asked[np.unique(some)] if asked.size else asked
+        sample = np.linspace(0, max(0, asked.size - 1), _MOST_ASKED).round().astype(int)  # including the farthest
+        tried = asked[np.unique(sample)] if asked.size else asked
         if places.size:
             whole = self._split(self._whole)[1] / self._imaged
             relative = np.where(self.usable[self._images] & np.isfinite(whole), whole, 0.0)
@@ -421,9 +425,10 @@ class DepthVariant:
         if not tried.size:
             return 0.0, np.nan
         tried = np.unique(tried)
-        found = [self._linear_error_at(camera, tried, place) for place in (0.0, *self.fields)]
-        error = np.max(found, axis=0)
+        errors = [self._linear_error_at(camera, tried, place) for place in (0.0, *self.fields)]
+        error = np.max(errors, axis=0)
         largest, at = float(error.max()), float(tried[int(np.argmax(error))])
+        # Ends set by failures take more draws, which are wasted where linear propagation clearly fails already.
         if (bound := self._failed_at_most) is not None and not largest > _CLEARLY:
             largest = max(largest, self._missed_by_the_line(camera, bound))
         return largest, at
@@ -452,6 +457,7 @@ class DepthVariant:
             return 0.0
         slope = np.abs(_slope(beside[near]))
         shift = np.log1p(np.nan_to_num(error(self.ends[near])) / beside[near, 1])
+        # Where the fraction does not change along the distance, nothing limits the shift.
         return float(np.max(shift / np.where(np.isfinite(slope) & (slope > 0.0), slope, _TINY)))
 
     def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: FieldPosition) -> FloatArray:
@@ -470,18 +476,18 @@ class DepthVariant:
         To first order: there is less light off the axis, and calibration errors act differently.
         """
         largest = 0.0
-        for place, noise, both in self._off_axis:
+        for place, noise, total in self._off_axis:
             moved = noise * self._noise_changed(place, models)
             with np.errstate(invalid="ignore", divide="ignore"):
-                by_calibration = 0.0 if models.get("calibration") == OFF else np.maximum(both**2 - noise**2, 0.0)
-                change = np.abs(np.sqrt(moved**2 + by_calibration) / both - 1.0)
+                by_calibration = 0.0 if models.get("calibration") == OFF else np.maximum(total**2 - noise**2, 0.0)
+                change = np.abs(np.sqrt(moved**2 + by_calibration) / total - 1.0)
             largest = max(largest, float(np.nanmax(change, initial=0.0)))
         return largest
 
     @cached_property
     def _few_places(self) -> FloatArray:
-        some = np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))
-        return np.asarray(self.places[some])
+        sample = np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))
+        return np.asarray(self.places[sample])
 
     @cached_property
     def _off_axis(self) -> list[tuple[FieldPosition, FloatArray, FloatArray]]:
@@ -501,18 +507,19 @@ class DepthVariant:
         """The factor by which noise changes; 1 where the disparity error is declared or the lens forms no picture."""
         if self.law is None:
             return np.ones(self._few_places.shape)
-        there = self.law.at_field(self.reference, self.reference.field_share(field))
-        bound = there.bound_px(self.reference, self._few_places)
-        other = replace(there, models=_closed_form_of(there, models)).bound_px(self.reference, self._few_places)
+        law = self.law.at_field(self.reference, self.reference.field_share(field))
+        bound = law.bound_px(self.reference, self._few_places)
+        other = replace(law, models=_closed_form_of(law, models)).bound_px(self.reference, self._few_places)
         with np.errstate(invalid="ignore", divide="ignore"):
             factor = other / bound
-        return there.matcher.change(bound, np.where(np.isnan(factor), 1.0, factor))
+        return law.matcher.change(bound, np.where(np.isnan(factor), 1.0, factor))
 
 
 def _closed_form_of(law: PictureDisparityError, models: Models) -> PictureModels:
     """A law's models, overridden by the closed form of `models` for the effects of the law's picture."""
-    own = with_models(law.models, in_closed_form(models))
-    return own if law.settings.spectrum else replace(own, spectrum=OFF)  # other forms of the camera may have a spectrum
+    closed_form = with_models(law.models, in_closed_form(models))
+    # The models are those of all forms of the camera, of which others may have a spectrum.
+    return closed_form if law.settings.spectrum else replace(closed_form, spectrum=OFF)
 
 
 def _of_true_matches(camera: DepthCamera, failed: ArrayLike) -> FloatArray:
@@ -546,7 +553,7 @@ def _slope(beside: FloatArray) -> FloatArray:
 def _relative(new: FloatArray, old: FloatArray) -> FloatArray:
     """Signed relative change; 0 where both are infinite or one is unknown, infinite where only one is infinite."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = new / old - 1.0
-    found = np.where(np.isinf(new) & np.isinf(old), 0.0, found)
-    found = np.where(np.isinf(old) & np.isfinite(new), np.inf, found)
-    return np.where(np.isnan(found), 0.0, found)
+        change = new / old - 1.0
+    change = np.where(np.isinf(new) & np.isinf(old), 0.0, change)
+    change = np.where(np.isinf(old) & np.isfinite(new), np.inf, change)
+    return np.where(np.isnan(change), 0.0, change)

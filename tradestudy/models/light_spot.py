@@ -217,11 +217,11 @@ class LightSpotProblem(SimulationProblem):
         self.name = NAME
         self.title = "Picture of the light spot"
         self.asked: tuple[Quantity, ...] = ("pixel_intensity",)
-        self._forced = {slot: name for slot, name in forced.items() if name in models_of(slot, "spot")}
+        self._forced = {slot: model for slot, model in forced.items() if model in models_of(slot, "spot")}
         if part.spot.is_point:  # a point has no extent, whatever the study prescribes
             self._forced.pop("source_extent", None)
         self._part, self._trial = part, light_trial(part)
-        self._found: dict[SpotModels, list[tuple[float, float]]] = {}
+        self._squares: dict[SpotModels, list[tuple[float, float]]] = {}
         coherent, point, one_line = part.spot.coherent, part.spot.is_point, len(part.lines) == 1
         slots = (
             Slot(name="source_extent", models=(OFF,) if point else (OFF, "disc"), reason="a point" if point else ""),
@@ -256,33 +256,33 @@ class LightSpotProblem(SimulationProblem):
 
         The two are independent and add in quadrature.
         """
-        found = self._models(models)
-        return {"pixel_intensity": _TOO_LARGE if found is None else self._change(found)}
+        spot = self._models(models)
+        return {"pixel_intensity": _TOO_LARGE if spot is None else self._change(spot)}
 
-    def _change(self, found: SpotModels) -> Change:
-        whole = replace(found, tolerance=TOLERANCES[-1])
+    def _change(self, spot: SpotModels) -> Change:
+        whole = replace(spot, tolerance=TOLERANCES[-1])
         if whole == self._complete:
-            return Change(relative=found.tolerance, evidence="rule")
-        if whole not in self._found:
-            return self._untried(found, whole)
-        done = self._found[whole]
-        changed, own = (math.fsum(one) for one in zip(*done, strict=True))
-        tried = math.sqrt(changed / own) if own > 0.0 else math.inf
+            return Change(relative=spot.tolerance, evidence="rule")
+        if whole not in self._squares:
+            return self._untried(spot, whole)
+        done = self._squares[whole]
+        changed, light = (math.fsum(column) for column in zip(*done, strict=True))
+        tried = math.sqrt(changed / light) if light > 0.0 else math.inf
         count = self._trial.count(whole, self._complete)
         if len(done) < count:
             # The lower bound if the other points change nothing, and contain up to four times the squared light.
             least = 0.5 * tried * math.sqrt(len(done) / count)
             return Change(relative=math.inf, least=least, evidence="trial")
         change = math.hypot(self._margin(whole) * tried, TOLERANCE)
-        return Change(relative=_with_sampling(change, found), evidence="trial")
+        return Change(relative=_with_sampling(change, spot), evidence="trial")
 
-    def _untried(self, found: SpotModels, whole: SpotModels) -> Change:
+    def _untried(self, spot: SpotModels, whole: SpotModels) -> Change:
         """The change before any trial; too large where no trial is worth its time."""
         if whole == self._shrunk:
             if self._extent > _NEVER_A_POINT:
                 return _TOO_LARGE
-            relative = _with_sampling(self._extent, found) if self._extent < _LARGEST_BY_RULE else math.inf
-            least = math.hypot(TOLERANCE, found.tolerance)  # the least that a trial can find
+            relative = _with_sampling(self._extent, spot) if self._extent < _LARGEST_BY_RULE else math.inf
+            least = math.hypot(TOLERANCE, spot.tolerance)  # the least that a trial can find
             return Change(relative=relative, least=min(relative, least), evidence="rule")
         if whole.method != self._complete.method and not self._forced and (whole.point or not self.tries_laws):
             return _TOO_LARGE  # a trial of a law would take about as long as the picture itself
@@ -331,11 +331,11 @@ class LightSpotProblem(SimulationProblem):
 
     def try_out(self, models: Models) -> bool:
         """Compare the image of one more source point with that by the most complete models."""
-        found = self._models(models)
-        whole = found and replace(found, tolerance=TOLERANCES[-1])
+        spot = self._models(models)
+        whole = spot and replace(spot, tolerance=TOLERANCES[-1])
         if whole is None or whole == self._complete:
             return False
-        done = self._found.setdefault(whole, [])
+        done = self._squares.setdefault(whole, [])
         if len(done) == self._trial.count(whole, self._complete):
             return False
         done.append(self._trial.squares(len(done), whole, self._complete))
@@ -348,11 +348,11 @@ class LightSpotProblem(SimulationProblem):
             models = {**models, **dict.fromkeys(LENSES, OFF)}
         if (models[LENSES[0]], models[LENSES[1]]) not in METHODS:
             return None
-        found = spot_models(models)
-        if found.method in RAYS and not found.integrated:
+        spot = spot_models(models)
+        if spot.method in RAYS and not spot.integrated:
             return None
         # Fresnel's law behind Kirchhoff's costs as much as Kirchhoff's law on both legs.
-        return None if found.method == "kirchhoff-fresnel" and LENSES[1] not in self._forced else found
+        return None if spot.method == "kirchhoff-fresnel" and LENSES[1] not in self._forced else spot
 
 
 def _with_sampling(change: float, models: SpotModels) -> float:

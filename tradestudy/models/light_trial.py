@@ -106,8 +106,8 @@ class _LitPart:
     def at(self, along: float, across: float) -> tuple[float, float]:
         """The place at shares of half its widths."""
         x, y = self.axis
-        found = self.middle + along * self.along * self.axis + across * self.across * np.array([-y, x])
-        return float(found[0]), float(found[1])
+        place = self.middle + along * self.along * self.axis + across * self.across * np.array([-y, x])
+        return float(place[0]), float(place[1])
 
 
 def probes(part: LightSpotPart) -> tuple[Probe, ...]:
@@ -120,21 +120,21 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
     middle = source.centre if isinstance(source, DiscSource) else source
     coherent = isinstance(source, DiscSource) and source.coherent
     radius = source.diameter / 2.0 if isinstance(source, DiscSource) else 0.0
-    present = [int(one) for one in np.unique(owner)]
+    present = [int(index) for index in np.unique(owner)]
     if coherent or radius == 0.0:
         places = {index: [(middle.x, middle.y)] for index in _around(path, middle, present)}
     else:
         corners = [(_OUT * math.cos(turn), _OUT * math.sin(turn)) for turn in 2.0 * math.pi / 3.0 * np.arange(3)]
         lit = {index: _lit_part(path, middle, radius, index) for index in present}
         places = {index: [lit[index].at(*corner) for corner in corners] for index in _typical(path.microlenses, lit)}
-    found = []
+    located = []
     for index, points in places.items():
         apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
-        nearest = [int(one) for one in np.argsort(apart, kind="stable")[:_SENT_TO]]
+        nearest = [int(neighbour) for neighbour in np.argsort(apart, kind="stable")[:_SENT_TO]]
         around = microlenses_alone(path, nearest, owner)
         alone = _in_parts(replace(around, microlenses=path.microlenses.only(index)))
         pair = _in_parts(microlenses_alone(path, nearest[:2], owner))
-        found.append(
+        located.append(
             Probe(
                 alone=alone,
                 pair=pair,
@@ -142,7 +142,7 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
                 coherent_radius=radius if coherent else 0.0,
             )
         )
-    return tuple(found)
+    return tuple(located)
 
 
 def _in_parts(path: LightPath) -> LightPath:
@@ -156,21 +156,21 @@ def _around(path: LightPath, middle: PointSource, present: Sequence[int]) -> lis
     distance = np.linalg.norm(path.microlenses.centres - path.chief_point(middle), axis=1)
     by_distance = sorted(present, key=lambda index: float(distance[index]))
     kinds = path.microlenses.focal_lengths
-    nearest = [next(one for one in by_distance if kinds[one] == kind) for kind in np.unique(kinds[present])]
-    lit = [one for one in by_distance if distance[one] <= blur_radius(path, middle)]
+    nearest = [next(index for index in by_distance if kinds[index] == kind) for kind in np.unique(kinds[present])]
+    lit = [index for index in by_distance if distance[index] <= blur_radius(path, middle)]
     return list(dict.fromkeys([*nearest, *lit[-1:]]))
 
 
 def _typical(microlenses: Microlenses, lit: Mapping[int, _LitPart]) -> list[int]:
     """The lit microlens of each focal length that sees the median share of a disc."""
     kinds = microlenses.focal_lengths
-    found = []
+    typical = []
     for kind in np.unique(kinds[list(lit)]):
-        size = {one: seen.size for one, seen in lit.items() if kinds[one] == kind}
+        size = {index: seen.size for index, seen in lit.items() if kinds[index] == kind}
         order = sorted(size, key=lambda index: -size[index])
-        order = [one for one in order if size[one] >= _LEAST_LIT * size[order[0]]]
-        found.append(order[len(order) // 2])
-    return found
+        order = [index for index in order if size[index] >= _LEAST_LIT * size[order[0]]]
+        typical.append(order[len(order) // 2])
+    return typical
 
 
 def _lit_part(path: LightPath, middle: PointSource, radius: float, index: int) -> _LitPart:
@@ -180,17 +180,17 @@ def _lit_part(path: LightPath, middle: PointSource, radius: float, index: int) -
     circle about the point whose chief ray meets its centre.
     """
     magnified = middle.distance / path.array_distance
-    own = np.array([middle.x, middle.y])
-    towards = -magnified * path.microlenses.centres[index] - own
+    centre = np.array([middle.x, middle.y])
+    towards = -magnified * path.microlenses.centres[index] - centre
     reach = magnified * max(blur_radius(path, middle), path.microlenses.aperture_width / 2.0)
     apart = float(np.linalg.norm(towards))
     axis = towards / apart if apart > 0.0 else np.array([1.0, 0.0])
     first, last = max(-radius, apart - reach), min(radius, apart + reach)
     if first >= last:
-        return _LitPart(middle=own, axis=axis, along=radius, across=radius, lit=False)
+        return _LitPart(middle=centre, axis=axis, along=radius, across=radius, lit=False)
     place = (first + last) / 2.0
     across = math.sqrt(max(0.0, min(radius**2 - place**2, reach**2 - (place - apart) ** 2)))  # 0 where circles touch
-    return _LitPart(middle=own + place * axis, axis=axis, along=(last - first) / 2.0, across=across, lit=True)
+    return _LitPart(middle=centre + place * axis, axis=axis, along=(last - first) / 2.0, across=across, lit=True)
 
 
 def refuse_picture(part: LightSpotPart, models: SpotModels) -> None:
@@ -229,8 +229,10 @@ def _change_of_rays(part: LightSpotPart, tolerance: float, *, as_point: bool) ->
     accuracy = ChainAccuracy(tolerance=min(LOOSEST_PICTURE, _FEWER_RAYS * tolerance))
     if as_point and isinstance(source, DiscSource):
         source = source.centre
-    found, fixed = (exact_ray_image(one, source, accuracy=accuracy) for one in (path, with_fixed_phase(path)))
-    return relative_change(found.pixels, fixed.pixels)
+    following, fixed = (
+        exact_ray_image(variant, source, accuracy=accuracy) for variant in (path, with_fixed_phase(path))
+    )
+    return relative_change(following.pixels, fixed.pixels)
 
 
 class LightTrial:
@@ -263,7 +265,7 @@ class LightTrial:
         place = divmod(number, len(self._probes[0].points))
         try:
             radius = self._spread(place[0], complete)
-            ours, whole = (self._pixels(place, one, radius, pair=models.separate) for one in (models, complete))
+            ours, whole = (self._pixels(place, chosen, radius, pair=models.separate) for chosen in (models, complete))
         except TradestudyError:
             return math.inf, 1.0
         return float(np.sum((ours - whole) ** 2)), float(np.sum(whole**2))
@@ -273,14 +275,14 @@ class LightTrial:
         lenses = self._part.microlenses.model_copy(update={"lens_phase": "parabolic"})
         fixed = light_trial(self._part.model_copy(update={"microlenses": lenses}))
         radii = [self._spread(index, models) for index in range(len(self._probes))]
-        places = [(index, number) for index, one in enumerate(self._probes) for number in range(len(one.points))]
-        found, parabolic = (
+        places = [(index, number) for index, probe in enumerate(self._probes) for number in range(len(probe.points))]
+        following, parabolic = (
             np.concatenate(
                 [trial._pixels(place, models, radii[place[0]], pair=models.separate).ravel() for place in places]
             )
             for trial in (self, fixed)
         )
-        return relative_change(found, parabolic)
+        return relative_change(following, parabolic)
 
     def _as_point(self, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
         """As `squares`, for a disc that models treat as a point: its centre against points that represent the disc."""
@@ -301,8 +303,8 @@ class LightTrial:
                 )
             else:
                 # Exact for light that varies quadratically, or with the fourth power of the distance from the centre.
-                centre = own = self._followed(complete, source.centre)
-                whole = own / 4.0 + 0.75 * np.mean([self._followed(complete, one) for one in around], axis=0)
+                centre = of_centre = self._followed(complete, source.centre)
+                whole = of_centre / 4.0 + 0.75 * np.mean([self._followed(complete, point) for point in around], axis=0)
                 if replace(models, point=False) != complete:
                     centre = self._followed(models, source.centre)
         except TradestudyError:
@@ -324,7 +326,7 @@ class LightTrial:
         count = len(self._probes[index].points)
         if count == 1:
             return 0.0
-        images = [self._light((index, one), models, pair=False) for one in range(count)]
+        images = [self._light((index, number), models, pair=False) for number in range(count)]
         if min(float(image.sum()) for image in images) <= 0.0:
             return 0.0
         first, second, third = (_centre_of_light(image) for image in images)
@@ -406,10 +408,11 @@ def _point_image(
 
 def _spread_out(fine: FloatArray, radius: float, *, point: bool) -> FloatArray:
     """Pad the image of a point and convolve it with a disc of a radius [parts]; a point keeps its image."""
-    fine = np.pad(fine, _PARTS * math.ceil(radius / _PARTS))
+    fine = np.pad(fine, _PARTS * math.ceil(radius / _PARTS))  # whole pixels, so that their parts stay together
     if point or radius == 0.0:
         return fine
     f_x, f_y = scipy.fft.rfftfreq(fine.shape[1]), scipy.fft.fftfreq(fine.shape[0])
+    # The transfer function of a disc, 2 J₁(t)/t, is 1 at t = 0; the smallest t avoids 0/0 there.
     turn = np.maximum(2.0 * math.pi * radius * np.hypot(f_x, f_y[:, None]), 1e-9)
     disc = 2.0 * scipy.special.j1(turn) / turn
     return np.asarray(scipy.fft.irfft2(scipy.fft.rfft2(fine) * disc, s=fine.shape))

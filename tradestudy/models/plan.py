@@ -51,7 +51,7 @@ class Plan:
 
     def models(self, problem: str) -> Models:
         """The models applied to a problem, by effect."""
-        return next(one.models for one in self.problems if one.name == problem)
+        return next(choice.models for choice in self.problems if choice.name == problem)
 
     def text(self, *, verbose: bool = False) -> str:
         """The plan as text: one line per problem and one for the run; with every decision if verbose."""
@@ -114,14 +114,14 @@ def plan_of(study: PreparedStudy) -> Plan:
     accuracy = study.file.accuracy.asked()
     problems = choose_models(study)
     other_models: dict[str, dict[str, Models]] = {}
-    for one in problems:
-        for reading, models in one.other_models.items():
-            other_models.setdefault(reading, {})[one.name] = models
-    choices = Choices(models={one.name: one.models for one in problems}, other_models=other_models)
+    for choice in problems:
+        for reading, models in choice.other_models.items():
+            other_models.setdefault(reading, {})[choice.name] = models
+    choices = Choices(models={choice.name: choice.models for choice in problems}, other_models=other_models)
     applied = replace(study, choices=choices)
     plan = Plan(study=applied, accuracy=accuracy, problems=problems, work=work_of(applied))
     refuse_chosen_spot(study, problems)
-    seconds = math.fsum(one.seconds for one in plan.work)
+    seconds = math.fsum(part.seconds for part in plan.work)
     if seconds > _CERTAINLY_TOO_LONG * accuracy.time_limit:
         raise UnaffordableError(
             "the run would take far longer than its time limit",
@@ -140,13 +140,13 @@ def plan_lines(
     `settled` states, by name, how questions that leave no choice of models are answered; `space` ends the line for the
     run.
     """
-    width = max(map(len, [*(one.name for one in problems), *settled, "run"]))
-    for one in problems:
-        own = [part.seconds for part in work if part.problem == one.name]
-        takes = f"; {magnitude(math.fsum(own))}" if own else ""
-        yield f"{one.name:<{width}}  {summary(one)}{takes}"
+    width = max(map(len, [*(choice.name for choice in problems), *settled, "run"]))
+    for choice in problems:
+        seconds = [part.seconds for part in work if part.problem == choice.name]
+        takes = f"; {magnitude(math.fsum(seconds))}" if seconds else ""
+        yield f"{choice.name:<{width}}  {summary(choice)}{takes}"
         if verbose:
-            yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
+            yield from (f"{'':<{width}}    {line}" for line in _decisions(choice))
     yield from (f"{name:<{width}}  {how}" for name, how in settled.items())
     yield f"{'run':<{width}}  {_slow(work)}{space}"
     if verbose:
@@ -162,145 +162,154 @@ def _slow(work: Sequence[Work]) -> str:
     seconds: dict[str, float] = {}
     for part in work:
         seconds[part.step] = seconds.get(part.step, 0.0) + part.seconds
-    step = max(seconds, key=lambda one: seconds[one])
+    step = max(seconds, key=lambda name: seconds[name])
     slowest = max((part for part in work if part.step == step), key=lambda part: part.seconds)
-    of = f" for {slowest.problem}" if slowest.problem else ""
-    return f"{magnitude(total)}, mostly {step} ({slowest.amount}{of})"
+    for_problem = f" for {slowest.problem}" if slowest.problem else ""
+    return f"{magnitude(total)}, mostly {step} ({slowest.amount}{for_problem})"
 
 
-def summary(one: Choice) -> str:
+def summary(choice: Choice) -> str:
     """What is simulated, and the largest omission with its change and the tolerance."""
-    return "; ".join(filter(None, (_simulated(one), _left_out(one), _forced(one))))
+    return "; ".join(filter(None, (_simulated(choice), _left_out(choice), _forced(choice))))
 
 
-def _simulated(one: Choice) -> str:
+def _simulated(choice: Choice) -> str:
     """The applied models in words: those of diffraction, calibration and sampling that the problem has."""
-    models = one.models
+    models, reasons = choice.models, choice.problem.reasons
     parts = [MODEL[slot, models[slot]] for slot in LENSES if models.get(slot, OFF) != OFF]
-    pictured = "microlens_diffraction" in models and one.problem.reasons.get("defocus_blur", "") in ("", NAMED)
+    # A reason other than a forced model for having no choice of defocus says why no picture decides the answer.
+    pictured = "microlens_diffraction" in models and reasons.get("defocus_blur", "") in ("", NAMED)
     if not parts:
         parts = ["no diffraction"] if pictured else []
-    if one.problem.reasons.get("calibration") and models["calibration"] == OFF and "calibration" not in one.forced:
-        parts.append(one.problem.reasons["calibration"])
+    if reasons.get("calibration") and models["calibration"] == OFF and "calibration" not in choice.forced:
+        parts.append(reasons["calibration"])
     elif "calibration" in models:
-        drawn = listed([f"“{name}”" for name in one.other_models])
+        drawn = listed([f"“{reading}”" for reading in choice.other_models])
         model = models["calibration"]
-        named = "without calibration errors" if model == OFF else MODEL["calibration", model]
-        parts.append(named + f" (exact for {drawn})" * bool(drawn))
+        words = "without calibration errors" if model == OFF else MODEL["calibration", model]
+        parts.append(words + f" (exact for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
     if not pictured and "calibration" in models:
-        why = one.problem.reasons.get("defocus_blur", "")
+        why = reasons.get("defocus_blur", "")
         parts.insert(0, f"geometry only ({why})" if why else "geometry only")
         return "; ".join(parts)
     return ", ".join(parts) or "geometry only"
 
 
-def _left_out(one: Choice) -> str:
+def _left_out(choice: Choice) -> str:
     """The omission with the largest change, and the change due to all omissions with its tolerance."""
     omitted = [
-        (change.relative / one.asked[quantity], quantity, change, decision)
-        for decision in one.decisions
+        (change.relative / choice.asked[quantity], quantity, change, decision)
+        for decision in choice.decisions
         if decision.chosen and not decision.forced
         for quantity, change in decision.changes.items()
-        if quantity in one.asked and change.relative > 0.0
+        if quantity in choice.asked and change.relative > 0.0
     ]
     if not omitted:
-        return _without_effect(one) or "nothing left out" + _first_refused(one)
-    _, quantity, _, decision = max(omitted, key=lambda found: found[0])
-    change = one.changes[quantity]  # due to all omissions; can be less than that due to one of them
-    significant = {id(found[3]) for found in omitted if found[0] >= _SIGNIFICANT}
+        return _without_effect(choice) or "nothing left out" + _first_refused(choice)
+    _, quantity, _, decision = max(omitted, key=lambda omission: omission[0])
+    change = choice.changes[quantity]  # due to all omissions; can be less than that due to one of them
+    significant = {id(omission[3]) for omission in omitted if omission[0] >= _SIGNIFICANT}
     suffix = " and smaller effects together" if len(significant) > 1 else ""
     return (
         f"leaving out {left_out(decision.slot, decision.model)}{suffix} changes the {IN_WORDS[quantity]} by "
-        f"{_amount(change, one.asked[quantity])} {_allowance(quantity, change, one)}"
+        f"{_amount(change, choice.asked[quantity])} {_allowance(quantity, change, choice)}"
     )
 
 
-def _without_effect(one: Choice) -> str:
+def _without_effect(choice: Choice) -> str:
     """The omissions that change no answer; empty if nothing is left out."""
-    complete = one.problem.complete
+    complete = choice.problem.complete
     omissions = [
         left_out(decision.slot, decision.model)
-        for decision in one.decisions
+        for decision in choice.decisions
         if decision.chosen and not decision.forced and decision.model != complete[decision.slot]
     ]
     return f"leaving out {listed(omissions)} changes nothing" if omissions else ""
 
 
-def _first_refused(one: Choice) -> str:
+def _first_refused(choice: Choice) -> str:
     """The omission that comes closest to its tolerance without meeting it, which explains why nothing is left out."""
     refused = [
-        (max(change.relative / one.asked[quantity] for quantity, change in asked.items()), decision, asked)
-        for decision in one.decisions
-        if not decision.chosen and decision.slot not in one.forced and not one.problem.reasons.get(decision.slot)
-        if (asked := {quantity: change for quantity, change in decision.changes.items() if quantity in one.asked})
+        (max(change.relative / choice.asked[quantity] for quantity, change in changes.items()), decision, changes)
+        for decision in choice.decisions
+        if not decision.chosen and decision.slot not in choice.forced and not choice.problem.reasons.get(decision.slot)
+        if (changes := {quantity: change for quantity, change in decision.changes.items() if quantity in choice.asked})
     ]
-    refused = [found for found in refused if found[0] > 1.0]
+    refused = [refusal for refusal in refused if refusal[0] > 1.0]
     if not refused:
         return ""
-    _, decision, asked = min(reversed(refused), key=lambda found: found[0])  # of equals, the most complete model
-    quantity, change = max(asked.items(), key=lambda item: item[1].relative / one.asked[item[0]])
+    _, decision, changes = min(reversed(refused), key=lambda refusal: refusal[0])  # of equals, the most complete model
+    quantity, change = max(changes.items(), key=lambda item: item[1].relative / choice.asked[item[0]])
     omission = left_out(decision.slot, decision.model)
     if math.isinf(change.relative):
-        allowed = pretty(one.asked[quantity], FRACTION)
+        allowed = pretty(choice.asked[quantity], FRACTION)
         return (
             f", because it is unknown by how much leaving out {omission} would change the {IN_WORDS[quantity]} "
             f"({allowed} allowed)"
         )
     return (
         f", because leaving out {omission} would change the {IN_WORDS[quantity]} by "
-        f"{_amount(change, one.asked[quantity])} {_allowance(quantity, change, one)}"
+        f"{_amount(change, choice.asked[quantity])} {_allowance(quantity, change, choice)}"
     )
 
 
-def _allowance(quantity: Quantity, change: Change, one: Choice) -> str:
+def _allowance(quantity: Quantity, change: Change, choice: Choice) -> str:
     """The evidence of a change, if it is a trial, and the tolerance, in brackets."""
     how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
-    return f"({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
+    return f"({how}{pretty(choice.asked[quantity], FRACTION)} allowed)"
 
 
-def _forced(one: Choice) -> str:
-    if not one.by_forcing:
+def _forced(choice: Choice) -> str:
+    if not choice.by_forcing:
         return ""
     quantity, change = max(
-        ((q, c) for q, c in one.by_forcing.items() if q in one.asked), key=lambda found: found[1].relative
+        ((q, c) for q, c in choice.by_forcing.items() if q in choice.asked), key=lambda item: item[1].relative
     )
     if change.relative == 0.0:
         return ""
-    named = ", ".join(f"{slot.replace('_', ' ')}: {model}" for slot, model in one.forced.items() if slot in one.models)
-    more, share = "more than" if change.relative > one.asked[quantity] else "within", _share(quantity, change, one)
+    models = ", ".join(
+        f"{slot.replace('_', ' ')}: {model}" for slot, model in choice.forced.items() if slot in choice.models
+    )
+    more = "more than" if change.relative > choice.asked[quantity] else "within"
     return (
-        f"{named}, as the study requires, changes the {IN_WORDS[quantity]} by {share}, {more} the "
-        f"{pretty(one.asked[quantity], FRACTION)} allowed"
+        f"{models}, as the study requires, changes the {IN_WORDS[quantity]} by "
+        f"{_share(quantity, change, choice)}, {more} the {pretty(choice.asked[quantity], FRACTION)} allowed"
     )
 
 
-def _decisions(one: Choice) -> Iterator[str]:
+def _decisions(choice: Choice) -> Iterator[str]:
     """Every model of every effect with its change, or the reason why the effect has only one model."""
-    for quantity in dict.fromkeys([*one.asked, *one.changes]):
-        share = _share(quantity, one.changes[quantity], one)
-        limit = f"{pretty(one.asked[quantity], FRACTION)} allowed" if quantity in one.asked else "no tolerance applies"
+    for quantity in dict.fromkeys([*choice.asked, *choice.changes]):
+        share = _share(quantity, choice.changes[quantity], choice)
+        limit = (
+            f"{pretty(choice.asked[quantity], FRACTION)} allowed"
+            if quantity in choice.asked
+            else "no tolerance applies"
+        )
         yield f"all omissions together change the {IN_WORDS[quantity]} by {share}; {limit}"
     stated: set[str] = set()
     yield "● used, ○ not used; each change is relative to the most complete model of the effect"
-    for decision in one.decisions:
-        mark, name = "●" if decision.chosen else "○", f"{decision.slot.replace('_', ' ')}: {decision.model}"
-        if reason := one.problem.reasons.get(decision.slot):
+    for decision in choice.decisions:
+        mark, label = "●" if decision.chosen else "○", f"{decision.slot.replace('_', ' ')}: {decision.model}"
+        if reason := choice.problem.reasons.get(decision.slot):
             once = "" if reason in stated else f"  {reason}"
             stated.add(reason)
-            yield f"{mark} {name}{once}"
+            yield f"{mark} {label}{once}"
             continue
-        asked = ((quantity, change) for quantity, change in decision.changes.items() if quantity in one.asked)
-        changed = ", ".join(f"the {IN_WORDS[of]} by {_share(of, change, one)}" for of, change in asked)
-        yield f"{mark} {name}" + f"  changes {changed}" * bool(changed)
+        judged = ((quantity, change) for quantity, change in decision.changes.items() if quantity in choice.asked)
+        changed = ", ".join(
+            f"the {IN_WORDS[quantity]} by {_share(quantity, change, choice)}" for quantity, change in judged
+        )
+        yield f"{mark} {label}" + f"  changes {changed}" * bool(changed)
 
 
-def _share(quantity: Quantity, change: Change, one: Choice) -> str:
+def _share(quantity: Quantity, change: Change, choice: Choice) -> str:
     """A change and its evidence: "0.22 %", "up to about 1.3 %", "about 0.02 % (trial at a few distances)"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
-    amount = _amount(change, one.asked.get(quantity, math.nan))
+    amount = _amount(change, choice.asked.get(quantity, math.nan))
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
     return f"{amount}{at}{f' ({_tried(quantity)})' if change.evidence == 'trial' else ''}"
 
@@ -315,9 +324,9 @@ def _amount(change: Change, tolerance: float = math.nan) -> str:
         return "an unknown amount"
     if change.relative == 0.0:
         return "0 %"
-    known: dict[Evidence, str] = {"computed": "", "rule": "up to about ", "trial": "about "}
+    prefixes: dict[Evidence, str] = {"computed": "", "rule": "up to about ", "trial": "about "}
     size, allowed = pretty(change.relative, FRACTION, digits=2), pretty(tolerance, FRACTION)
     if size == allowed:
         digits = fewest_digits(lambda digits: pretty(change.relative, FRACTION, digits=digits) != allowed)
         size = pretty(change.relative, FRACTION, digits=digits)
-    return f"{known[change.evidence]}{size}"
+    return f"{prefixes[change.evidence]}{size}"

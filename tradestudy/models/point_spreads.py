@@ -296,10 +296,10 @@ def spread_measures(
 def _or_nan(measure: Callable[[], Measured]) -> tuple[float, float]:
     """A measure, or NaN if the sampled window cannot give it."""
     try:
-        found = measure()
+        measured = measure()
     except OutOfRangeError:
         return math.nan, math.nan
-    return float(found.value), float(found.error)
+    return float(measured.value), float(measured.error)
 
 
 METRICS: tuple[PsfMetric, ...] = ("peak", "l1", "largest")
@@ -361,11 +361,11 @@ def limit_f_number(error_at: Callable[[float], float], f_numbers: Sequence[float
 
 def paper_zeros(element: ElementPart, wavelengths: Sequence[float]) -> tuple[FloatArray, FloatArray]:
     """Both zeros of the criterion as the paper prints it, shape (wavelength, 2), and its condition number."""
-    found = paper_eq27(
+    criterion = paper_eq27(
         focal_length=element.focal_length, object_distance=element.object_distance, wavelength=np.asarray(wavelengths)
     )
-    zeros = np.stack([found.first_zero_f_number, found.second_zero_f_number], axis=-1)
-    return zeros, found.condition_number
+    zeros = np.stack([criterion.first_zero_f_number, criterion.second_zero_f_number], axis=-1)
+    return zeros, criterion.condition_number
 
 
 def path_error_f_number(element: ElementPart, wavelength: FloatArray | float, waves: FloatArray | float) -> FloatArray:

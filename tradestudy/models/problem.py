@@ -74,9 +74,9 @@ class Slot:
 
     def under(self, forced: Models) -> Slot:
         """The effect with the single model that the study forces, if it does."""
-        if (named := forced.get(self.name)) is None:
+        if (model := forced.get(self.name)) is None:
             return self
-        return replace(self, models=(named,), reason=NAMED)
+        return replace(self, models=(model,), reason=NAMED)
 
     def __post_init__(self) -> None:
         if not self.models or len(set(self.models)) < len(self.models):
@@ -244,7 +244,8 @@ def choose(
         )
     chosen = dict(complete)
     saving = [slot for slot in problem.slots if slot.saves_time]
-    for slot in sorted((one for one in saving if one.costly), key=lambda one: -one.costly):
+    # Only by their next simpler models here; simpler ones still are tried in the turn of the effect below.
+    for slot in sorted((slot for slot in saving if slot.costly), key=lambda slot: -slot.costly):
         chosen[slot.name] = _first_that_fits(problem, slot.name, slot.models[-2:-1], chosen, tolerances)
     for slot in saving:
         simpler = slot.models[: slot.models.index(chosen[slot.name])]
@@ -281,9 +282,10 @@ def _first_that_fits(
 def _fits(problem: SimulationProblem, models: Models, tolerances: Mapping[Quantity, float]) -> bool:
     """Whether a set of models keeps the tolerances, after trials if these can decide."""
     while True:
-        found = problem.changes(models)
-        over = [(found[q], tolerances[q]) for q in problem.asked if found[q].relative > tolerances[q]]
+        changes = problem.changes(models)
+        over = [(changes[q], tolerances[q]) for q in problem.asked if changes[q].relative > tolerances[q]]
         if not over:
             return True
+        # Trials can only lower a change to its lower bound, so none is made where that already exceeds the tolerance.
         if any(change.least > tolerance for change, tolerance in over) or not problem.try_out(models):
             return False

@@ -97,7 +97,7 @@ def extent_and_cameras(study: PreparedStudy, *, rig: Rig | None = None) -> tuple
     try:
         extent = scene_of(image, flat, study.document.folder_of(_WHERE)).extent
     except MistakeAt as mistake:
-        problems = [_problem(study, (*_WHERE, *one.tail), one.what) for one in mistake.all]
+        problems = [_problem(study, (*_WHERE, *detail.tail), detail.what) for detail in mistake.all]
         raise StudyError(problems) from None
     return extent, _cameras(study, image, picture, sum(extent) / 2.0, rig or image.rig)
 
@@ -140,12 +140,12 @@ def whole_pictures(
     ]
 
 
-def _problem(study: PreparedStudy, path: tuple[str | int, ...], what: str) -> Problem:
-    return study.document.locate(path).problem(path, what)
+def _problem(study: PreparedStudy, path: tuple[str | int, ...], message: str) -> Problem:
+    return study.document.locate(path).problem(path, message)
 
 
 def _cameras(study: PreparedStudy, image: SceneImagePart, picture: PicturePart, middle: float, rig: Rig) -> list[Taken]:
-    found = []
+    taken = []
     for name, camera in study.case.all_cameras.items():
         if image.cameras is not None and name not in image.cameras:
             continue
@@ -153,15 +153,15 @@ def _cameras(study: PreparedStudy, image: SceneImagePart, picture: PicturePart, 
         environment = None
         if rig == "drawn" and isinstance(camera, DepthCamera):
             if camera.calibration.vocabulary is not None or not camera.calibration.inferred:
-                what = (
+                message = (
                     f"errors cannot be drawn for the pictures of {name}, because it is an imported or fitted rig; "
                     "write rig: as-designed, or leave it out of scene.image.cameras"
                 )
-                raise StudyError([_problem(study, ("scene", "image", "rig"), what)])
+                raise StudyError([_problem(study, ("scene", "image", "rig"), message)])
             errors = drawn_errors(camera, name, study.file.propagation.seed)
             environment = camera.calibration.environment
         exposures = camera.exposures(middle, errors, environment, picture.stop_separation)
-        found.append(
+        taken.append(
             Taken(
                 name=name,
                 camera=camera,
@@ -171,7 +171,7 @@ def _cameras(study: PreparedStudy, image: SceneImagePart, picture: PicturePart, 
                 stop_separation=picture.stop_separation,
             )
         )
-    return found
+    return taken
 
 
 _SIDES: Final = (512, 4096)  # least and most samples of a random texture before it repeats
@@ -197,28 +197,28 @@ def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> Scen
         A file is not a depth map or picture, or their sizes differ; the position is relative to the part.
     """
     surfaces: list[SurfaceSource] = []
-    for number, one in enumerate(part.surfaces):
-        if isinstance(one, PlanePart):
-            surfaces.append(_plane(one, pattern))
-        elif isinstance(one, StairsPart):
-            surfaces += _stairs(one, pattern)
-        elif isinstance(one, SpherePart):
-            sphere = Sphere(centre=(*one.centre, one.distance), radius=one.radius, pattern=pattern)
+    for number, surface in enumerate(part.surfaces):
+        if isinstance(surface, PlanePart):
+            surfaces.append(_plane(surface, pattern))
+        elif isinstance(surface, StairsPart):
+            surfaces += _stairs(surface, pattern)
+        elif isinstance(surface, SpherePart):
+            sphere = Sphere(centre=(*surface.centre, surface.distance), radius=surface.radius, pattern=pattern)
             surfaces.append(sphere)
-        elif isinstance(one, RockPart):
+        elif isinstance(surface, RockPart):
             surfaces.append(
                 Rock(
-                    near=one.near,
-                    far=one.far,
-                    feature_size=one.feature_size,
-                    hurst=one.hurst,
+                    near=surface.near,
+                    far=surface.far,
+                    feature_size=surface.feature_size,
+                    hurst=surface.hurst,
                     seed=pattern.seed,
                     number=number,
                     pattern=pattern,
                 )
             )
         else:
-            surfaces.append(_map(one, ("surfaces", number), pattern, folder))
+            surfaces.append(_map(surface, ("surfaces", number), pattern, folder))
     return SceneSource(surfaces=tuple(surfaces), background=part.background)
 
 
@@ -281,7 +281,7 @@ def _stairs(part: StairsPart, pattern: RandomPattern) -> Iterator[Flat]:
     depths = np.linspace(part.near, part.far, part.treads)
     inner = (np.arange(part.treads - 1) - (part.treads - 2) / 2.0) * (part.tread_width or 0.0) + part.edge
     edges = [part.edge - endless, *(float(edge) for edge in inner), part.edge + endless]
-    for k, depth in enumerate(float(one) for one in depths):
+    for k, depth in enumerate(float(tread) for tread in depths):
         left, right = edges[k], edges[k + 1]
         middle = (left + right) / 2.0
         yield Flat(

@@ -84,6 +84,7 @@ class ScenePicturesProblem(SimulationProblem):
         self.asked: tuple[Quantity, ...] = ("pixel_intensity",)
         self._pictures, self._wavelength = pictures, wavelength
         middle = np.zeros(1)
+        # Rays through microlenses have a type of lens each; all others share one.
         microlenses = not isinstance(pictures[0].exposure.cones(middle, middle).lens_type, int)
         self._legs = LENSES if microlenses else LENSES[:1]
         self._forced = {leg: forced[leg] for leg in self._legs if forced.get(leg) in models_of(leg, "picture")}
@@ -113,8 +114,8 @@ class ScenePicturesProblem(SimulationProblem):
             return {"pixel_intensity": Change(relative=0.0)}
         if len(self._done) < len(self._pictures):
             return {"pixel_intensity": Change(relative=math.inf, evidence="trial")}
-        changed, own = (math.fsum(one) for one in zip(*self._done, strict=True))
-        relative = _MARGIN * math.sqrt(changed / own) if own > 0.0 else 0.0
+        changed, light = (math.fsum(column) for column in zip(*self._done, strict=True))
+        relative = _MARGIN * math.sqrt(changed / light) if light > 0.0 else 0.0
         return {"pixel_intensity": Change(relative=relative, evidence="trial")}
 
     def try_out(self, models: Models) -> bool:
@@ -139,7 +140,7 @@ class ScenePicturesProblem(SimulationProblem):
     @cached_property
     def _waves(self) -> list[Waves]:
         """How waves would render each picture."""
-        return [waves_of(one.exposure, one.scene, self._wavelength) for one in self._pictures]
+        return [waves_of(tile.exposure, tile.scene, self._wavelength) for tile in self._pictures]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,11 +158,13 @@ def _changed(trial: _Trial) -> tuple[float, float]:
     tile, waves = replace(trial.tile, samples=_SAMPLES), replace(trial.waves, offset_step=_OFFSET_STEP)
     down, across = (_patches(end) for end in (tile.rows[1], tile.columns[1]))
     rows, columns = (grid.ravel() for grid in np.meshgrid(down, across, indexing="ij"))
-    rays, whole = (electrons_at(replace(tile, waves=one), rows, columns)[0] for one in (None, waves))
+    rays, whole = (electrons_at(replace(tile, waves=model), rows, columns)[0] for model in (None, waves))
     return float(np.sum(np.square(rays - whole))), float(np.sum(np.square(whole)))
 
 
 def _patches(size: int) -> NDArray[np.intp]:
     """Pixels of patches along an axis, each centred in one of `_PATCHES` equal parts."""
     middles = [(2 * k + 1) * size // (2 * _PATCHES) for k in range(_PATCHES)]
-    return np.concatenate([np.arange(max(0, one - _SIDE // 2), min(size, one + _SIDE // 2)) for one in middles])
+    return np.concatenate(
+        [np.arange(max(0, middle - _SIDE // 2), min(size, middle + _SIDE // 2)) for middle in middles]
+    )

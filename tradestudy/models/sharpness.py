@@ -29,33 +29,34 @@ class DepthOfFieldProblem(SimulationProblem):
     asked = ("depth_of_field",)
 
     def __init__(self, focuses: Sequence[Focus], criteria: Sequence[BlurCriterion], forced: Models) -> None:
-        self._focuses, self._criteria = tuple(focuses), tuple(one for one in criteria if one.measure != "none")
+        self._focuses = tuple(focuses)
+        self._criteria = tuple(criterion for criterion in criteria if criterion.measure != "none")
         models, reason = models_of("main_lens_diffraction", "sharpness"), ""
         if not self._criteria:
             models, reason = (OFF,), "no criterion includes the diffraction spot"
-        own = {slot: name for slot, name in forced.items() if name in models}
-        self.slots = (Slot(name="main_lens_diffraction", models=models, saves_time=False, reason=reason).under(own),)
+        fixed = {slot: model for slot, model in forced.items() if model in models}
+        self.slots = (Slot(name="main_lens_diffraction", models=models, saves_time=False, reason=reason).under(fixed),)
 
     def changes(self, models: Models) -> Changes:
         """The largest change of a near or far end; infinite where an end appears or vanishes."""
         if models == self.complete:
             return {"depth_of_field": Change(relative=0.0)}
         pairs = [
-            [focus.sharp_range(one).slices for one in (criterion, replace(criterion, measure="none"))]
+            [focus.sharp_range(variant).slices for variant in (criterion, replace(criterion, measure="none"))]
             for focus in self._focuses
             for criterion in self._criteria
         ]
-        ends = [[np.atleast_1d(getattr(one, end)) for one in pair] for pair in pairs for end in ("near", "far")]
-        return {"depth_of_field": Change(relative=max((_largest(new, own) for own, new in ends), default=0.0))}
+        ends = [[np.atleast_1d(getattr(slices, end)) for slices in pair] for pair in pairs for end in ("near", "far")]
+        return {"depth_of_field": Change(relative=max((_largest(new, old) for old, new in ends), default=0.0))}
 
 
-def _largest(new: FloatArray, own: FloatArray) -> float:
+def _largest(new: FloatArray, old: FloatArray) -> float:
     """Largest relative difference; infinite where only one of the two ends is finite."""
-    if new.shape != own.shape:
+    if new.shape != old.shape:
         return math.inf
-    same = (new == own) | (np.isnan(new) & np.isnan(own))
+    same = (new == old) | (np.isnan(new) & np.isnan(old))
     with np.errstate(invalid="ignore"):  # ∞/∞ where both are infinite, which counts as equal
-        change = np.where(same, 0.0, np.abs(new / own - 1.0))
+        change = np.where(same, 0.0, np.abs(new / old - 1.0))
     return float(np.max(np.where(np.isnan(change), math.inf, change), initial=0.0))
 
 
@@ -74,8 +75,8 @@ class PointSpreadProblem(SimulationProblem):
         self.title = "Point spreads"
         self.asked: tuple[Quantity, ...] = ("psf_width",)
         laws = models_of("main_lens_diffraction", "point")
-        own = {slot: name for slot, name in forced.items() if name in laws}
-        self.slots = (Slot(name="main_lens_diffraction", models=laws, saves_time=False).under(own),)
+        fixed = {slot: model for slot, model in forced.items() if model in laws}
+        self.slots = (Slot(name="main_lens_diffraction", models=laws, saves_time=False).under(fixed),)
         self._part = part
         self._fresnel: float | None = None
 

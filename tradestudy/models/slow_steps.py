@@ -90,8 +90,8 @@ def _work(step: str, unit: str, count: float, amount: str, problem: str = "") ->
 def _depth(study: PreparedStudy) -> Iterator[Work]:
     """Calibrations, tables of depth, and the sensitivity of each camera."""
     file, case = study.file, study.case
-    if asked := calibrations_to_infer(study):
-        yield _work("calibration", "calibration", len(asked), counted(len(asked), "posterior"))
+    if requests := calibrations_to_infer(study):
+        yield _work("calibration", "calibration", len(requests), counted(len(requests), "posterior"))
     if lattice := kirchhoff_lattice(case.cameras.values(), case.distance):
         amount = f"Kirchhoff diffraction at {counted(len(lattice), 'value')} of defocus"
         yield _work("pictures", "Kirchhoff diffraction at a defocus", len(lattice), amount)
@@ -100,12 +100,12 @@ def _depth(study: PreparedStudy) -> Iterator[Work]:
     for name, camera in case.cameras.items():
         exact = "exact" if camera.propagation.model == "exact" else "linear"
         designs = math.prod(len(axis.values) for axis in axes if axis.path.partition(".")[0] == name)
-        for step, count, what in (
+        for step, count, noun in (
             ("depth", designs, "design"),
             ("depth off the axis", places, "place"),
         ):
             if count:
-                amount = f"{counted(count, what)} at {counted(case.distance.size, 'distance')}"
+                amount = f"{counted(count, noun)} at {counted(case.distance.size, 'distance')}"
                 unit = f"depth at a distance, {exact}"
                 yield _work(step, unit, count * case.distance.size, amount, name)
     if file.sensitivity is not None:
@@ -142,7 +142,7 @@ def _pictures(study: PreparedStudy) -> Iterator[Work]:
         _, cameras = set_up(study, rig="as-designed", texture_side=TRIAL_TEXTURE)
         for taken in cameras:
             name = name_of(taken.name)
-            pixels = sum(one.sensor.columns * one.sensor.rows for one in taken.exposures)
+            pixels = sum(exposure.sensor.columns * exposure.sensor.rows for exposure in taken.exposures)
             by_waves = study.choices.models.get(name, {}).get("main_lens_diffraction", OFF) != OFF
             amount = f"{pixels / 1e6:.3g} million pixels"
             yield _work("rendering", "rendered pixel" + " by waves" * by_waves, pixels, amount, name)
@@ -188,11 +188,11 @@ def _light_spot(part: LightSpotPart, models: Mapping[str, Models]) -> Work:
     from tradestudy.models.light_spot import NAME, spot_models
     from tradestudy.models.spot_images import RAYS, compared_models
 
-    asked = dict.fromkeys([*(compared_models(part, method) for method in part.methods), spot_models(models[NAME])])
-    waves = [one for one in asked if one.method not in RAYS]
+    compared = dict.fromkeys([*(compared_models(part, method) for method in part.methods), spot_models(models[NAME])])
+    waves = [spot for spot in compared if spot.method not in RAYS]
     amount = f"{counted(max(1, len(waves)), 'picture')} of {counted(_microlenses(part), 'microlens', 'microlenses')}"
     seconds = math.fsum(
-        picture_seconds(part, one.tolerance) / (len(part.lines) if one.monochromatic else 1) for one in waves
+        picture_seconds(part, spot.tolerance) / (len(part.lines) if spot.monochromatic else 1) for spot in waves
     )
     return Work(step="image of the spot", amount=amount, seconds=seconds, problem=NAME)
 

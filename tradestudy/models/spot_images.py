@@ -96,6 +96,7 @@ def _microlenses(part: LightSpotPart) -> Microlenses:
     else:
         centres = hexagonal_centres(pitch=array.pitch, rings=array.lenses_across // 2)
         row_pitch, shift = array.pitch * math.sqrt(3.0) / 2.0, 0.5
+    # In lattice coordinates; with three types on a hexagonal array, no two neighbours have the same.
     rows = centres[:, 1] / row_pitch
     columns = centres[:, 0] / array.pitch - shift * rows
     types = np.rint(columns - rows).astype(int) % len(array.focal_lengths)
@@ -265,16 +266,16 @@ def picture_of(
                 compute=compute,
             )
 
-        found = _refined(sampled, models.tolerance)
+        refined = _refined(sampled, models.tolerance)
         once = partial(sampled, ChainAccuracy(tolerance=models.tolerance))
-        refuse_following_microlenses(found, path, source, legs(models.method), models.tolerance, once)
-        return found
+        refuse_following_microlenses(refined, path, source, legs(models.method), models.tolerance, once)
+        return refined
 
     if models.monochromatic or models.method in RAYS:  # rays are the same at every wavelength
         return image(part.mean_wavelength)
     wavelengths, shares = np.array(part.lines).T
     steps = np.linspace(0.0, 1.0, wavelengths.size + 1).tolist()
-    images = [image(*one) for one in zip(wavelengths.tolist(), steps[:-1], steps[1:], strict=True)]
+    images = [image(*span) for span in zip(wavelengths.tolist(), steps[:-1], steps[1:], strict=True)]
     return mean_image(images, wavelengths, shares)
 
 
@@ -285,20 +286,21 @@ def _refined(sampled: Callable[[ChainAccuracy], ChainImage], tolerance: float) -
     accuracy = ChainAccuracy(tolerance=tolerance)
     for _ in range(_ROUNDS):
         try:
-            found = sampled(accuracy)
+            image = sampled(accuracy)
         except NotConvergedError as disagreement:
             failure = disagreement
+            # The images of single points disagree: more of them would not help, but finer sampling of each may.
             accuracy = _finer(accuracy, {"sampling": math.inf})
             continue
         except UnaffordableError as refusal:
             failure = refusal
             break
-        gained = best is None or found.numerical_error < _GAIN * best.numerical_error
-        if best is None or found.numerical_error < best.numerical_error:
-            best = found
+        gained = best is None or image.numerical_error < _GAIN * best.numerical_error
+        if best is None or image.numerical_error < best.numerical_error:
+            best = image
         if best.numerical_error <= tolerance or not gained:
             break
-        accuracy = _finer(accuracy, {name: error / tolerance for name, error in found.error_terms.items()})
+        accuracy = _finer(accuracy, {name: error / tolerance for name, error in image.error_terms.items()})
     if best is None:
         assert failure is not None
         raise failure
@@ -332,9 +334,9 @@ def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -
     places = (("on axis", 0.0), (f"{_OFF_AXIS * 1e3:g} mm off axis", _OFF_AXIS))
     for phase, (where, x) in product(LENS_PHASES, places):
         name = f"main lens alone, {_TARGETS} × {_TARGETS} points, Kirchhoff, {phase}, {where}"
-        found = [_aperture(part, phase, x) for _ in range(_REPEATS)]
-        errors[name] = found[0][1]
-        seconds[name] = min(took for took, _ in found)
+        runs = [_aperture(part, phase, x) for _ in range(_REPEATS)]
+        errors[name] = runs[0][1]
+        seconds[name] = min(took for took, _ in runs)
     name = "one source point, both lenses, Kirchhoff on both legs"
     with timed(seconds, name):
         errors[name] = unguarded_image(
