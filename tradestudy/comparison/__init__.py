@@ -44,23 +44,23 @@ def differing_inputs(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], int]:
     differ only by rounding, such as a rotation that one file writes as a vector and another as a matrix.
     """
     shared = set(common_cameras(runs, "cameras"))
-    every = [run.record.get("inputs", {}) for run in runs]
-    declared = [one if isinstance(one, Mapping) else {} for one in every]
+    recorded = [run.record.get("inputs", {}) for run in runs]
+    declared = [inputs if isinstance(inputs, Mapping) else {} for inputs in recorded]
     is_one_study = len({str(run.record.get("study", "")) for run in runs}) == 1
     paths = [
         path
-        for path in dict.fromkeys(path for one in declared for path in one)
+        for path in dict.fromkeys(path for inputs in declared for path in inputs)
         if (is_one_study or path not in _NAMES) and (not path.startswith("cameras.") or path.split(".")[1] in shared)
     ]
-    titles, found = titles_of(runs), []
+    titles, differences = titles_of(runs), []
     for path in paths:
-        texts = [str(one[path]) if path in one else NOT_SET for one in declared]
+        texts = [str(inputs[path]) if path in inputs else NOT_SET for inputs in declared]
         if not all(are_alike(texts[0], text) for text in texts[1:]):
             named = {} if path.startswith("scene.") else titles  # no key of a scene is the name of a camera
             what = " › ".join(named.get(part, in_words(part)) for part in path.split("."))
             what = path_words(runs[0].tree, path) if path.startswith("cameras.") else what
-            found.append(Difference(what=what, values=tuple(_shown(text, titles) for text in texts)))
-    return tuple(found), len(paths)
+            differences.append(Difference(what=what, values=tuple(_shown(text, titles) for text in texts)))
+    return tuple(differences), len(paths)
 
 
 def _shown(text: str, titles: Mapping[str, str]) -> str:
@@ -79,26 +79,26 @@ def differing_models(runs: Sequence[Run]) -> Iterator[Difference]:
         str(key): str(title)
         for run in runs
         for key, title in zip(
-            *(group(run.tree, "effects")[name].values for name in ("problem", "problem_title")), strict=True
+            *(group(run.tree, "effects")[variable].values for variable in ("problem", "problem_title")), strict=True
         )
     }
-    for place in chosen[0]:
-        if all(place in one for one in chosen) and len({one[place] for one in chosen}) > 1:
-            problem, slot = place
-            values = tuple(_model_words(slot, one[place]) for one in chosen)
+    for key in chosen[0]:
+        if all(key in models for models in chosen) and len({models[key] for models in chosen}) > 1:
+            problem, slot = key
+            values = tuple(_model_words(slot, models[key]) for models in chosen)
             yield Difference(what=titles.get(problem, problem), values=values)
 
 
 def _chosen(run: Run) -> dict[tuple[str, str], str]:
     effects = group(run.tree, "effects")
-    rows = zip(*(effects[name].values for name in ("problem_of", "slot", "model", "chosen")), strict=True)
+    rows = zip(*(effects[variable].values for variable in ("problem_of", "slot", "model", "chosen")), strict=True)
     return {(str(problem), str(slot)): str(model) for problem, slot, model, acts in rows if np.equal(acts, 1)}
 
 
 def _model_words(slot: str, model: str) -> str:
-    words = {str(name): text for name, text in EFFECT.items()}[slot]
-    known = {(str(name), which): text for (name, which), text in MODEL.items()}
-    return known.get((slot, model), f"{words} left out" if model == "off" else f"{words}: {model}")
+    words = {str(slot_name): text for slot_name, text in EFFECT.items()}[slot]
+    by_model = {(str(effect), chosen): text for (effect, chosen), text in MODEL.items()}
+    return by_model.get((slot, model), f"{words} left out" if model == "off" else f"{words}: {model}")
 
 
 def compare_runs(
@@ -138,7 +138,7 @@ def compare_runs(
         inputs=inputs,
         same_inputs=compared - len(inputs),
         models=tuple(differing_models(runs)),
-        results=tuple(one.difference for one in results.moved),
+        results=tuple(result.difference for result in results.moved),
         same_results=results.within_error,
         overlay=overlay,
         without_overlay=without,
@@ -149,12 +149,12 @@ def _conclusions(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], tuple[str
     """The conclusions that changed, and those that did not, in words."""
     if not all("cameras" in run.tree.children for run in runs):
         return (), ()
-    found = (
+    compared = (
         (compare_requirements(runs), "requirement", "requirements"),
-        *((compare_answers([of(run.tree) for run in runs]), word, words) for of, word, words in KINDS),
+        *((compare_answers([answers_of(run.tree) for run in runs]), word, words) for answers_of, word, words in KINDS),
     )
-    changed = [one for answers, _, _ in found for one in answers if one is not None]
-    unchanged = [counted(count, word, words) for answers, word, words in found if (count := answers.count(None))]
+    changed = [difference for answers, _, _ in compared for difference in answers if difference is not None]
+    unchanged = [counted(count, word, words) for answers, word, words in compared if (count := answers.count(None))]
     differing, same = compare_best(runs)
     changed += differing
     unchanged += [same] if same else []
@@ -176,9 +176,10 @@ def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
     if len({str(run.record.get("code_hash", "")) for run in runs}) > 1:
         yield "Different versions of the program computed the runs, so results can differ even where no input does."
     shared, titles = set(common_cameras(runs, "cameras")), [titles_of([run]) for run in runs]
-    keys = Counter(title for title, _ in {(title, key) for own in titles for key, title in own.items()})
-    for run, own in zip(runs, titles, strict=True):
-        alone = [f"{title} ({key})" if keys[title] > 1 else title for key, title in own.items() if key not in shared]
+    # A title that belongs to several keys needs its key beside it.
+    keys = Counter(title for title, _ in {(title, key) for of_run in titles for key, title in of_run.items()})
+    for run, of_run in zip(runs, titles, strict=True):
+        alone = [f"{title} ({key})" if keys[title] > 1 else title for key, title in of_run.items() if key not in shared]
         if alone:
             yield f"Not in every run, so not compared: {'; '.join(alone)} ({run.name})."
     if results.apart:
@@ -189,7 +190,7 @@ def _labels(runs: Sequence[Run]) -> tuple[str, ...]:
     """The shortest ends of the runs' paths that distinguish them; numbered where the whole paths are the same."""
     parts = [PurePath(run.name).parts for run in runs]
     for length in range(1, max(map(len, parts)) + 1):
-        ends = tuple("/".join(one[-length:]) for one in parts)
+        ends = tuple("/".join(path[-length:]) for path in parts)
         if len(set(ends)) == len(ends):
             return ends
     return tuple(f"{run.name} ({number})" for number, run in enumerate(runs, start=1))
@@ -202,11 +203,11 @@ def _overlay(
     cameras = common_cameras(runs, "depth")
     if not cameras:
         return None, "No figure: the runs share no camera with a depth uncertainty."
-    moved = [one for one in results.moved if (one.group, one.variable) == ("depth", "depth_uncertainty")]
+    moved = [result for result in results.moved if (result.group, result.variable) == ("depth", "depth_uncertainty")]
     if not moved:
         return None, "No figure: no curve of depth uncertainty differs by more than its error."
-    changed = {one.camera for one in moved}
+    changed = {result.camera for result in moved}
     shown = cameras if len(cameras) <= FEW else tuple(key for key in cameras if key in changed)
     legend = labels if len(inputs) != 1 else [f"{inputs[0].what}: {value}" for value in inputs[0].values]
-    without_figure = "; ".join(str(one.difference) for one in moved)  # for readers who do not see it
+    without_figure = "; ".join(str(result.difference) for result in moved)  # for readers who do not see it
     return overlay_drawing([run.tree for run in runs], legend, shown, moved[0].design, without_figure), ""

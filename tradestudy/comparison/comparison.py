@@ -96,10 +96,10 @@ def titles_of(runs: Sequence[Run]) -> dict[str, str]:
 
     Cameras with the same title, as after a change of a key, also have their keys.
     """
-    found = [camera_titles(run.tree) if "cameras" in run.tree.children else {} for run in runs]
+    by_run = [camera_titles(run.tree) if "cameras" in run.tree.children else {} for run in runs]
     titles = {
-        key: same_or_each([titles[key] for titles in found if key in titles])
-        for key in dict.fromkeys(key for titles in found for key in titles)
+        key: same_or_each([titles[key] for titles in by_run if key in titles])
+        for key in dict.fromkeys(key for titles in by_run for key in titles)
     }
     shared = Counter(titles.values())
     return {key: title if shared[title] == 1 else f"{title} ({key})" for key, title in titles.items()}
@@ -122,19 +122,19 @@ _DIMENSIONS: Final = (
 )  # fmt: skip
 
 
-def are_alike(one: str, other: str) -> bool:
+def are_alike(first: str, second: str) -> bool:
     """Whether two declared values mean the same, such as 0.01 deg and 0.01°.
 
     Numbers may differ by rounding, relative to the largest of their dimension in a list or part, or to 1 rad.
     """
-    meanings = [[_meaning(part.strip("' ")) for part in _MARKS.split(text)] for text in (one, other)]
-    if [what for what, _ in meanings[0]] != [what for what, _ in meanings[1]]:
+    meanings = [[_meaning(part.strip("' ")) for part in _MARKS.split(text)] for text in (first, second)]
+    if [kind for kind, _ in meanings[0]] != [kind for kind, _ in meanings[1]]:
         return False
     scales = {ANGLE.name: 1.0}
-    for what, number in (*meanings[0], *meanings[1]):
-        scales[what] = max(scales.get(what, 0.0), abs(number) if math.isfinite(number) else 0.0)
+    for kind, number in (*meanings[0], *meanings[1]):
+        scales[kind] = max(scales.get(kind, 0.0), abs(number) if math.isfinite(number) else 0.0)
     pairs = zip(*meanings, strict=True)
-    return all(a == b or abs(a - b) <= _ROUNDING * scales[what] for (what, a), (_, b) in pairs)
+    return all(a == b or abs(a - b) <= _ROUNDING * scales[kind] for (kind, a), (_, b) in pairs)
 
 
 def _meaning(text: str) -> tuple[str, float]:
@@ -216,8 +216,8 @@ class Comparison:
 
     def sentences(self) -> Iterator[str]:
         """The conclusions that changed, one sentence each, and those that did not."""
-        for what, members in itertools.groupby(self.conclusions, key=lambda one: one.what):
-            yield f"{what}: {'; '.join(one.change for one in members)}."
+        for what, members in itertools.groupby(self.conclusions, key=lambda difference: difference.what):
+            yield f"{what}: {'; '.join(difference.change for difference in members)}."
         if self.unchanged:
             yield f"Unchanged: {'; '.join(self.unchanged)}."
         elif not self.conclusions:
@@ -256,37 +256,39 @@ class Comparison:
             yield Picture(name=self.overlay.name, caption=self.overlay.caption, alt=self.overlay.alt)
         yield from self._table("differing-results", _RESULTS, self.results, self.same_results)
 
-    def _table(self, name: str, title: str, found: Sequence[Difference], same: int | None = None) -> Iterator[Block]:
-        shown = found[:_MOST_ROWS]
+    def _table(
+        self, name: str, title: str, differences: Sequence[Difference], same: int | None = None
+    ) -> Iterator[Block]:
+        shown = differences[:_MOST_ROWS]
         if not shown:
             yield Paragraph("None." if same is None else f"None of {same}.")
             return
-        wide = any(one.where for one in shown)
+        wide = any(difference.where for difference in shown)
         columns = [Column(title="What", weight=3), *(Column(title=label, weight=2) for label in self.labels)]
-        rows = [(one.what, *one.values, *([one.where] if wide else [])) for one in shown]
+        rows = [(difference.what, *difference.values, *([difference.where] if wide else [])) for difference in shown]
         yield Table(
             name=name,
-            caption=f"{_heading(title, found, same)}.",
+            caption=f"{_heading(title, differences, same)}.",
             columns=(*columns, *([Column(title="Where, and by how much", weight=2)] if wide else [])),
             rows=tuple(rows),
-            notes=(_more(found, _MOST_ROWS),) if len(found) > _MOST_ROWS else (),
+            notes=(_more(differences, _MOST_ROWS),) if len(differences) > _MOST_ROWS else (),
         )
 
 
-def _section(title: str, found: Sequence[Difference], same: int | None = None) -> Iterator[str]:
+def _section(title: str, differences: Sequence[Difference], same: int | None = None) -> Iterator[str]:
     """A heading with the number of differences, and the first of them, one per line."""
-    if not found:
+    if not differences:
         yield f"{title}: none{'' if same is None else f' of {same}'}"
         return
-    yield f"{_heading(title, found, same)}:"
-    yield from (f"  {one}" for one in found[:_MOST_LINES])
-    if len(found) > _MOST_LINES:
-        yield f"  {_more(found, _MOST_LINES)}"
+    yield f"{_heading(title, differences, same)}:"
+    yield from (f"  {difference}" for difference in differences[:_MOST_LINES])
+    if len(differences) > _MOST_LINES:
+        yield f"  {_more(differences, _MOST_LINES)}"
 
 
-def _heading(title: str, found: Sequence[Difference], same: int | None) -> str:
-    return title if same is None else f"{title}, {len(found)} of {len(found) + same}"
+def _heading(title: str, differences: Sequence[Difference], same: int | None) -> str:
+    return title if same is None else f"{title}, {len(differences)} of {len(differences) + same}"
 
 
-def _more(found: Sequence[Difference], shown: int) -> str:
-    return f"and {len(found) - shown} more"
+def _more(differences: Sequence[Difference], shown: int) -> str:
+    return f"and {len(differences) - shown} more"

@@ -65,8 +65,8 @@ class Answer:
 
 def _measurements(tree: xr.DataTree) -> dict[str, Answer]:
     """How measured depth errors compare with the predicted ones, by table."""
-    found = {one.name: one.finding("the camera") for one in measured_tables(tree)}
-    return {name: Answer(what=f"Measurements {name}", says=says, decides=says) for name, says in found.items()}
+    findings = {table.name: table.finding("the camera") for table in measured_tables(tree)}
+    return {name: Answer(what=f"Measurements {name}", says=says, decides=says) for name, says in findings.items()}
 
 
 def ranks(tree: xr.DataTree) -> dict[str, Answer]:
@@ -74,10 +74,10 @@ def ranks(tree: xr.DataTree) -> dict[str, Answer]:
     return {
         what: Answer(
             what=what,
-            says=f"{one.title} (for {pretty(one.ranks[0], FRACTION, digits=2)} of the weights)",
-            decides=one.title,
+            says=f"{candidate.title} (for {pretty(candidate.ranks[0], FRACTION, digits=2)} of the weights)",
+            decides=candidate.title,
         )
-        for what, one in zip(["Ranked first by all criteria"], candidates_by_rank(tree), strict=False)
+        for what, candidate in zip(["Ranked first by all criteria"], candidates_by_rank(tree), strict=False)
     }
 
 
@@ -113,13 +113,13 @@ KINDS: Final = (
 """Kinds of answers: how a run gives them, and the words for one and for several."""
 
 
-def compare_answers(found: Sequence[Mapping[str, Answer]]) -> Changes:
+def compare_answers(by_run: Sequence[Mapping[str, Answer]]) -> Changes:
     """Compare the answers of one kind that every run gives, by their names."""
-    shared = [[one[name] for one in found] for name in found[0] if all(name in one for one in found)]
+    shared = [[answers[name] for answers in by_run] for name in by_run[0] if all(name in answers for answers in by_run)]
     return [
         None
-        if all(first.is_same(one) for one in others)
-        else Difference(what=first.what, values=changed_clauses([first.says, *(one.says for one in others)]))
+        if all(first.is_same(other) for other in others)
+        else Difference(what=first.what, values=changed_clauses([first.says, *(other.says for other in others)]))
         for first, *others in shared
     ]
 
@@ -128,82 +128,84 @@ def compared_headline(trees: Sequence[xr.DataTree], changed: int) -> str:
     """How the answer differs between runs of which so many conclusions differ; empty where no run has an answer."""
     answers = [headline(tree).removesuffix(".") for tree in trees]
     if len(set(answers)) > 1 and changed:
-        return (
-            f"The answer changes from {' to '.join(f'“{one}”' if one else 'none' for one in changed_clauses(answers))}."
-        )
+        quoted = (f"“{answer}”" if answer else "none" for answer in changed_clauses(answers))
+        return f"The answer changes from {' to '.join(quoted)}."
     others = f", but {counted(changed, 'conclusion')} changed" if changed else ""
     return f"The answer stays “{answers[0]}”{others}." if any(answers) else ""
 
 
 def changed_clauses(answers: Sequence[str]) -> tuple[str, ...]:
     """Answers without the clauses, such as those of one camera, that are alike in all of them."""
-    clauses = [one.split("; ") for one in answers]
-    if len({len(one) for one in clauses}) > 1:
+    clauses = [answer.split("; ") for answer in answers]
+    if len({len(parts) for parts in clauses}) > 1:
         return tuple(answers)
-    changed = [k for k, first in enumerate(clauses[0]) if not all(are_alike(first, one[k]) for one in clauses)]
-    return tuple("; ".join(one[k] for k in changed) or "; ".join(one) for one in clauses)
+    changed = [k for k, first in enumerate(clauses[0]) if not all(are_alike(first, parts[k]) for parts in clauses)]
+    return tuple("; ".join(parts[k] for k in changed) or "; ".join(parts) for parts in clauses)
 
 
 def compare_requirements(runs: Sequence[Run]) -> Changes:
     """Compare verdicts on requirements, the cameras that decide them, and, in sweeps, the designs that meet them."""
-    found = [{one.name: one for one in requirement_conclusions(run.tree)} for run in runs]
-    names = dict.fromkeys(name for one in found for name in one)
-    each: list[Changes] = [list(_of_requirement([one.get(name) for one in found])) for name in names]
-    return [one for some in each for one in some or [None]]
+    by_run = [{conclusion.name: conclusion for conclusion in requirement_conclusions(run.tree)} for run in runs]
+    names = dict.fromkeys(name for conclusions in by_run for name in conclusions)
+    each: list[Changes] = [list(_of_requirement([conclusions.get(name) for conclusions in by_run])) for name in names]
+    return [difference for differences in each for difference in differences or [None]]
 
 
-def _of_requirement(ones: Sequence[RequirementConclusion | None]) -> Iterator[Difference]:
-    there = [one for one in ones if one is not None]
-    what = f'Requirement "{same_or_each([one.says for one in there])}"'
-    verdicts = tuple(NOT_ASKED if one is None else one.verdict for one in ones)
-    deciding = [decided_by(one) for one in there]
+def _of_requirement(conclusions: Sequence[RequirementConclusion | None]) -> Iterator[Difference]:
+    asked = [conclusion for conclusion in conclusions if conclusion is not None]
+    what = f'Requirement "{same_or_each([conclusion.says for conclusion in asked])}"'
+    verdicts = tuple(NOT_ASKED if conclusion is None else conclusion.verdict for conclusion in conclusions)
+    deciding = [decided_by(conclusion) for conclusion in asked]
     if len(set(verdicts)) > 1:
-        bound = "; its bound differs" if len({one.bound for one in there}) > 1 else ""
-        yield Difference(what=what, values=verdicts, where=f"({_reasons(there)}{bound})")
+        bound = "; its bound differs" if len({conclusion.bound for conclusion in asked}) > 1 else ""
+        yield Difference(what=what, values=verdicts, where=f"({_reasons(asked)}{bound})")
     elif len(set(deciding)) > 1:
         yield Difference(
-            what=what, values=tuple(f"{one.verdict}, {by}" for one, by in zip(there, deciding, strict=True))
+            what=what,
+            values=tuple(f"{conclusion.verdict}, {by}" for conclusion, by in zip(asked, deciding, strict=True)),
         )
-    if len(there) == len(ones):
-        yield from _of_designs(what, there)
+    if len(asked) == len(conclusions):
+        yield from _of_designs(what, asked)
 
 
-def _reasons(ones: Sequence[RequirementConclusion]) -> str:
+def _reasons(conclusions: Sequence[RequirementConclusion]) -> str:
     """The worst value in each run, with its camera and distance; what the runs share is stated once."""
-    cameras = [one.camera for one in ones]
+    cameras = [conclusion.camera for conclusion in conclusions]
     if len(set(cameras)) > 1:
-        return ARROW.join(f"{one.camera}: {one.reason}" for one in ones)
-    reasons = list(dict.fromkeys(one.reason for one in ones))
-    heads, places = zip(*(one.rpartition(" at ")[::2] for one in reasons), strict=True)
+        return ARROW.join(f"{conclusion.camera}: {conclusion.reason}" for conclusion in conclusions)
+    reasons = list(dict.fromkeys(conclusion.reason for conclusion in conclusions))
+    heads, places = zip(*(reason.rpartition(" at ")[::2] for reason in reasons), strict=True)
     if len(reasons) > 1 and len(set(places)) == 1 and all(head.startswith(_WORST) for head in heads):
         values = ARROW.join(head.removeprefix(_WORST) for head in heads)
         return f"{cameras[0]}: {_WORST}{values} at {places[0]}"
     return f"{cameras[0]}: {ARROW.join(reasons)}"
 
 
-def _of_designs(what: str, ones: Sequence[RequirementConclusion]) -> Iterator[Difference]:
+def _of_designs(what: str, conclusions: Sequence[RequirementConclusion]) -> Iterator[Difference]:
     """The ranges of a single swept number in which the requirement is met; else the number of designs."""
-    ranges = [one.met_ranges for one in ones if one.met_ranges is not None]
-    parameters = {one.parameter for found in ranges for one in found}
-    designs = [one.designs for one in ones if one.designs is not None]
-    if len(ranges) == len(ones):
-        if len(parameters) == 1 and _moved([list(map(_met_stretch, found)) for found in ranges]):
-            values = tuple("met " + (" and ".join(_range_words(found)) or _NOWHERE) for found in ranges)
+    ranges = [conclusion.met_ranges for conclusion in conclusions if conclusion.met_ranges is not None]
+    parameters = {met_range.parameter for met_ranges in ranges for met_range in met_ranges}
+    designs = [conclusion.designs for conclusion in conclusions if conclusion.designs is not None]
+    if len(ranges) == len(conclusions):
+        if len(parameters) == 1 and _moved([list(map(_met_stretch, met_ranges)) for met_ranges in ranges]):
+            values = tuple("met " + (" and ".join(_range_words(met_ranges)) or _NOWHERE) for met_ranges in ranges)
             yield Difference(what=f"{what}, over the {parameters.pop()}", values=values)
-    elif len(designs) == len(ones) and len(set(designs)) > 1:
+    elif len(designs) == len(conclusions) and len(set(designs)) > 1:
         yield Difference(
             what=f"{what}, over all designs",
-            values=tuple(f"met by {met} of {counted(every, 'design')}" for met, every in designs),
+            values=tuple(f"met by {met} of {counted(count, 'design')}" for met, count in designs),
         )
 
 
-def _met_stretch(one: MetRange) -> Stretch:
-    return Stretch(ends=(one.low, one.high), errors=(one.error, one.error), camera=one.camera)
+def _met_stretch(met_range: MetRange) -> Stretch:
+    return Stretch(
+        ends=(met_range.low, met_range.high), errors=(met_range.error, met_range.error), camera=met_range.camera
+    )
 
 
-def _range_words(found: Sequence[MetRange]) -> list[str]:
-    several = len({one.camera for one in found}) > 1
-    return [one.words + (f" by {one.camera}" if several else "") for one in found]
+def _range_words(met_ranges: Sequence[MetRange]) -> list[str]:
+    several = len({met_range.camera for met_range in met_ranges}) > 1
+    return [met_range.words + (f" by {met_range.camera}" if several else "") for met_range in met_ranges]
 
 
 NOBODY = "no usable camera"
@@ -224,7 +226,7 @@ def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], str]:
         return (), ""
     winners = [list(reported_winners(run.tree)) for run in runs]
     ranges = list(_ranges(winners, (near, far)))
-    errors = {at: error for run, found in zip(runs, winners, strict=True) for at, error in _switches(run.tree, found)}
+    errors = {place: error for run, won in zip(runs, winners, strict=True) for place, error in _switches(run.tree, won)}
     # An end is that of a usable range where any run has no usable camera beyond it.
     shown = list(shown_ends([(near, far, TIED.join(names) if all(names) else "") for near, far, names in ranges]))
     differing = [k for k, (_, _, names) in enumerate(ranges) if _differ(names)]
@@ -235,7 +237,7 @@ def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], str]:
     unexplained = tuple(
         Difference(
             what=what,
-            values=tuple(answer_title(titles, name, NOBODY) for name in ranges[k][2]),
+            values=tuple(answer_title(titles, answer, NOBODY) for answer in ranges[k][2]),
             where=f"from {span(*shown[k])}{rest if k == changed[-1] else ''}",
         )
         for k in changed
@@ -244,26 +246,27 @@ def compare_best(runs: Sequence[Run]) -> tuple[tuple[Difference, ...], str]:
     return unexplained, "" if changed else f"the best camera from {span(near, far)}{close}"
 
 
-def common_range(runs: Sequence[Run], of: str = "decision") -> tuple[float, float]:
+def common_range(runs: Sequence[Run], group_name: str = "decision") -> tuple[float, float]:
     """The distances [m] between which every run has the results of a group."""
-    ends = [group(run.tree, of)["distance"].values[[0, -1]] for run in runs]
+    ends = [group(run.tree, group_name)["distance"].values[[0, -1]] for run in runs]
     return float(max(near for near, _ in ends)), float(min(far for _, far in ends))
 
 
-def _differ(names: Sequence[str]) -> bool:
-    return len({frozenset(tied(name)) for name in names}) > 1
+def _differ(answers: Sequence[str]) -> bool:
+    return len({frozenset(tied(answer)) for answer in answers}) > 1
 
 
 def _ranges(winners: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> Iterator[Between]:
     """The common distances, split wherever any run switches its best camera; equal neighbours are joined."""
-    edges = {at for found in winners for start, stop, _ in found for at in (start, stop) if ends[0] < at < ends[1]}
+    edges = {edge for won in winners for start, stop, _ in won for edge in (start, stop) if ends[0] < edge < ends[1]}
     ranges = []
     for near, far in itertools.pairwise(sorted({*ends, *edges})):
         middle = math.sqrt(near * far)
         # The range that contains the middle, or the nearest one where a sliver is not reported.
-        nearest = [min(found, key=lambda one: max(one[0] - middle, middle - one[1])) for found in winners]
+        nearest = [min(won, key=lambda stretch: max(stretch[0] - middle, middle - stretch[1])) for won in winners]
         ranges.append((near, far, tuple(names for _, _, names in nearest)))
-    for _, members in itertools.groupby(ranges, key=lambda one: one[2] if _differ(one[2]) else None):
+    # Where all runs agree, a switch that all of them make divides nothing.
+    for _, members in itertools.groupby(ranges, key=lambda between: between[2] if _differ(between[2]) else None):
         stretch = list(members)
         yield stretch[0][0], stretch[-1][1], stretch[0][2]
 
@@ -273,23 +276,24 @@ def _is_explained(near: float, far: float, errors: Mapping[float, float]) -> boo
     return distance(near) == distance(far) or far - near <= errors.get(near, 0.0) + errors.get(far, 0.0)
 
 
-def _switches(tree: xr.DataTree, found: Sequence[Winner]) -> Iterator[tuple[float, float]]:
+def _switches(tree: xr.DataTree, won: Sequence[Winner]) -> Iterator[tuple[float, float]]:
     """Where the best camera switches [m]; the error is that of the root or, without one, the gap of two distances."""
     decision, depth, exact = group(tree, "decision"), nominal(tree), {}
-    every = np.asarray(decision["distance"].values, dtype=np.float64)
+    distances = np.asarray(decision["distance"].values, dtype=np.float64)
     is_declared = nominal_is_declared(tree)  # else the curves belong to another design than the decision
     if "crossover_distance" in decision:
-        own = decision.isel(reading=0).sel(error_source="both")
-        exact = dict(zip(own["crossover_distance"].values, SURE * own["crossover_error"].values, strict=True))
+        declared = decision.isel(reading=0).sel(error_source="both")
+        exact = dict(zip(declared["crossover_distance"].values, SURE * declared["crossover_error"].values, strict=True))
     for camera in map(str, depth["camera"].values) if is_declared else ():
-        for one in _usable(depth, camera, left_out_share(tree, camera, "usable_range")):
-            exact |= dict(zip(one.ends, one.errors, strict=True))
-    for (_, place, before), (_, _, after) in itertools.pairwise(found):
-        index = int(np.clip(np.searchsorted(every, place), 1, every.size - 1))
-        error = exact.get(place, math.nan)
-        known = error if math.isfinite(error) else float(every[index] - every[index - 1])
+        for stretch in _usable(depth, camera, left_out_share(tree, camera, "usable_range")):
+            exact |= dict(zip(stretch.ends, stretch.errors, strict=True))
+    for (_, place, before), (_, _, after) in itertools.pairwise(won):
+        # A switch without a root lies somewhere between two computed distances.
+        index = int(np.clip(np.searchsorted(distances, place), 1, distances.size - 1))
+        exact_error = exact.get(place, math.nan)
+        error = exact_error if math.isfinite(exact_error) else float(distances[index] - distances[index - 1])
         cameras = {*tied(before), *tied(after)}
-        yield place, known + (_moved_by_models(tree, depth, place, cameras) if is_declared else 0.0)
+        yield place, error + (_moved_by_models(tree, depth, place, cameras) if is_declared else 0.0)
 
 
 def _moved_by_models(tree: xr.DataTree, depth: xr.Dataset, place: float, cameras: set[str]) -> float:
@@ -298,11 +302,12 @@ def _moved_by_models(tree: xr.DataTree, depth: xr.Dataset, place: float, cameras
     if len(cameras) != 2 or not any(shares):
         return 0.0
     first, second = (judged_uncertainty(depth).sel(camera=camera).values for camera in sorted(cameras))
-    known = np.isfinite(first) & np.isfinite(second)
-    if np.count_nonzero(known) < 2:
+    bounded = np.isfinite(first) & np.isfinite(second)
+    if np.count_nonzero(bounded) < 2:
         return 0.0
-    log_distance = np.log(np.asarray(depth["distance"].values, dtype=np.float64)[known])
-    slopes = np.gradient(np.log(first[known] / second[known]), log_distance)
+    log_distance = np.log(np.asarray(depth["distance"].values, dtype=np.float64)[bounded])
+    # The curves cross where their ratio is 1; on logarithmic scales, a shift moves that by the shift over the slope.
+    slopes = np.gradient(np.log(first[bounded] / second[bounded]), log_distance)
     slope = abs(float(np.interp(np.log(place), log_distance, slopes)))
     return place * math.hypot(*shares) / slope if slope else math.inf
 
@@ -343,15 +348,15 @@ def compare_sharp(runs: Sequence[Run]) -> Changes:
 
 def _sharp(tree: xr.DataTree, key: str) -> list[Stretch]:
     share = left_out_share(tree, key, "depth_of_field")
-    found = sharp_ranges(by_first_criterion(tree).sel(camera=key), "sharp")
+    ranges = sharp_ranges(by_first_criterion(tree).sel(camera=key), "sharp")
     return [
-        Stretch(ends=(near, far), errors=(_error(near, 0.0, share), _error(far, 0.0, share))) for near, far in found
+        Stretch(ends=(near, far), errors=(_error(near, 0.0, share), _error(far, 0.0, share))) for near, far in ranges
     ]
 
 
 def _usable(depth: xr.Dataset, key: str, share: float, between: tuple[float, float] = (0.0, math.inf)) -> list[Stretch]:
     """The usable ranges of a camera between two distances [m]."""
-    one, (low, high) = depth.sel(camera=key), between
+    camera, (low, high) = depth.sel(camera=key), between
     columns = ("usable_near", "usable_far", "usable_near_error", "usable_far_error", "near_limit", "far_limit")
     return [
         Stretch(
@@ -359,7 +364,9 @@ def _usable(depth: xr.Dataset, key: str, share: float, between: tuple[float, flo
             errors=(_error(near, near_error, share), _error(far, far_error, share)),
             limits=(str(begins), str(ends)),
         )
-        for near, far, near_error, far_error, begins, ends in zip(*(one[name].values for name in columns), strict=True)
+        for near, far, near_error, far_error, begins, ends in zip(
+            *(camera[column].values for column in columns), strict=True
+        )
         if near < high and far > low
     ]
 
@@ -369,16 +376,16 @@ def _error(end: float, error: float, share: float) -> float:
     return SURE * float(np.nan_to_num(error, posinf=np.inf)) + (share + ROUNDING) * (end if np.isfinite(end) else 0.0)
 
 
-def _moved(found: Sequence[Sequence[Stretch]]) -> list[int]:
+def _moved(by_run: Sequence[Sequence[Stretch]]) -> list[int]:
     """Which ends, 0 near and 1 far, differ from the first run by more than both errors; both if the ranges differ."""
-    first, *others = found
+    first, *others = by_run
     return [
         end
         for end in (0, 1)
         if any(
-            [one.camera for one in first] != [one.camera for one in other]
+            [stretch.camera for stretch in first] != [stretch.camera for stretch in other]
             or any(
-                a.ends[end] != b.ends[end] and abs(a.ends[end] - b.ends[end]) > a.errors[end] + b.errors[end]
+                abs(a.ends[end] - b.ends[end]) > a.errors[end] + b.errors[end]
                 for a, b in zip(first, other, strict=True)
             )
             for other in others
@@ -386,20 +393,20 @@ def _moved(found: Sequence[Sequence[Stretch]]) -> list[int]:
     ]
 
 
-def _compared(what: str, found: Sequence[Sequence[Stretch]]) -> Difference | None:
-    moved = _moved(found)
-    values = tuple(listed([span(*within(*one.ends)) for one in stretches]) or NOWHERE for stretches in found)
+def _compared(what: str, by_run: Sequence[Sequence[Stretch]]) -> Difference | None:
+    moved = _moved(by_run)
+    values = tuple(listed([span(*within(*stretch.ends)) for stretch in stretches]) or NOWHERE for stretches in by_run)
     limits = [
-        f"{name} end set by {limit}"
-        for end, name in enumerate(("near", "far"))
-        if end in moved and (limit := _limit_words(found, end))
+        f"{side} end set by {limit}"
+        for end, side in enumerate(("near", "far"))
+        if end in moved and (limit := _limit_words(by_run, end))
     ]
     return Difference(what=what, values=values, where=f"({'; '.join(limits)})" if limits else "") if moved else None
 
 
-def _limit_words(found: Sequence[Sequence[Stretch]], end: int) -> str:
+def _limit_words(by_run: Sequence[Sequence[Stretch]], end: int) -> str:
     """The limit that sets an end in every run, if each run has a single range."""
-    if any(len(stretches) != 1 for stretches in found):
+    if any(len(stretches) != 1 for stretches in by_run):
         return ""
-    limits = dict.fromkeys(stretches[0].limits[end].replace("_", " ") for stretches in found)
-    return ARROW.join(f"the {one}" for one in limits if one)
+    limits = dict.fromkeys(stretches[0].limits[end].replace("_", " ") for stretches in by_run)
+    return ARROW.join(f"the {limit}" for limit in limits if limit)

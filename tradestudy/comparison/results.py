@@ -28,36 +28,36 @@ _OF_THE_NORM: Final = "in the L2 norm over its pixels"
 _DRAWN_OR_LINEAR: Final = "depth_uncertainty_error"
 
 
-def error_name(data: xr.Dataset, name: str) -> str | None:
+def error_name(data: xr.Dataset, variable: str) -> str | None:
     """The variable that contains the error of another; empty for rounding alone, None if no number states the error."""
-    attributes = data[name].attrs
+    attributes = data[variable].attrs
     if "ancillary_variables" in attributes:
         return str(attributes["ancillary_variables"])
     return "" if any(word in str(attributes.get("error", "")) for word in _CLOSED_FORM) else None
 
 
-def stated_error(tree: xr.DataTree, name: str, variable: str) -> xr.DataArray | None:
+def stated_error(tree: xr.DataTree, group_name: str, variable: str) -> xr.DataArray | None:
     """The error of each value of a variable, in its unit; None if no number states it.
 
     Standard errors count `SURE` times, measured and estimated errors once; the change due to everything that the
     applied models leave out is added where the run knows it. As in decisions, an error that could not be estimated
     counts as zero.
     """
-    data = group(tree, name)
+    data = group(tree, group_name)
     error_variable = error_name(data, variable)
     if error_variable is None:
         return None
     values = abs(data[variable].astype(float))
-    known = values.where(np.isfinite(values), 0.0)
+    finite = values.where(np.isfinite(values), 0.0)
     # Far below the largest value, numbers differ by rounding alone.
-    error = ROUNDING * xr.ones_like(known) * (known.max() if known.size else 0.0)
+    error = ROUNDING * xr.ones_like(finite) * (finite.max() if finite.size else 0.0)
     if error_variable:
         stored = data[error_variable].astype(float).fillna(0.0)
         stored = stored.max([dim for dim in stored.dims if dim not in values.dims])  # if it has more dimensions
         if _OF_THE_NORM in str(data[error_variable].attrs.get("comment", "")):  # at most, on a single pixel
-            stored = stored * np.sqrt((known**2).sum([dim for dim in known.dims if dim not in stored.dims]))
+            stored = stored * np.sqrt((finite**2).sum([dim for dim in finite.dims if dim not in stored.dims]))
         error = error + stored * _standard_errors(tree, data, error_variable)
-    return error + _left_out(tree, data, variable) * known
+    return error + _left_out(tree, data, variable) * finite
 
 
 def _standard_errors(tree: xr.DataTree, data: xr.Dataset, error_variable: str) -> xr.DataArray | float:
@@ -105,8 +105,8 @@ def beyond(values: tuple[FloatArray, FloatArray], errors: tuple[FloatArray, Floa
     alike = (first == other) | (np.isnan(first) & np.isnan(other))
     with np.errstate(invalid="ignore"):  # ∞ − ∞, which counts as equal
         apart = np.abs(other - first) > np.hypot(*errors)
-    known = np.isfinite(first) & np.isfinite(other)
-    return np.asarray(~alike & np.where(known, apart, True))
+    finite = np.isfinite(first) & np.isfinite(other)
+    return np.asarray(~alike & np.where(finite, apart, True))
 
 
 _BY_UNIT: Final[Mapping[str, Dimension]] = {
@@ -123,9 +123,9 @@ _UNNAMED_GROUPS: Final = ("depth", "depth_at_places", "disparity_causes")
 _MOST_PERCENT: Final = 1000.0
 
 
-def group_words(name: str) -> str:
+def group_words(group_name: str) -> str:
     """The group of a variable in brackets, where the variable's name alone is ambiguous."""
-    return "" if name in _UNNAMED_GROUPS else f" ({name.replace('_', ' ')})"
+    return "" if group_name in _UNNAMED_GROUPS else f" ({group_name.replace('_', ' ')})"
 
 
 def known_dimension(array: xr.DataArray) -> Dimension | None:
@@ -188,12 +188,12 @@ def _coordinate(tree: xr.DataTree, dim: str, coordinate: xr.DataArray, position:
         return field_words(float(label))
     if dim == "corner":
         return f"towards the {label} corner"
-    name = path_words(tree, dim) if "path" in coordinate.attrs else in_words(dim)  # swept
+    words = path_words(tree, dim) if "path" in coordinate.attrs else in_words(dim)  # swept
     if isinstance(label, str):
-        return _LABELS.get((dim, label), f"{name} {titles.get(label, label)}")
+        return _LABELS.get((dim, label), f"{words} {titles.get(label, label)}")
     if dim.endswith("distance"):
         return f"at {distance(float(label))}"
-    return f"{name} {values_in_words((float(label),), known_dimension(coordinate))[0]}"
+    return f"{words} {values_in_words((float(label),), known_dimension(coordinate))[0]}"
 
 
 # Declared values, conclusions, or computing times, which other parts of the comparison cover.
@@ -255,46 +255,48 @@ def compare_results(runs: Sequence[Run]) -> Results:
     titles = titles_of(runs)
     moved: list[ChangedResult] = []
     within, apart = 0, []
-    for name, variable in _variables(runs):
-        aligned = _aligned(runs, name, variable)
+    for group_name, variable in _variables(runs):
+        aligned = _aligned(runs, group_name, variable)
         if not aligned:
-            apart += [f"{in_words(variable)}{group_words(name)}"] * (variable != _RADIUS)
+            apart += [f"{in_words(variable)}{group_words(group_name)}"] * (variable != _RADIUS)
             continue
         cameras = map(str, aligned[0]["camera"].values) if "camera" in aligned[0]["value"].dims else ("",)
         for camera in cameras:
-            own = [one.sel(camera=camera) for one in aligned] if camera else aligned
-            found = _largest(runs, titles, name, variable, camera, own)
-            if found is not None:
-                moved.append(found)
+            of_camera = [table.sel(camera=camera) for table in aligned] if camera else aligned
+            changed = _largest(runs, titles, group_name, variable, camera, of_camera)
+            if changed is not None:
+                moved.append(changed)
             elif variable != _RADIUS:
                 within += 1
     # The radius repeats the depth uncertainty unless a bias or failures alone change.
-    spread = {(one.group, one.camera) for one in moved if one.variable == _UNCERTAINTY}
-    moved = [one for one in moved if one.variable != _RADIUS or (one.group, one.camera) not in spread]
+    spread = {(result.group, result.camera) for result in moved if result.variable == _UNCERTAINTY}
+    moved = [result for result in moved if result.variable != _RADIUS or (result.group, result.camera) not in spread]
     worst = list(_worst_values(runs))
-    moved += [one for one in worst if one is not None]
+    moved += [result for result in worst if result is not None]
     within += worst.count(None)
     return Results(
-        moved=tuple(sorted(moved, key=lambda one: -one.size)), within_error=within, apart=tuple(dict.fromkeys(apart))
+        moved=tuple(sorted(moved, key=lambda result: -result.size)),
+        within_error=within,
+        apart=tuple(dict.fromkeys(apart)),
     )
 
 
 def _worst_values(runs: Sequence[Run]) -> Iterator[ChangedResult | None]:
     """Worst values of requirements whose verdict and camera stay the same; None where they agree within their error."""
-    rows = [{str(row["requirement"]): row for row in records(run.tree, _REQUIREMENTS, "requirement")} for run in runs]
-    for name in rows[0]:
-        ones = [one[name] for one in rows if name in one]
-        if len(ones) == len(runs) and len({(one["met"], one["camera_deciding"]) for one in ones}) == 1:
-            yield _worst_value(runs, ones)
+    tables = [{str(row["requirement"]): row for row in records(run.tree, _REQUIREMENTS, "requirement")} for run in runs]
+    for requirement in tables[0]:
+        rows = [table[requirement] for table in tables if requirement in table]
+        if len(rows) == len(runs) and len({(row["met"], row["camera_deciding"]) for row in rows}) == 1:
+            yield _worst_value(runs, rows)
 
 
-def _worst_value(runs: Sequence[Run], ones: Sequence[Mapping[str, Any]]) -> ChangedResult | None:
-    camera = str(ones[0]["camera_deciding"])
-    values = [float(one["value"]) for one in ones]
-    shares = [left_out_share(run.tree, camera, str(ones[0]["quantity"])) + ROUNDING for run in runs]
+def _worst_value(runs: Sequence[Run], rows: Sequence[Mapping[str, Any]]) -> ChangedResult | None:
+    camera = str(rows[0]["camera_deciding"])
+    values = [float(row["value"]) for row in rows]
+    shares = [left_out_share(run.tree, camera, str(rows[0]["quantity"])) + ROUNDING for run in runs]
     errors = [
-        standard_errors(run.tree, camera) * float(np.nan_to_num(one["value_error"])) + share * abs(value)
-        for run, one, share, value in zip(runs, ones, shares, values, strict=True)
+        standard_errors(run.tree, camera) * float(np.nan_to_num(row["value_error"])) + share * abs(value)
+        for run, row, share, value in zip(runs, rows, shares, values, strict=True)
     ]
     sizes = [
         abs(value / values[0] - 1.0)
@@ -310,8 +312,8 @@ def _worst_value(runs: Sequence[Run], ones: Sequence[Mapping[str, Any]]) -> Chan
         size=max(sizes),
         design={},
         difference=Difference(
-            what=f'requirement "{ones[0]["says"]}"',
-            values=tuple(str(one["reason"]) for one in ones),
+            what=f'requirement "{rows[0]["says"]}"',
+            values=tuple(str(row["reason"]) for row in rows),
             where=changes_in_words(values),
         ),
     )
@@ -319,19 +321,20 @@ def _worst_value(runs: Sequence[Run], ones: Sequence[Mapping[str, Any]]) -> Chan
 
 def _variables(runs: Sequence[Run]) -> Iterator[tuple[str, str]]:
     """Groups and variables with known errors that every run contains and nothing else covers."""
-    for name in runs[0].tree.children:
-        if name in _COVERED_ELSEWHERE or not all(name in run.tree.children for run in runs):
+    for group_name in runs[0].tree.children:
+        if group_name in _COVERED_ELSEWHERE or not all(group_name in run.tree.children for run in runs):
             continue
-        if name == _OF_PLACES and _has_common_distances(runs):
+        # The curves show these changes, unless the runs computed them at different distances.
+        if group_name == _OF_PLACES and _has_common_distances(runs):
             continue
-        tables = [group(run.tree, name) for run in runs]
+        tables = [group(run.tree, group_name) for run in runs]
         for variable in map(str, tables[0].data_vars):
             if (
-                variable not in _REPETITIONS.get(name, ())
+                variable not in _REPETITIONS.get(group_name, ())
                 and all(variable in table and table[variable].dtype.kind in "fiu" for table in tables)
                 and all(error_name(table, variable) is not None for table in tables)
             ):
-                yield name, variable
+                yield group_name, variable
 
 
 def _has_common_distances(runs: Sequence[Run]) -> bool:
@@ -339,85 +342,95 @@ def _has_common_distances(runs: Sequence[Run]) -> bool:
     return len(grids) == len(runs) and all(np.isin(grids[0], other).any() for other in grids[1:])
 
 
-def _aligned(runs: Sequence[Run], name: str, variable: str) -> list[xr.Dataset]:
+def _aligned(runs: Sequence[Run], group_name: str, variable: str) -> list[xr.Dataset]:
     """A variable of every run, ``value``, and its ``error``, at the places that all runs share; empty if none are."""
     tables = []
     for run in runs:
-        values, error = group(run.tree, name)[variable], stated_error(run.tree, name, variable)
+        values, error = group(run.tree, group_name)[variable], stated_error(run.tree, group_name, variable)
         assert error is not None  # callers pass only variables with known errors
         tables.append(xr.Dataset({"value": values.astype(float), "error": error.broadcast_like(values)}))
     first = tables[0]
+    # Dimensions without labels cannot be aligned, only compared in size.
     bare = [dim for dim in first["value"].dims if dim not in first.coords]
     if any(
-        set(one["value"].dims) != set(first["value"].dims) or swept_paths(one) != swept_paths(first) for one in tables
+        set(table["value"].dims) != set(first["value"].dims) or swept_paths(table) != swept_paths(first)
+        for table in tables
     ):
         return []
-    if any(one.sizes[dim] != first.sizes[dim] for one in tables for dim in bare):
+    if any(table.sizes[dim] != first.sizes[dim] for table in tables for dim in bare):
         return []
-    aligned = [one.transpose(*first["value"].dims) for one in xr.align(*tables, join="inner")]
+    aligned = [table.transpose(*first["value"].dims) for table in xr.align(*tables, join="inner")]
     return aligned if aligned[0]["value"].size else []
 
 
 def _largest(
-    runs: Sequence[Run], titles: Mapping[str, str], name: str, variable: str, camera: str, aligned: Sequence[xr.Dataset]
+    runs: Sequence[Run],
+    titles: Mapping[str, str],
+    group_name: str,
+    variable: str,
+    camera: str,
+    aligned: Sequence[xr.Dataset],
 ) -> ChangedResult | None:
     """Where a result differs most from the first run, among the places where it differs by more than its error."""
     first = aligned[0]["value"]
-    arrays = [np.asarray(one["value"].values, dtype=np.float64) for one in aligned]
-    errors = [np.asarray(one["error"].values, dtype=np.float64) for one in aligned]
+    arrays = [np.asarray(table["value"].values, dtype=np.float64) for table in aligned]
+    errors = [np.asarray(table["error"].values, dtype=np.float64) for table in aligned]
     is_share = _is_share(first, arrays)
     sizes = [
         np.where(beyond((arrays[0], other), (errors[0], error)), _size(arrays[0], other, is_share=is_share), 0.0)
         for other, error in zip(arrays[1:], errors[1:], strict=True)
     ]
-    largest = _most_relevant(np.max(sizes, axis=0), _usable_somewhere(runs, name, first, camera))
+    largest = _most_relevant(np.max(sizes, axis=0), _usable_somewhere(runs, group_name, first, camera))
+    # The first of changes that are equal but for rounding, which would otherwise choose the place.
     first_of_largest = int(np.argmax(largest >= np.max(largest) * (1.0 - ROUNDING)))
-    at = tuple(map(int, np.unravel_index(first_of_largest, largest.shape)))
-    size = float(largest[at])
+    position = tuple(map(int, np.unravel_index(first_of_largest, largest.shape)))
+    size = float(largest[position])
     if size == 0.0:
         return None
-    values = [float(array[at]) for array in arrays]
+    values = [float(array[position]) for array in arrays]
     dimension = FRACTION if is_share else known_dimension(first)
-    what = in_words(variable) + (f" of {titles[camera]}" if camera in titles else "") + group_words(name)
+    what = in_words(variable) + (f" of {titles[camera]}" if camera in titles else "") + group_words(group_name)
     change = "" if is_share or not math.isfinite(size) else changes_in_words(values)
     return ChangedResult(
-        group=name,
+        group=group_name,
         variable=variable,
         camera=camera,
         size=size,
         design={
-            dim: first[dim].values[at[axis]]
+            dim: first[dim].values[position[axis]]
             for axis, dim in enumerate(map(str, first.dims))
-            if "path" in first[dim].attrs and varies(first, axis, at)  # swept
+            if "path" in first[dim].attrs and varies(first, axis, position)  # swept
         },
         difference=Difference(
             what=what,
             values=values_in_words(values, dimension),
-            where=" ".join(filter(None, (place_in_words(runs[0].tree, first, at, titles), change))),
+            where=" ".join(filter(None, (place_in_words(runs[0].tree, first, position, titles), change))),
         ),
     )
 
 
-def _usable_somewhere(runs: Sequence[Run], name: str, like: xr.DataArray, camera: str) -> np.ndarray:
+def _usable_somewhere(runs: Sequence[Run], group_name: str, like: xr.DataArray, camera: str) -> np.ndarray:
     """Where a camera is usable in any run; everywhere for results that are not about depth."""
-    if name != _OF_DEPTH or not camera or "distance" not in like.dims:
+    if group_name != _OF_DEPTH or not camera or "distance" not in like.dims:
         return np.ones(like.shape, dtype=bool)
     flags = [
-        group(run.tree, name)["usable"].sel(camera=camera).reindex_like(like.coords.to_dataset(), fill_value=False)
+        group(run.tree, group_name)["usable"]
+        .sel(camera=camera)
+        .reindex_like(like.coords.to_dataset(), fill_value=False)
         for run in runs
     ]
-    usable = np.logical_or.reduce([one.broadcast_like(like).transpose(*like.dims).values for one in flags])
+    usable = np.logical_or.reduce([flag.broadcast_like(like).transpose(*like.dims).values for flag in flags])
     return np.asarray(usable, dtype=bool)
 
 
 def _most_relevant(sizes: FloatArray, usable: np.ndarray) -> FloatArray:
     """The most relevant changes: where the camera is usable, if any; changes with a ratio before those without."""
-    there = np.where(usable, sizes, 0.0)
-    for some in (there, sizes):
-        finite = np.where(np.isfinite(some), some, 0.0)
-        for found in (finite, some):
-            if found.any():
-                return np.asarray(found)
+    inside = np.where(usable, sizes, 0.0)
+    for considered in (inside, sizes):
+        finite = np.where(np.isfinite(considered), considered, 0.0)
+        for relevant in (finite, considered):
+            if relevant.any():
+                return np.asarray(relevant)
     return sizes
 
 
@@ -425,8 +438,8 @@ def _is_share(values: xr.DataArray, arrays: Sequence[FloatArray]) -> bool:
     """Whether all values are shares of a whole, whose ratios near zero are meaningless."""
     if values.attrs.get("units") != "1" or values.dtype.kind != "f":
         return False
-    known = np.concatenate([one[np.isfinite(one)].ravel() for one in arrays])
-    return bool(known.size and known.min() >= 0.0 and known.max() <= 1.0)
+    finite = np.concatenate([array[np.isfinite(array)].ravel() for array in arrays])
+    return bool(finite.size and finite.min() >= 0.0 and finite.max() <= 1.0)
 
 
 def _size(first: FloatArray, other: FloatArray, *, is_share: bool) -> FloatArray:
