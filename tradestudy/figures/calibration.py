@@ -47,10 +47,10 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     if "decision" in tree.children and "rank_first" in tree["decision"].data_vars:
         yield _ranks(tree)
     if "calibration" in tree.children and "posterior_draw" in tree["calibration"].data_vars:
-        for name in tree["calibration"].to_dataset()["posterior"].values:
-            yield from _posterior(tree, str(name))
+        for posterior in tree["calibration"].to_dataset()["posterior"].values:
+            yield from _posterior(tree, str(posterior))
             if "rig_claimed" in tree["calibration"].data_vars:
-                yield from _trust(tree, str(name))
+                yield from _trust(tree, str(posterior))
 
 
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -92,22 +92,22 @@ def _source_words(tree: xr.DataTree, camera: str, source: str, place: float) -> 
 
 def _index_words(tree: xr.DataTree, place: float) -> str:
     """The largest total index of each camera on the axis at a distance [m]."""
-    there = group(tree, "sensitivity")["total_index"].sel(field=0.0, distance=place)
+    indices = group(tree, "sensitivity")["total_index"].sel(field=0.0, distance=place)
     sentences = []
     for camera in traces(tree, "sensitivity"):
-        values = np.asarray(there.sel(camera=camera.key).values, dtype=np.float64)
+        values = np.asarray(indices.sel(camera=camera.key).values, dtype=np.float64)
         if np.isfinite(values).any():
             first = int(np.nanargmax(values))
-            source = in_words(str(there["source"].values[first]))
+            source = in_words(str(indices["source"].values[first]))
             sentences.append(f"{camera.title}: {source} {significant(float(values[first]), 2)}. ")
         else:
             sentences.append(f"{camera.title}: none is known. ")
     return "".join(sentences)
 
 
-def _tie_words(tree: xr.DataTree, name: str) -> str:
+def _tie_words(tree: xr.DataTree, posterior: str) -> str:
     """The two parameters of a posterior with the strongest correlation."""
-    if (tie := closest_tie(tree, name)) is None:
+    if (tie := closest_tie(tree, posterior)) is None:
         return ""
     first, second, correlation = tie
     return f"Strongest correlation: {in_words(first)} and {in_words(second)}, {significant(correlation, 2)}."
@@ -118,11 +118,11 @@ def _ranks(tree: xr.DataTree) -> Drawing:
     titles = camera_titles(tree)
     sentences = []
     for pair in decision["pair"].values:
-        there = decision.sel(pair=pair).sel(rank_distance=1.0, method="nearest")
-        first, second = (titles[str(there[name].item())] for name in ("pair_first", "pair_second"))
+        ranks = decision.sel(pair=pair).sel(rank_distance=1.0, method="nearest")
+        first, second = (titles[str(ranks[member].item())] for member in ("pair_first", "pair_second"))
         sentences.append(
-            f"{first} more accurate than {second} at {pretty(float(there['rank_distance']), LENGTH)}: "
-            f"{significant(100.0 * float(there['rank_first']))} %. "
+            f"{first} more accurate than {second} at {pretty(float(ranks['rank_distance']), LENGTH)}: "
+            f"{significant(100.0 * float(ranks['rank_first']))} %. "
         )
     return Drawing(
         name="rank-probability",
@@ -136,58 +136,58 @@ def _ranks(tree: xr.DataTree) -> Drawing:
     )
 
 
-def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
+def _posterior(tree: xr.DataTree, posterior: str) -> Iterator[Drawing]:
     titles = camera_titles(tree)
-    data = tree["calibration"].to_dataset().sel(posterior=name)
+    data = tree["calibration"].to_dataset().sel(posterior=posterior)
     count = int(np.isfinite(data["posterior_mean"].values).sum())
-    shown = shown_parameters(tree, name)
+    shown = shown_parameters(tree, posterior)
     which = (
         f"the {len(shown)} most strongly correlated of {count} parameters" if len(shown) < count else "all parameters"
     )
     yield Drawing(
-        name=f"corner-{name}",
-        caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Contours contain 39 "
+        name=f"corner-{posterior}",
+        caption=f"Posterior of {titles[posterior]}: {which}, in standard deviations from the mean. Contours contain 39 "
         f"and 86 % of the draws, as one and two standard deviations of a bivariate normal do. Dashed: Laplace's normal "
         "approximation.",
-        alt=f"Corner plot of the posterior draws of {titles[name]}: {', '.join(map(in_words, shown))}. "
-        + _tie_words(tree, name),
-        draw=partial(draw_corner, tree, name),
-        values=partial(corner_values, tree, name),
+        alt=f"Corner plot of the posterior draws of {titles[posterior]}: {', '.join(map(in_words, shown))}. "
+        + _tie_words(tree, posterior),
+        draw=partial(draw_corner, tree, posterior),
+        values=partial(corner_values, tree, posterior),
     )
     yield Drawing(
-        name=f"trace-{name}",
-        caption=f"Chains behind the posterior of {titles[name]}: the first walker of each independent ensemble, one "
-        "colour each, after the warm-up, in standard deviations from the mean.",
-        alt=f"Trace plot of the chains of {titles[name]}, one row per parameter. "
+        name=f"trace-{posterior}",
+        caption=f"Chains behind the posterior of {titles[posterior]}: the first walker of each independent ensemble, "
+        "one colour each, after the warm-up, in standard deviations from the mean.",
+        alt=f"Trace plot of the chains of {titles[posterior]}, one row per parameter. "
         + (
             "All ensembles cover the same range: "
             if bool(data["posterior_converged"])
             else "The chains did not converge: "
         )
         + f"the largest R-hat is {float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
-        draw=partial(draw_trace, tree, name),
-        values=partial(trace_values, tree, name),
+        draw=partial(draw_trace, tree, posterior),
+        values=partial(trace_values, tree, posterior),
     )
 
 
-def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
-    data = tree["calibration"].to_dataset().sel(posterior=name)
+def _trust(tree: xr.DataTree, posterior: str) -> Iterator[Drawing]:
+    data = tree["calibration"].to_dataset().sel(posterior=posterior)
     if not np.isfinite(data["rig_claimed"].values).any():
         return
     ratio = data["rig_halves_difference"].values / data["rig_halves_claim"].values
-    distances = [pretty(float(one), LENGTH) for one in data["rig_distance"].values]
+    distances = [pretty(float(where), LENGTH) for where in data["rig_distance"].values]
     yield Drawing(
-        name=f"trust-{name}",
-        caption=f"How far to trust the calibration of {camera_titles(tree)[name]}. Above: mean residuals of each "
+        name=f"trust-{posterior}",
+        caption=f"How far to trust the calibration of {camera_titles(tree)[posterior]}. Above: mean residuals of each "
         "camera fitted alone, in cells of its picture; arrows that agree in neighbouring cells show errors of the lens "
         "model or of the board. Below, for a point midway between the cameras: the RMS difference between the depths "
         "that random halves of the views give (found); this difference as the uncertainties of the halves predict it "
         "(claimed); and the depth uncertainty that the fit to all views claims.",
-        alt=f"Two maps of arrows for {camera_titles(tree)[name]}, and a chart of halves of the views, whose "
+        alt=f"Two maps of arrows for {camera_titles(tree)[posterior]}, and a chart of halves of the views, whose "
         "differences, divided by the claimed ones, are: "
-        + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))
+        + ", ".join(f"{significant(float(times), 2)} at {where}" for times, where in zip(ratio, distances, strict=True))
         + ".",
-        draw=partial(draw_trust, tree, name),
+        draw=partial(draw_trust, tree, posterior),
         values=partial(residual_tables, data["rig_residual"].values),
     )
 
@@ -250,8 +250,8 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     names = [shortened(in_words(str(data["source"].values[k])), 32) for k in order]
     rows = np.arange(len(order))
     height = 0.78 / len(values)
-    for field, there in enumerate(values):
-        widths = np.where(np.isfinite(there[order]), there[order], 0.0)
+    for field, of_field in enumerate(values):
+        widths = np.where(np.isfinite(of_field[order]), of_field[order], 0.0)
         middle = rows + (field + 0.5) * height - 0.39
         axes.barh(middle, widths, height=height, color=camera.style.color, alpha=_alpha(field), linewidth=0)
     axes.set_yticks(rows, names, fontsize=SMALL)
@@ -284,17 +284,17 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
 def _indices(axes: Axes, data: xr.Dataset, names: list[str]) -> Iterator[NamedCurve]:
     """Draw the indices of one camera, and yield the curves of its total indices, to be named."""
     distance = np.asarray(data["distance"].values, dtype=np.float64)
-    for number, name in enumerate(names):
-        one, style, words = data.sel(source=name), line_style(number), in_words(name)
-        total = np.asarray(one["total_index"].values, dtype=np.float64)
+    for number, source in enumerate(names):
+        indices, style, words = data.sel(source=source), line_style(number), in_words(source)
+        total = np.asarray(indices["total_index"].values, dtype=np.float64)
         if not np.any(total > _LEAST_INDEX):
             continue
         axes.errorbar(
-            distance, total, yerr=one["total_index_error"].values, color=style.color, linestyle=style.dash,
+            distance, total, yerr=indices["total_index_error"].values, color=style.color, linestyle=style.dash,
             linewidth=1.3, elinewidth=0.8, marker=style.marker, markersize=3, clip_on=False, label=words,
         )  # fmt: skip
         axes.plot(
-            distance, one["first_index"].values, color=style.color, linestyle="", marker="o", markersize=6.5,
+            distance, indices["first_index"].values, color=style.color, linestyle="", marker="o", markersize=6.5,
             markerfacecolor="none", markeredgewidth=0.7, clip_on=False, label=f"{words}, first order",
         )  # fmt: skip
         yield NamedCurve(name=words, color=style.color, x=distance, y=total)
@@ -333,10 +333,10 @@ def closest_tie(tree: xr.DataTree, posterior: str) -> tuple[str, str, float] | N
 def _correlations(tree: xr.DataTree, posterior: str) -> tuple[tuple[str, ...], FloatArray]:
     """The names of the parameters that have draws, and their correlations, with 0 on the diagonal."""
     data = tree["calibration"].to_dataset().sel(posterior=posterior)
-    known = np.flatnonzero(np.isfinite(data["posterior_draw"].values).any(axis=0))
-    draws = _present(data["posterior_draw"].values[:, known])
-    correlation = np.atleast_2d(np.corrcoef(draws.T)) - np.eye(len(known))
-    return tuple(str(name) for name in data["parameter"].values[known]), correlation
+    drawn = np.flatnonzero(np.isfinite(data["posterior_draw"].values).any(axis=0))
+    draws = _present(data["posterior_draw"].values[:, drawn])
+    correlation = np.atleast_2d(np.corrcoef(draws.T)) - np.eye(len(drawn))
+    return tuple(str(parameter) for parameter in data["parameter"].values[drawn]), correlation
 
 
 @styled()
@@ -410,9 +410,10 @@ def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     smooth = gaussian_filter(counts, 1.0)
     falling = np.sort(smooth.ravel())[::-1]
     share = np.cumsum(falling) / falling.sum()
+    # Bins at least this full contain that share of the draws.
     levels = [float(falling[np.searchsorted(share, content)]) for content in _CONTENTS]
     middle = 0.5 * (edges[1:] + edges[:-1])
-    if levels[0] < levels[1]:
+    if levels[0] < levels[1]:  # equal where few bins contain all draws; contours need rising levels
         axes.contour(middle, middle, smooth.T, levels=levels, colors=[SOFT, INK], linewidths=0.8)
     axes.set(ylim=(-3.5, 3.5), yticks=[-2, 0, 2])
 
@@ -497,7 +498,7 @@ def draw_trust(tree: xr.DataTree, posterior: str) -> StudyFigure:
         )
         drawn.append(NamedCurve(name=name, color=style.color, x=distance, y=y))
     axes.set_xscale("log")
-    axes.set_xticks(distance, [f"{one:g}" for one in distance])
+    axes.set_xticks(distance, [f"{tick:g}" for tick in distance])
     axes.minorticks_off()
     log_axis(axes, "y", tick=length_tick)
     axes.set(xlabel="distance [m]", ylabel="RMS difference or uncertainty")

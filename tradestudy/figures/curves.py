@@ -57,8 +57,8 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
     # A name level with an end at the edge of the panel needs no line.
     edge = 1.0 - _BESIDE / width
     joined = [
-        abs(level - own) * height > 0.5 * SMALLEST or _fraction(axes, "x", end[0]) < edge
-        for (_, end), level, own in zip(ends, placed, levels, strict=True)
+        abs(level - ideal) * height > 0.5 * SMALLEST or _fraction(axes, "x", end[0]) < edge
+        for (_, end), level, ideal in zip(ends, placed, levels, strict=True)
     ]
     for (curve, end), name, level, is_joined in zip(ends, names, placed, joined, strict=True):
         axes.annotate(
@@ -79,7 +79,7 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
         )
 
 
-def fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, known: Flags, **look: Any) -> None:
+def fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, is_known: Flags, **look: Any) -> None:
     """Fill the area between two curves where they are known, with the points that a page can show; set limits first.
 
     Points that are dropped lie within a tenth of a point of the chord of those that stay: a chord misses a curve by an
@@ -87,12 +87,14 @@ def fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, known: Fl
     """
     (_, bottom), (_, top) = axes.transAxes.transform([(0.0, 0.0), (1.0, 1.0)])
     edges = [axes.transData.transform(np.column_stack([x, edge]))[:, 1] for edge in (low, high)]
-    levels = np.where(known, np.clip(np.nan_to_num(edges, nan=bottom), 2.0 * bottom - top, 2.0 * top - bottom), np.inf)
+    levels = np.where(
+        is_known, np.clip(np.nan_to_num(edges, nan=bottom), 2.0 * bottom - top, 2.0 * top - bottom), np.inf
+    )
     levels = np.nan_to_num(levels, posinf=2.0 * (top - bottom))
     bends = np.abs(np.diff(levels, 2, axis=1)).max(axis=0) / (8.0 * _UNSEEN)
     passed = np.floor(np.cumsum([0.0, *np.sqrt(bends), 1.0]))
     kept = np.flatnonzero(np.diff(passed, prepend=-1.0))
-    axes.fill_between(x[kept], low[kept], high[kept], where=known[kept].tolist(), linewidth=0.0, **look)
+    axes.fill_between(x[kept], low[kept], high[kept], where=is_known[kept].tolist(), linewidth=0.0, **look)
 
 
 def name_places(axes: Axes, places: Sequence[float], names: Sequence[str]) -> None:
@@ -134,13 +136,13 @@ def _lines(name: str) -> str:
 def _end(axes: Axes, curve: NamedCurve) -> tuple[float, float] | None:
     """Where a curve ends in the panel: at its last point there, or at the edge through which it leaves."""
     (left, right), (bottom, top) = sorted(axes.get_xlim()), sorted(axes.get_ylim())
-    known = ~(np.isnan(curve.x) | np.isnan(curve.y))
-    inside = np.flatnonzero(known & (curve.x >= left) & (curve.x <= right) & (curve.y >= bottom) & (curve.y <= top))
+    is_known = ~(np.isnan(curve.x) | np.isnan(curve.y))
+    inside = np.flatnonzero(is_known & (curve.x >= left) & (curve.x <= right) & (curve.y >= bottom) & (curve.y <= top))
     if not inside.size:
         return None
     last = int(inside[-1])
     beyond = min(last + 1, len(curve.x) - 1)
-    if known[beyond] and left <= curve.x[beyond] <= right:
+    if is_known[beyond] and left <= curve.x[beyond] <= right:
         last = beyond
     return float(curve.x[last]), float(np.clip(curve.y[last], bottom, top))
 
@@ -160,8 +162,8 @@ def spread(ideal: FloatArray, sizes: FloatArray) -> FloatArray:
     """
     order = np.argsort(ideal, kind="stable")
     blocks: list[tuple[float, float, list[int]]] = []  # centre, size, members
-    for one in order:
-        block = (_kept(float(ideal[one]), float(sizes[one])), float(sizes[one]), [int(one)])
+    for label in order:
+        block = (_kept(float(ideal[label]), float(sizes[label])), float(sizes[label]), [int(label)])
         while blocks and blocks[-1][0] + blocks[-1][1] / 2.0 > block[0] - block[1] / 2.0:
             centre, size, members = blocks.pop()
             together = [*members, *block[2]]
@@ -187,10 +189,10 @@ def beneath(curves: Sequence[FloatArray], limits: tuple[float, float]) -> list[i
     """
     low, high = np.log(limits)
     levels = [np.log(np.where(np.isfinite(curve) & (curve > 0.0), curve, np.nan)) for curve in curves]
-    return [sum(_cover(one, other, high - low) for other in levels[k + 1 :]) for k, one in enumerate(levels)]
+    return [sum(_cover(curve, other, high - low) for other in levels[k + 1 :]) for k, curve in enumerate(levels)]
 
 
-def _cover(one: FloatArray, other: FloatArray, height: float) -> bool:
-    apart = np.abs(one - other)
-    both = apart[np.isfinite(apart)]
-    return bool(both.size and np.mean(both < _TOGETHER * height) > _LONG_TOGETHER)
+def _cover(curve: FloatArray, other: FloatArray, height: float) -> bool:
+    apart = np.abs(curve - other)
+    gaps = apart[np.isfinite(apart)]
+    return bool(gaps.size and np.mean(gaps < _TOGETHER * height) > _LONG_TOGETHER)

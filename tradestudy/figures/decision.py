@@ -61,7 +61,7 @@ def draw_readings(tree: xr.DataTree) -> StudyFigure:
     decision = tree["decision"].to_dataset()
     ratio = decision["uncertainty_ratio"]
     titles = {key: shortened(title, 28) for key, title in camera_titles(tree).items()}
-    names = [str(name) for name in ratio["reading"].values]
+    names = [str(reading) for reading in ratio["reading"].values]
     places = np.asarray(ratio["place"].values, dtype=np.float64)
     figure = new_figure(1.35 + _ROW * len(names))
     panels = figure.subplots(1, len(ERROR_SOURCE_TITLES), sharey=True, width_ratios=(2.2, 1.0, 1.0))
@@ -75,7 +75,7 @@ def draw_readings(tree: xr.DataTree) -> StudyFigure:
     first, second = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
     panels[0].set(
         yticks=range(len(names)),
-        yticklabels=[shortened(name, 30) for name in names],
+        yticklabels=[shortened(reading, 30) for reading in names],
         ylim=(len(names) - 0.4, -0.6),
         xlabel=f"uncertainty of {first}\nover that of {second}",
     )
@@ -125,10 +125,10 @@ def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
     rows, places = ratio.shape
     shift = _STEP * (np.arange(places) - (places - 1) / 2.0)
     marked = np.isfinite(ratio) & (ratio > 0.0)
-    known = np.column_stack([marked, np.ones(rows, dtype=bool)])  # a gap ends the line of each row
-    across, up = np.full(known.shape, np.nan), np.full(known.shape, np.nan)
+    drawn = np.column_stack([marked, np.ones(rows, dtype=bool)])  # a gap ends the line of each row
+    across, up = np.full(drawn.shape, np.nan), np.full(drawn.shape, np.nan)
     across[:, :-1], up[:, :-1] = ratio, np.arange(rows)[:, None] + shift
-    axes.plot(across[known], up[known], color=SOFT, linewidth=0.6, zorder=1)
+    axes.plot(across[drawn], up[drawn], color=SOFT, linewidth=0.6, zorder=1)
     for place in range(places):
         y = np.arange(rows) + shift[place]
         for filled in (True, False):
@@ -192,12 +192,12 @@ def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def _line(axes: Axes, distance: FloatArray, there: xr.Dataset, order: int) -> NamedCurve:
+def _line(axes: Axes, distance: FloatArray, ranks: xr.Dataset, order: int) -> NamedCurve:
     style = line_style(order)
-    seen = np.asarray((there["rank_first"] + there["rank_second"]).values, dtype=np.float64) > 0.0
-    first = np.where(seen, np.asarray(there["rank_first"].values, dtype=np.float64), np.nan)
-    error = 2.0 * np.asarray(there["rank_first_error"].values, dtype=np.float64)
-    label = ERROR_SOURCE_WORDS[str(there["rank_error_source"].item())]
+    seen = np.asarray((ranks["rank_first"] + ranks["rank_second"]).values, dtype=np.float64) > 0.0
+    first = np.where(seen, np.asarray(ranks["rank_first"].values, dtype=np.float64), np.nan)
+    error = 2.0 * np.asarray(ranks["rank_first_error"].values, dtype=np.float64)
+    label = ERROR_SOURCE_WORDS[str(ranks["rank_error_source"].item())]
     axes.fill_between(distance, first - error, first + error, color=style.color, alpha=0.2, linewidth=0, label=label)
     axes.plot(distance, first, color=style.color, linestyle=style.dash, label=label)
     return NamedCurve(name=label, color=style.color, x=distance, y=first)
@@ -210,10 +210,12 @@ _LEAST_NAMED = 9.0  # per cent: parts of a bar at least this wide have room for 
 
 def rank_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The figure of a study that weighs criteria; none for any other, or for a single candidate."""
-    found = candidates_by_rank(tree)[:_MOST]
-    if len(found) <= 1:
+    candidates = candidates_by_rank(tree)[:_MOST]
+    if len(candidates) <= 1:
         return
-    listed_values = "; ".join(f"{one.title} {pretty(one.ranks[0], FRACTION, 2)}" for one in found)
+    listed_values = "; ".join(
+        f"{candidate.title} {pretty(candidate.ranks[0], FRACTION, 2)}" for candidate in candidates
+    )
     yield Drawing(
         name="rank_acceptability",
         caption="Fraction of the possible weights under which each candidate takes each rank, the first rank darkest.",
@@ -226,15 +228,15 @@ def rank_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 @styled()
 def draw_ranks(tree: xr.DataTree) -> StudyFigure:
     """Draw one bar for each candidate, divided into its ranks; on top, the candidate that ranks first most often."""
-    found = candidates_by_rank(tree)[:_MOST]
-    count = len(found[0].ranks)
-    figure = new_figure(0.6 + 0.26 * len(found))
+    candidates = candidates_by_rank(tree)[:_MOST]
+    count = len(candidates[0].ranks)
+    figure = new_figure(0.6 + 0.26 * len(candidates))
     axes = figure.subplots()
     colors = matplotlib.colormaps["cividis"](np.linspace(0.0, 0.95, count))
-    places = np.arange(len(found))[::-1]
-    begin = np.zeros(len(found))
+    places = np.arange(len(candidates))[::-1]
+    begin = np.zeros(len(candidates))
     for rank in range(count):
-        widths = 100.0 * np.array([one.ranks[rank] for one in found])
+        widths = 100.0 * np.array([candidate.ranks[rank] for candidate in candidates])
         axes.barh(places, widths, left=begin, height=0.7, color=colors[rank], edgecolor="white", linewidth=0.5)
         for place, start, width in zip(places, begin, widths, strict=True):
             if width > _LEAST_NAMED:
@@ -243,7 +245,7 @@ def draw_ranks(tree: xr.DataTree) -> StudyFigure:
                     fontsize=SMALL, ha="center", va="center", gid=DECLARED,
                 )  # fmt: skip
         begin += widths
-    axes.set_yticks(places, [shortened(one.title, _LONGEST) for one in found])
+    axes.set_yticks(places, [shortened(candidate.title, _LONGEST) for candidate in candidates])
     axes.set_xlim(0.0, 100.0)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} %"))
     axes.set_xlabel("fraction of the possible weights")
@@ -252,10 +254,12 @@ def draw_ranks(tree: xr.DataTree) -> StudyFigure:
 
 def worth_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The figure of a study that asks for the worth of its assumptions; none for any other."""
-    found = worths(tree)[:_MOST]
-    if not found:
+    assumptions = worths(tree)[:_MOST]
+    if not assumptions:
         return
-    listed_values = "; ".join(f"{one.says} {pretty(one.worth, FRACTION, digits=2)}" for one in found)
+    listed_values = "; ".join(
+        f"{assumption.says} {pretty(assumption.worth, FRACTION, digits=2)}" for assumption in assumptions
+    )
     yield Drawing(
         name="assumption_worths",
         caption="Worth of knowing each assumption before choosing a camera: the average reduction of relative depth "
@@ -268,15 +272,15 @@ def worth_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 @styled()
 def draw_worths(tree: xr.DataTree) -> StudyFigure:
     """Draw a dot with its standard error for each assumption, the most valuable on top."""
-    found = worths(tree)[:_MOST]
-    figure = new_figure(0.8 + 0.3 * len(found))
+    assumptions = worths(tree)[:_MOST]
+    figure = new_figure(0.8 + 0.3 * len(assumptions))
     axes = figure.subplots()
-    places = np.arange(len(found))[::-1]
+    places = np.arange(len(assumptions))[::-1]
     style = line_style(0)
     axes.errorbar(
-        [100.0 * one.worth for one in found],
+        [100.0 * assumption.worth for assumption in assumptions],
         places,
-        xerr=[100.0 * one.error for one in found],
+        xerr=[100.0 * assumption.error for assumption in assumptions],
         fmt=style.marker,
         color=style.color,
         markersize=5,
@@ -284,8 +288,8 @@ def draw_worths(tree: xr.DataTree) -> StudyFigure:
         label="worth",
     )
     axes.axvline(0.0, color=INK, linewidth=0.8)
-    axes.set_yticks(places, [printable(shortened(one.says, _LONGEST)) for one in found])
-    axes.set_ylim(-0.6, len(found) - 0.4)
+    axes.set_yticks(places, [printable(shortened(assumption.says, _LONGEST)) for assumption in assumptions])
+    axes.set_ylim(-0.6, len(assumptions) - 0.4)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} %"))
     axes.set_xlabel("worth, as a fraction of the distance")
     return figure
@@ -310,7 +314,9 @@ def margin_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     if len(dims) == 2 and np.ptp(_least(data, dims)) == 0.0:  # equal margins have no contours
         return
     names = parameter_words(tree, dims)
-    conclusions = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree)[:MOST_CURVES])
+    conclusions = "; ".join(
+        requirement_sentence(conclusion) for conclusion in requirement_conclusions(tree)[:MOST_CURVES]
+    )
     left = data.sizes["requirement"] - MOST_CURVES if len(dims) == 1 else 0
     more = f" {counted(left, 'other requirement')}: section “Requirements”." if left > 0 else ""
     shown = "Smallest margin of the requirements that must be met" if len(dims) == 2 else "Margin of each requirement"
@@ -340,7 +346,7 @@ def draw_requirement_margins(tree: xr.DataTree) -> StudyFigure:
 
 
 def _swept(data: xr.Dataset) -> list[str]:
-    return [str(name) for name in data["design_met"].dims if name != "requirement"]
+    return [str(dim) for dim in data["design_met"].dims if dim != "requirement"]
 
 
 def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
@@ -441,10 +447,10 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     _mark_declared(axes, data[dims[0]])
     _mark_declared(axes, data[dims[1]], upright=False)
     axes.margins(0.03)
-    for name, values in (("x", x), ("y", y)):
+    for axis, values in (("x", x), ("y", y)):
         if _is_geometric(values):
             ends = float(values.min()), float(values.max())
-            log_axis(axes, name, dense=True, tick=lambda value, _: plain_number(value), ends=ends)
+            log_axis(axes, axis, dense=True, tick=lambda value, _: plain_number(value), ends=ends)
     axes.set(xlabel=axis_label(tree, data[dims[0]]), ylabel=fill(axis_label(tree, data[dims[1]]), _LETTERS_UP))
     return figure
 

@@ -195,7 +195,7 @@ def draw_whole_range(tree: xr.DataTree, most: int = MOST_CAMERAS) -> StudyFigure
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
     bounds = required_uncertainties(tree)[:MOST_BOUNDS]
     low, high = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
-    required_mm = [MM * end for one in bounds for end in one.bound.tolist()] or [np.nan]
+    required_mm = [MM * end for requirement in bounds for end in requirement.bound.tolist()] or [np.nan]
     # An absurd bound, far below or above all curves, is not worth flattening them.
     low = max(np.fmin(low, 0.5 * min(required_mm)), low / _WIDEST)
     high = min(np.fmax(high, 2.0 * max(required_mm)), high * _WIDEST)
@@ -203,20 +203,21 @@ def draw_whole_range(tree: xr.DataTree, most: int = MOST_CAMERAS) -> StudyFigure
     curves.set(ylim=(low, high), ylabel="depth uncertainty (68 %)")
     draw_curves(curves, depth, shown, drawn, variable="judged_uncertainty")
     edges = crossovers(tree)
-    required = [np.interp(distance, one.over, one.bound, left=np.nan, right=np.nan) for one in bounds]
+    required = [np.interp(distance, r.over, r.bound, left=np.nan, right=np.nan) for r in bounds]
     draw_relative_guides(curves, distance, [*drawn, *required], edges)
+    # Points so close together that no name fits between two of them.
     fine = np.geomspace(distance[0], distance[-1], _FINE)
-    lines = [np.column_stack([fine, np.interp(fine, distance, one)]) for one in (*drawn, *required)]
-    hidden = np.concatenate([*lines, *(np.column_stack([one.over, one.bound]) for one in bounds)])
-    for k, one in enumerate(bounds):
-        name, others = shortened(one.says, _LETTERS_OF_BOUND), [*drawn, *required[:k], *required[k + 1 :]]
+    lines = [np.column_stack([fine, np.interp(fine, distance, curve)]) for curve in (*drawn, *required)]
+    hidden = np.concatenate([*lines, *(np.column_stack([r.over, r.bound]) for r in bounds)])
+    for k, requirement in enumerate(bounds):
+        name, others = shortened(requirement.says, _LETTERS_OF_BOUND), [*drawn, *required[:k], *required[k + 1 :]]
         look = {"linestyle": (0, (4, 1.5)), "linewidth": 1.1, "marker": "|", "markersize": 4.0}
-        if one.is_point:
+        if requirement.is_point:
             look |= {"linestyle": "", "marker": "D", "markersize": 3.5}
-        ends = slice(1 if one.is_point else 2)
-        curves.plot(one.over[ends], one.bound[ends] * MM, color=INK, zorder=2.1, **look)
-        if one.is_point or not _name_along(curves, distance, required[k], name, others, edges):
-            _name_beside(curves, one, name, hidden)
+        ends = slice(1 if requirement.is_point else 2)
+        curves.plot(requirement.over[ends], requirement.bound[ends] * MM, color=INK, zorder=2.1, **look)
+        if requirement.is_point or not _name_along(curves, distance, required[k], name, others, edges):
+            _name_beside(curves, requirement, name, hidden)
     _bars(bars, depth, shown)
     if has_winners(tree):
         if len(shown) > 1:
@@ -232,9 +233,9 @@ def _name_beside(axes: Axes, required: RequiredUncertainty, name: str, hidden: F
     Without such a place, it gets no name.
     """
     drawn = np.array(axes.transData.transform(hidden * (1.0, MM)))
-    names = [one.get_window_extent() for one in axes.texts if not isinstance(one, Annotation)]
+    names = [text.get_window_extent() for text in axes.texts if not isinstance(text, Annotation)]
     is_left = np.log(required.over).mean() < np.mean(np.log(axes.get_xlim()))
-    spots = sorted(_SPOTS, key=lambda one: (np.searchsorted(_FARTHER, abs(one[1])), (one[2] == "left") != is_left))
+    spots = sorted(_SPOTS, key=lambda spot: (np.searchsorted(_FARTHER, abs(spot[1])), (spot[2] == "left") != is_left))
     for (across, up, ha, va), end in product(spots, (0, -1) if is_left else (-1, 0)):
         text = axes.text(
             float(required.over[end]), float(required.bound[end]) * MM, name, ha=ha, va=va, color=INK, fontsize=SMALL,
@@ -266,15 +267,15 @@ def required_uncertainties(tree: xr.DataTree) -> list[RequiredUncertainty]:
     """Requirements on the depth uncertainty at computed distances: first those that must hold, the tightest first."""
     rows = [row for row in records(tree, "requirements", "requirement") if row["quantity"] == "depth_uncertainty"]
     rows.sort(key=lambda row: (row["priority"] != "must", float(np.nan_to_num(row["margin_percent"], nan=-np.inf))))
-    found = []
+    required = []
     for row in rows:
         distance = group(tree, "depth")["distance"].values
         over = np.array([row["over_near"], row["over_far"]], dtype=float)
         if over[0] <= distance[-1] and over[1] >= distance[0]:
             over = np.clip(over, distance[0], distance[-1])
             bound = float(row["bound"]) * (over if row["bound_is_relative"] else np.ones(2))
-            found.append(RequiredUncertainty(says=str(row["says"]), over=over, bound=bound))
-    return found
+            required.append(RequiredUncertainty(says=str(row["says"]), over=over, bound=bound))
+    return required
 
 
 def draw_relative_guides(
@@ -310,17 +311,17 @@ def _name_along(
     x = (np.log(distance) - left) / (right - left)
     uprights = [float((np.log(edge) - left) / (right - left)) for edge in edges]
     with np.errstate(divide="ignore", invalid="ignore"):
-        levels = [(np.log(one * MM) - bottom) / (top - bottom) for one in (line, *others)]
-    known = [np.where(np.isfinite(level), level, np.nan) for level in levels]
+        levels = [(np.log(depth * MM) - bottom) / (top - bottom) for depth in (line, *others)]
+    shown = [np.where(np.isfinite(level), level, np.nan) for level in levels]
     width, height = _LETTER * SMALL * len(name) / wide, 1.6 * SMALL / tall
-    place = _free_place(x, known[0], known[1:], uprights, (width, height))
-    if place is None:
+    middle = _free_place(x, shown[0], shown[1:], uprights, (width, height))
+    if middle is None:
         return False
-    drawn = np.isfinite(known[0])
-    before, foot, after = np.interp([place - 0.5 * width, place, place + 0.5 * width], x[drawn], known[0][drawn])
+    drawn = np.isfinite(shown[0])
+    before, foot, after = np.interp([middle - 0.5 * width, middle, middle + 0.5 * width], x[drawn], shown[0][drawn])
     slope = float(np.degrees(np.arctan2(tall * (after - before), wide * width)))
     axes.text(
-        place, float(foot), name, transform=axes.transAxes, color=SOFT, fontsize=SMALL, ha="center", va="bottom",
+        middle, float(foot), name, transform=axes.transAxes, color=SOFT, fontsize=SMALL, ha="center", va="bottom",
         rotation_mode="anchor", rotation=slope,
     )  # fmt: skip
     return True
@@ -336,6 +337,7 @@ def _free_place(
     """Where a text of this size fits on a guide, as fractions of the panel; None if it fits nowhere."""
     width, height = size
     best, room = None, 0.0
+    # A tenth of the width stays free on either side of the text.
     for middle in np.arange(1.0 - 0.6 * width, 0.6 * width, -0.02):
         here = np.abs(x - middle) <= 0.6 * width
         foot = float(np.interp(middle, x, guide))
@@ -344,7 +346,7 @@ def _free_place(
         if any(abs(upright - middle) <= 0.6 * width for upright in uprights):
             continue
         apart = [np.abs(level[here] - (foot + height / 2.0)) for level in levels]
-        nearest = min((float(np.nanmin(one)) for one in apart if np.isfinite(one).any()), default=1.0)
+        nearest = min((float(np.nanmin(gaps)) for gaps in apart if np.isfinite(gaps).any()), default=1.0)
         if nearest > height:
             return float(middle)
         if nearest > max(room, 0.6 * height):
@@ -388,11 +390,11 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
             (bar,) = axes.barh(middle, end - start, left=start, height=height, color=color, linewidth=0)
             bar.set_gid("best")
         if len(best) == 1:
-            name = shortened(by_key[best[0]].title)
-            if len(name) <= _LETTERS_ACROSS * np.log(end / start) / np.log(distance[-1] / distance[0]):
+            title = shortened(by_key[best[0]].title)
+            if len(title) <= _LETTERS_ACROSS * np.log(end / start) / np.log(distance[-1] / distance[0]):
                 color = letters_on(by_key[best[0]].style.color)
                 middle = float(np.sqrt(start * end))
-                axes.text(middle, row, name, color=color, ha="center", va="center", fontsize=SMALL, gid=DECLARED)
+                axes.text(middle, row, title, color=color, ha="center", va="center", fontsize=SMALL, gid=DECLARED)
     names = [*(shortened(camera.title) for camera in shown), "best camera"]
     axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))
     axes.get_yticklabels()[-1].set_fontweight("bold")
@@ -422,13 +424,16 @@ def largest_shares(depth: xr.Dataset) -> dict[str, float]:
     """The largest share of each part over all cameras and distances; NaN if none is known."""
     rows = depth["variance_share"].transpose("part", ...)
     flat = rows.values.reshape(rows.sizes["part"], -1)
-    known = np.where(np.isnan(flat), -np.inf, flat).max(axis=1)
-    return {str(name): float(m) if m >= 0.0 else np.nan for name, m in zip(rows["part"].values, known, strict=True)}
+    largest = np.where(np.isnan(flat), -np.inf, flat).max(axis=1)
+    return {
+        str(part): float(share) if share >= 0.0 else np.nan
+        for part, share in zip(rows["part"].values, largest, strict=True)
+    }
 
 
 def shown_parts(depth: xr.Dataset) -> list[str]:
     """The parts whose share is worth drawing somewhere, in their own order."""
-    return [name for name, largest in largest_shares(depth).items() if largest > _LEAST]
+    return [part for part, largest in largest_shares(depth).items() if largest > _LEAST]
 
 
 @styled()
@@ -439,40 +444,40 @@ def draw_variance_shares(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> S
     figure = new_figure(0.7 + 1.25 * -(-len(shown) // PANELS_IN_A_ROW))
     panels = camera_panels(figure, len(shown), depth["distance"].values)
     panels[0].set(ylim=(0.0, 1.0), yticks=[0.0, 0.5, 1.0], yticklabels=["0", "50 %", "100 %"])
-    named = {name for axes, camera in zip(panels, shown, strict=True) for name in _panel(axes, depth, camera, names)}
+    named = {part for axes, camera in zip(panels, shown, strict=True) for part in _panel(axes, depth, camera, names)}
     for axes in panels[::PANELS_IN_A_ROW]:
         axes.set_ylabel("share of variance")
-    if thin := [name for name in names if name not in named]:
-        handles = [Patch(facecolor=_color(names, name)) for name in thin]
+    if thin := [part for part in names if part not in named]:
+        handles = [Patch(facecolor=_color(names, part)) for part in thin]
         legend(figure, handles, thin, columns=4)
     return figure
 
 
-def _color(names: list[str], name: str) -> str:
+def _color(names: list[str], part: str) -> str:
     """The colour of a part: grey for matching noise, other colours for sources that averaging does not reduce."""
-    return _NOISE if name == "noise" else line_style(names.index(name) - ("noise" in names)).color
+    return _NOISE if part == "noise" else line_style(names.index(part) - ("noise" in names)).color
 
 
 def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str]) -> Iterator[str]:
     """Draw the areas of a camera, and yield the parts whose area has room for a name."""
     distance = np.asarray(depth["distance"].values, dtype=np.float64)
     shares = depth["variance_share"].sel(camera=camera.key, part=names).transpose("part", "distance").values
-    known = np.isfinite(shares).any(axis=0)
+    is_known = np.isfinite(shares).any(axis=0)
     bottom = np.zeros_like(distance)
     usable = depth["usable"].sel(camera=camera.key).values.astype(bool)
-    for name, share in zip(names, np.nan_to_num(shares), strict=True):
+    for part, share in zip(names, np.nan_to_num(shares), strict=True):
         if share.any():
-            look = {"color": _color(names, name), "label": name, "gid": f"variance_share:{name}/{camera.key}"}
-            fill(axes, distance, bottom, bottom + share, known, **look)
-            for words in (name, name.replace(" ", "\n")):
-                if (place := _free_area(axes, words, bottom, bottom + share, known, usable)) is not None:
+            look = {"color": _color(names, part), "label": part, "gid": f"variance_share:{part}/{camera.key}"}
+            fill(axes, distance, bottom, bottom + share, is_known, **look)
+            for words in (part, part.replace(" ", "\n")):
+                if (place := _free_area(axes, words, bottom, bottom + share, is_known, usable)) is not None:
                     middle, level = place
-                    color = letters_on(_color(names, name)) if usable[middle] and name != "noise" else INK
+                    color = letters_on(_color(names, part)) if usable[middle] and part != "noise" else INK
                     axes.text(
                         distance[middle], level, words, color=color, fontsize=SMALL, linespacing=1.0, ha="center",
                         va="center", zorder=3, gid=DECLARED,
                     )  # fmt: skip
-                    yield name
+                    yield part
                     break
         bottom = bottom + share
     nothing = ((distance[0], distance[0]),)  # pages that show another design move it
@@ -482,7 +487,7 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str])
 
 
 def _free_area(
-    axes: Axes, words: str, bottom: FloatArray, top: FloatArray, known: Flags, usable: Flags
+    axes: Axes, words: str, bottom: FloatArray, top: FloatArray, is_known: Flags, usable: Flags
 ) -> tuple[int, float] | None:
     """Where words fit best: index and height of the middle of the highest stretch of an area in one shade."""
     width, height = panel_size(axes)
@@ -492,7 +497,7 @@ def _free_area(
         return None
     over = partial(sliding_window_view, window_shape=2 * half + 1)
     shades = over(usable)
-    fits = over(known).all(axis=1) & (shades.all(axis=1) | ~shades.any(axis=1))
+    fits = over(is_known).all(axis=1) & (shades.all(axis=1) | ~shades.any(axis=1))
     rooms = np.where(fits, over(top).min(axis=1) - over(bottom).max(axis=1), 0.0)
     if rooms.max() < (len(lines) + _SPARE) * SMALL / height:
         return None
@@ -553,10 +558,10 @@ def _field_panel(axes: Axes, depth: xr.Dataset, off: xr.Dataset, camera: CameraT
     )
     for order, field in enumerate(off["field"].values):
         style = line_style(order + 1)
-        there = np.asarray(worst_corner(off).sel(field=field, camera=camera.key).values, dtype=np.float64)
+        off_axis = np.asarray(worst_corner(off).sel(field=field, camera=camera.key).values, dtype=np.float64)
         axes.plot(
             off["distance"].values,
-            _drawn(there),
+            _drawn(off_axis),
             color=style.color,
             linestyle=style.dash,
             linewidth=1.3,

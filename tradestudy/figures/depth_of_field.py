@@ -85,8 +85,8 @@ def _sharp_words(tree: xr.DataTree) -> str:
     data = by_first_criterion(tree)
     sentences = []
     for key, title in camera_titles(tree).items():
-        found = sharp_ranges(data.sel(camera=key), "sharp")
-        where = " and ".join(f"{pretty(a, LENGTH)} to {pretty(b, LENGTH)}" for a, b in found) or "nowhere"
+        ranges = sharp_ranges(data.sel(camera=key), "sharp")
+        where = " and ".join(f"{pretty(a, LENGTH)} to {pretty(b, LENGTH)}" for a, b in ranges) or "nowhere"
         sentences.append(f"{title}: sharp {where}. ")
     return "".join(sentences)
 
@@ -94,12 +94,12 @@ def _sharp_words(tree: xr.DataTree) -> str:
 def _resolution_words(tree: xr.DataTree) -> str:
     data = tree["depth_of_field"].to_dataset()
     middle = (float(data.attrs["scene_near"]) + float(data.attrs["scene_far"])) / 2.0
-    there = data["lateral_resolution"].sel(distance=middle, method="nearest")
-    place = pretty(float(there["distance"]), LENGTH)
+    sizes = data["lateral_resolution"].sel(distance=middle, method="nearest")
+    place = pretty(float(sizes["distance"]), LENGTH)
     values = [
         f"{title} {pretty(size, LENGTH)}"
         for key, title in camera_titles(tree).items()
-        if np.isfinite(size := float(there.sel(camera=key)))
+        if np.isfinite(size := float(sizes.sel(camera=key)))
     ]
     return f"At {place}: " + "; ".join(values) + "."
 
@@ -123,12 +123,12 @@ def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
     _scene_band(axes, data)
     equal = "resolved_near" in data
     for row, camera in enumerate(shown):
-        one = data.sel(camera=camera.key)
-        _slices(axes, sharp_ranges(one, "slice"), row, camera)
-        _far_end(axes, sharp_ranges(one, "sharp"), row, camera)
-        _lines(axes, sharp_ranges(one, "gap"), row - 0.08, linewidth=0.6, linestyle=(0, (1, 1)))
+        stretches = data.sel(camera=camera.key)
+        _slices(axes, sharp_ranges(stretches, "slice"), row, camera)
+        _far_end(axes, sharp_ranges(stretches, "sharp"), row, camera)
+        _lines(axes, sharp_ranges(stretches, "gap"), row - 0.08, linewidth=0.6, linestyle=(0, (1, 1)))
         if equal:
-            _lines(axes, sharp_ranges(one, "resolved"), row + 0.27, linewidth=1.4, solid_capstyle="butt")
+            _lines(axes, sharp_ranges(stretches, "resolved"), row + 0.27, linewidth=1.4, solid_capstyle="butt")
     named_rows(axes, [shortened(camera.title) for camera in shown])
     axes.set_xlabel("distance from the principal plane [mm]")
     _resolution_beside(axes, data, shown)

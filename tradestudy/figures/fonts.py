@@ -26,6 +26,6 @@ def _characters() -> frozenset[int]:
 
 def printable(text: str) -> str:
     """Text with control characters escaped, and others that the font lacks as code points, ``⟨U+65E5⟩``."""
-    known = _characters()
+    characters = _characters()
     shown = escaped(text, lines=True)
-    return "".join(letter if ord(letter) in known else f"⟨U+{ord(letter):04X}⟩" for letter in shown)
+    return "".join(letter if ord(letter) in characters else f"⟨U+{ord(letter):04X}⟩" for letter in shown)

@@ -108,18 +108,18 @@ def draw_fresnel_error(tree: xr.DataTree) -> StudyFigure:
     """Draw error against f-number, with a column per lens, and a second row for the point off the axis."""
     data = tree["fresnel_validity"].to_dataset()
     rows = 2 if "off_axis_error" in data else 1
-    elements = [str(name) for name in data["element"].values]
+    elements = [str(element) for element in data["element"].values]
     figure = new_figure(0.3 + 2.45 * rows)
     panels = figure.subplots(rows, len(elements), squeeze=False, sharey="row", sharex=True)
     window = middle_window(data)
     errors = ("psf_error", "off_axis_error")[:rows]
-    for row, (line, name) in enumerate(zip(panels, errors, strict=True)):
+    for row, (line, variable) in enumerate(zip(panels, errors, strict=True)):
         shown = [
-            _error_panel(axes, data, element, data[name].sel(element=element, metric="l1", window=window), row == 0)
+            _error_panel(axes, data, element, data[variable].sel(element=element, metric="l1", window=window), row == 0)
             for axes, element in zip(line, elements, strict=True)
         ]
-        known = np.concatenate([curve.y[curve.y > 0.0] for curves in shown for curve in curves])
-        line[0].set_ylim(float(known.min()) / _ROOM, float(known.max()) * _ROOM)  # of the whole row
+        positive = np.concatenate([curve.y[curve.y > 0.0] for curves in shown for curve in curves])
+        line[0].set_ylim(float(positive.min()) / _ROOM, float(positive.max()) * _ROOM)  # of the whole row
         for axes, curves in zip(line, shown, strict=True):
             name_ends(axes, curves)
     for axes, element in zip(panels[0], elements, strict=True):
@@ -140,11 +140,11 @@ def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray
     axes.yaxis.set_major_locator(FixedLocator(_PERCENT))
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{plain_number(value)} %"))
-    phases = [str(name) for name in data["lens_phase"].values]
+    phases = [str(phase) for phase in data["lens_phase"].values]
     every = [100 * np.asarray(error.sel(lens_phase=phase).values, dtype=float) for phase in phases]
     middle = [lines[(len(lines) - 1) // 2] if lines.ndim == 2 else lines for lines in every]
-    known = [values[np.isfinite(values) & (values > 0.0)] for values in middle]
-    ends = min(float(values.min()) for values in known), max(float(values.max()) for values in known)
+    positive = [values[np.isfinite(values) & (values > 0.0)] for values in middle]
+    ends = min(float(values.min()) for values in positive), max(float(values.max()) for values in positive)
     for order, (phase, lines, under) in enumerate(zip(phases, every, beneath(middle, ends), strict=True)):
         style = line_style(order)
         if lines.ndim == 2:
@@ -200,13 +200,13 @@ def _f_number_axis(axes: Axes, inside: FloatArray) -> None:
 
 def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, bool]]:
     """List every criterion with its f-numbers over the wavelengths, and whether they follow from computed errors."""
-    one = data.sel(element=element)
+    lens = data.sel(element=element)
 
-    def of(name: str, **where: Any) -> FloatArray:
-        return np.asarray(one[name].sel(**where).values, dtype=float)
+    def of(variable: str, **where: Any) -> FloatArray:
+        return np.asarray(lens[variable].sel(**where).values, dtype=float)
 
     zeros = [of("paper_eq27_sweep", zero=zero) for zero in ("first", "second")]
-    found = [
+    closed_forms = [
         ("eq. 27, smaller zero", zeros[0].ravel(), False),
         ("eq. 27, larger zero", zeros[1].ravel(), False),
         ("one radian of phase (Goodman)", of("goodman_f_number"), False),
@@ -216,20 +216,22 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
         ),
         ("plane wave, bare hole (Southwell)", of("southwell_f_number"), False),
     ]
-    limits = one["limit_f_number"].sel(lens_phase=_first_phase(data))
+    limits = lens["limit_f_number"].sel(lens_phase=_first_phase(data))
     measured = [("peak", limits.sel(metric="peak").isel(window=0))] + [
         (f"{plain_number(float(window))} Airy radii", limits.sel(metric="l1", window=window))
         for window in data["window"].values
     ]
-    return found + [(f"computed, {name}", np.asarray(one.values, dtype=float), True) for name, one in measured]
+    return closed_forms + [
+        (f"computed, {measure}", np.asarray(limit.values, dtype=float), True) for measure, limit in measured
+    ]
 
 
 @styled()
 def draw_fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
     """Draw one row per criterion: a bar over the wavelengths, with an arrow where it leaves the axis."""
     data = tree["fresnel_validity"].to_dataset()
-    elements = [str(name) for name in data["element"].values]
-    names = [name for name, _, _ in _criteria(data, elements[0])]
+    elements = [str(element) for element in data["element"].values]
+    names = [criterion for criterion, _, _ in _criteria(data, elements[0])]
     figure = new_figure(1.0 + 0.24 * len(names))
     panels = figure.subplots(1, len(elements), squeeze=False, sharey=True)[0]
     for axes, element in zip(panels, elements, strict=True):
@@ -267,21 +269,23 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
 
 
 def _criteria_tables(data: xr.Dataset) -> Tables:
-    elements = [str(name) for name in data["element"].values]
+    elements = [str(element) for element in data["element"].values]
     every = [_criteria(data, element) for element in elements]
-    rows = [(found[0][0], *(_ends_words(values) for _, values, _ in found)) for found in zip(*every, strict=True)]
+    rows = [
+        (criteria[0][0], *(_ends_words(values) for _, values, _ in criteria)) for criteria in zip(*every, strict=True)
+    ]
     columns = ("Criterion", *(element_title(data, element) for element in elements))
     return (ValueTable(caption="Minimum f-numbers over the wavelengths", columns=columns, rows=tuple(rows)),)
 
 
 def _zero_tables(data: xr.Dataset) -> Tables:
-    elements = [str(name) for name in data["element"].values]
+    elements = [str(element) for element in data["element"].values]
     rows = []
-    for zero, name in _ZEROS.items():
+    for zero, zero_words in _ZEROS.items():
         for wave in data["wavelength"].values:
-            there = data["paper_eq27_sweep"].sel(zero=zero, wavelength=wave)
-            ends = [_ends_words(np.asarray(there.sel(element=element).values, dtype=float)) for element in elements]
-            rows.append((f"{name}, {pretty(float(wave), LENGTH)}", *ends))
+            sweep = data["paper_eq27_sweep"].sel(zero=zero, wavelength=wave)
+            ends = [_ends_words(np.asarray(sweep.sel(element=element).values, dtype=float)) for element in elements]
+            rows.append((f"{zero_words}, {pretty(float(wave), LENGTH)}", *ends))
     columns = ("Zero", *(element_title(data, element) for element in elements))
     return (ValueTable(caption="Minimum f-numbers of eq. 27 within a quarter wave", columns=columns, rows=tuple(rows)),)
 
@@ -296,9 +300,9 @@ def _criteria_words(data: xr.Dataset) -> str:
     sentences = []
     for element in data["element"].values:
         parts = [
-            f"{name} {significant(float(values.min()))} to "
+            f"{criterion} {significant(float(values.min()))} to "
             f"{significant(float(values.max())) if np.isfinite(values.max()) else 'infinity'}"
-            for name, values, _ in _criteria(data, str(element))
+            for criterion, values, _ in _criteria(data, str(element))
             if values.max() > 0
         ]
         sentences.append(f"{element_title(data, element)}: {'; '.join(parts)}. ")
@@ -309,7 +313,7 @@ def _criteria_words(data: xr.Dataset) -> str:
 def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
     """Draw both zeros over one quarter-wave period, in one panel per lens, since they belong to one criterion."""
     data = tree["fresnel_validity"].to_dataset()
-    elements = [str(name) for name in data["element"].values]
+    elements = [str(element) for element in data["element"].values]
     figure = new_figure(2.9)
     panels = figure.subplots(1, len(elements), squeeze=False)[0]
     share = np.asarray(data["quarter_wave"].values, dtype=float)

@@ -126,7 +126,9 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
             "judged by the larger of both."
         )
     required = required_uncertainties(tree)
-    kinds = {"dashed" if one.over[0] < one.over[1] else "diamonds" for one in required[:MOST_BOUNDS]}
+    kinds = {
+        "dashed" if requirement.over[0] < requirement.over[1] else "diamonds" for requirement in required[:MOST_BOUNDS]
+    }
     if kinds:
         caption += f" Black, {' or '.join(sorted(kinds))}: largest uncertainty that a requirement allows"
         caption += "." if len(required) <= MOST_BOUNDS else f", for the two tightest of {len(required)}."
@@ -143,7 +145,7 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
         )
         if crossovers(tree):
             caption += " Dotted: where this changes."
-        best = "; ".join(one.words for one in best_ranges(tree))
+        best = "; ".join(stretch.words for stretch in best_ranges(tree))
         alt += f"Smallest uncertainty{' of the candidates' * bool(among)}: {best}."
     return Drawing(
         name=name,
@@ -155,7 +157,7 @@ def _over_distance(tree: xr.DataTree, name: str, most: int) -> Drawing:
 
 def _is_judged_by_radius(measured: xr.Dataset, camera: str) -> bool:
     """Whether the error radius of a camera visibly exceeds its depth uncertainty anywhere."""
-    half_width, radius = (of_camera(measured, name, camera) for name in JUDGED)
+    half_width, radius = (of_camera(measured, variable, camera) for variable in JUDGED)
     return bool(np.any(radius > 1.01 * half_width))
 
 
@@ -205,10 +207,10 @@ def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) 
     if "depth_at_places" in tree.children:
         declared = tree["depth_at_places"].to_dataset()
         depth = declared if place in declared["distance"].values else depth
-    there = depth.sel(distance=[place], method="nearest")
-    values = [float(of_camera(there, "depth_uncertainty", camera.key)[0]) for camera in shown]
+    here = depth.sel(distance=[place], method="nearest")
+    values = [float(of_camera(here, "depth_uncertainty", camera.key)[0]) for camera in shown]
     each = "; ".join(f"{camera.title} {pretty(v, LENGTH)}" for camera, v in zip(shown, values, strict=True))
-    return f"at {distance(float(there['distance'].item()))}: {each}"
+    return f"at {distance(float(here['distance'].item()))}: {each}"
 
 
 _ERRORS: Final = {"array": "microlens positions"}
@@ -218,11 +220,11 @@ def _shares(tree: xr.DataTree, cameras: tuple[CameraTrace, ...]) -> Drawing:
     depth = nominal(tree).sel(camera=[camera.key for camera in cameras])
     every, shown = largest_shares(depth), shown_parts(depth)
     silent = listed(
-        [_ERRORS.get(name, in_words(name)) for name, most in every.items() if most >= 0.0 and name not in shown]
+        [_ERRORS.get(part, in_words(part)) for part, most in every.items() if most >= 0.0 and part not in shown]
     )
-    known = depth["variance_share"].notnull().all("part")
-    pale = "; pale: the camera is not usable" * bool((known & ~depth["usable"].astype(bool)).any())
-    blank = "; blank: the camera measures no depth" * bool((~known).any())
+    is_known = depth["variance_share"].notnull().all("part")
+    pale = "; pale: the camera is not usable" * bool((is_known & ~depth["usable"].astype(bool)).any())
+    blank = "; blank: the camera measures no depth" * bool((~is_known).any())
     return Drawing(
         name="variance_shares",
         caption="Share of each error source in the variance of inverse depth, against distance (Shapley shares: "
@@ -244,7 +246,7 @@ def _largest_shares(tree: xr.DataTree, cameras: tuple[CameraTrace, ...]) -> str:
     largest = dict(zip(map(str, depth["camera"].values), largest_parts(depth)[0][0], strict=True))
     for camera in cameras:
         places = zip(distances, largest[camera.key], strict=True)
-        groups = itertools.groupby(places, key=lambda one: one[1])
+        groups = itertools.groupby(places, key=lambda place: place[1])
         stretches = [(next(group)[0], part) for part, group in groups if part is not None]
         if stretches:
             words = [f"{in_words(part)} from {distance(start)} on" for start, part in stretches]
@@ -259,13 +261,13 @@ def _off_axis(tree: xr.DataTree) -> Drawing:
     largest = worst_corner(last)
     sentences = []
     for camera in traces(tree):
-        there = np.asarray(largest.sel(camera=camera.key).values, dtype=np.float64)
+        off_axis = np.asarray(largest.sel(camera=camera.key).values, dtype=np.float64)
         axis = of_camera(nominal(tree), "depth_uncertainty", camera.key)
-        ratio = there[np.isfinite(there)] / axis[np.isfinite(there)]
-        known = ratio[np.isfinite(ratio)]
+        ratio = off_axis[np.isfinite(off_axis)] / axis[np.isfinite(off_axis)]
+        finite = ratio[np.isfinite(ratio)]
         sentences.append(
-            f"{camera.title}: {significant(float(known.min()))} to {significant(float(known.max()))} times as large. "
-            if known.size
+            f"{camera.title}: {significant(float(finite.min()))} to {significant(float(finite.max()))} times as large. "
+            if finite.size
             else f"{camera.title}: sees none of these distances there. "
         )
     return Drawing(
@@ -286,23 +288,23 @@ def _readings(tree: xr.DataTree) -> Drawing:
     numerator, denominator = (with_article(titles[decision.attrs[end]]) for end in ("first", "second"))
     unbounded = [
         f"{sign} at the edge: only the uncertainty of {title} has no bound."
-        for sign, there, title in (("∞", np.isinf(every), numerator), ("0", every == 0.0, denominator))
-        if there.any()
+        for sign, marked, title in (("∞", np.isinf(every), numerator), ("0", every == 0.0, denominator))
+        if marked.any()
     ]
     if np.isnan(every).any():
         unbounded.append("No mark: a camera does not see the point there, or neither uncertainty has a bound.")
     sentences = []
     for place in ratio["place"].values:
         values = np.asarray(ratio.sel(place=place, error_source="both").values, dtype=float)
-        known = values[~np.isnan(values)]
-        if known.size == values.size == 1:
-            sentences.append(f"At {distance(float(place))} the ratio is {significant(float(known[0]))}. ")
-        elif known.size:
+        decided = values[~np.isnan(values)]
+        if decided.size == values.size == 1:
+            sentences.append(f"At {distance(float(place))} the ratio is {significant(float(decided[0]))}. ")
+        elif decided.size:
             sentences.append(
-                f"At {distance(float(place))} the ratio runs from {significant(float(known.min()))} to "
-                f"{significant(float(known.max()))} and is above 1 in {int((known > 1).sum())} of "
+                f"At {distance(float(place))} the ratio runs from {significant(float(decided.min()))} to "
+                f"{significant(float(decided.max()))} and is above 1 in {int((decided > 1).sum())} of "
                 f"{counted(values.size, 'reading')}"
-                + (f", undecided in {values.size - known.size}. " if known.size < values.size else ". ")
+                + (f", undecided in {values.size - decided.size}. " if decided.size < values.size else ". ")
             )
     return Drawing(
         name="readings",

@@ -51,14 +51,14 @@ def draw_goals(tree: xr.DataTree) -> StudyFigure:
     questions = goal_questions(tree)[:MOST_CURVES]
     figure = new_figure(2.5)
     panels = figure.subplots(1, len(questions), sharey=True, squeeze=False)[0]
-    every = np.concatenate([[one["solved_goal"], *one["uncertainties"]] for one in questions]) * MM
+    every = np.concatenate([[question["solved_goal"], *question["uncertainties"]] for question in questions]) * MM
     every = every[np.isfinite(every)]
     ends = float(every.min()) / 1.5, float(every.max()) * 1.5
     log_axis(panels[0], "y", tick=length_tick, ends=ends)
     panels[0].set_ylim(ends)
     panels[0].set_ylabel(uncertainty_words(questions[0]).replace(" at ", "\nat ").replace(" due ", "\ndue "))
-    for axes, one in zip(panels, questions, strict=True):
-        _goal_panel(axes, one)
+    for axes, question in zip(panels, questions, strict=True):
+        _goal_panel(axes, question)
     return figure
 
 
@@ -66,9 +66,9 @@ def _goal_panel(axes: Axes, question: Mapping[str, Any]) -> None:
     factor, unit = AXIS_UNITS.get(str(question["solved_units"]), (1.0, ""))
     style, x = line_style(0), factor * np.asarray(question["values"], dtype=np.float64)
     y = MM * np.asarray(question["uncertainties"], dtype=np.float64)
-    name = in_words(str(question["solved_path"]).rpartition(".")[2])
+    parameter = in_words(str(question["solved_path"]).rpartition(".")[2])
     log_axis(axes, "x", ends=(float(x[0]), float(x[-1])))
-    axes.plot(x, np.where(np.isfinite(y), y, np.nan), color=style.color, marker="o", markersize=3, label=name)
+    axes.plot(x, np.where(np.isfinite(y), y, np.nan), color=style.color, marker="o", markersize=3, label=parameter)
     goal = MM * float(question["solved_goal"])
     axes.axhline(goal, color=INK, linewidth=0.9)
     axes.text(
@@ -77,4 +77,4 @@ def _goal_panel(axes: Axes, question: Mapping[str, Any]) -> None:
     )  # fmt: skip
     if np.isfinite(question["solved_value"]):
         axes.axvline(factor * float(question["solved_value"]), color=INK, linewidth=0.7, linestyle=(0, (3, 2)))
-    axes.set_xlabel(f"{name} [{unit}]" if unit else name)
+    axes.set_xlabel(f"{parameter} [{unit}]" if unit else parameter)

@@ -84,10 +84,10 @@ def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 def _image_words(data: xr.Dataset, reference: str) -> str:
     sentences = []
     for method in data["propagator"].values:
-        one = data.sel(propagator=method)
-        text = f"{short_title(str(method))}: {int(one['lit_pixels'])} lit pixels"
+        image = data.sel(propagator=method)
+        text = f"{short_title(str(method))}: {int(image['lit_pixels'])} lit pixels"
         if method != reference:
-            difference = float(one["difference"].sel(against=reference))
+            difference = float(image["difference"].sel(against=reference))
             text += f", summed difference from {short_title(reference)} {pretty(difference, FRACTION)}"
         sentences.append(text + ". ")
     return "".join(sentences)
@@ -98,7 +98,7 @@ def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
     """Draw the images, their signed differences from the reference below them, and a cut through all at the foot."""
     data = tree["images"].to_dataset()
     reference = reference_method(data)
-    others = [str(name) for name in data["propagator"].values if name != reference]
+    others = [str(method) for method in data["propagator"].values if method != reference]
     methods = [*others, reference]
     image = data["image"]
     exact = np.asarray(image.sel(propagator=reference).values, dtype=float)
@@ -112,7 +112,8 @@ def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
     _scale(figure, shown, grid[0, -1], "light on a pixel")
     if others:
         changes = {
-            one: 100 * (np.asarray(image.sel(propagator=one).values) - exact) / float(exact.max()) for one in others
+            method: 100 * (np.asarray(image.sel(propagator=method).values) - exact) / float(exact.max())
+            for method in others
         }
         span = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
         for column, method in enumerate(others):
@@ -135,7 +136,7 @@ def _scale(figure: StudyFigure, shown: AxesImage, place: SubplotSpec, label: str
 
 def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low: float, high: float) -> AxesImage:
     """Draw one image in micrometres with the edges of the microlens cells."""
-    x, y = (np.asarray(data[name].values, dtype=float) * 1e6 for name in ("column", "row"))
+    x, y = (np.asarray(data[axis].values, dtype=float) * 1e6 for axis in ("column", "row"))
     step = (x[1] - x[0]) / 2
     extent = (x[0] - step, x[-1] + step, y[0] - step, y[-1] + step)
     shown = axes.imshow(values, origin="lower", extent=extent, cmap=colors, vmin=low, vmax=high, interpolation="none")
@@ -165,7 +166,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
     x = np.asarray(data["column"].values, dtype=float) * 1e6
     middle = data.sizes["row"] // 2
     top = float(data["image"].sel(propagator=methods[-1]).max())
-    styles = {str(name): line_style(order) for order, name in enumerate(data["propagator"].values)}
+    styles = {str(method): line_style(order) for order, method in enumerate(data["propagator"].values)}
     cuts = [
         np.maximum(
             np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top, _DARKEST
@@ -192,16 +193,16 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
 def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
     """Draw widths against each varied quantity, with a row per lens."""
     data = tree["point_spread"].to_dataset()
-    elements, varied = ([str(v) for v in data[name].values] for name in ("element", "varied"))
+    elements, varied = ([str(v) for v in data[dim].values] for dim in ("element", "varied"))
     figure = new_figure(0.5 + 1.9 * len(elements))
     panels = figure.subplots(len(elements), len(varied), squeeze=False, sharey="row")
     for row, element in enumerate(elements):
-        for column, what in enumerate(varied):
-            _spread_panel(panels[row, column], data.sel(element=element, varied=what), _SHOWN_IN[what])
+        for column, quantity in enumerate(varied):
+            _spread_panel(panels[row, column], data.sel(element=element, varied=quantity), _SHOWN_IN[quantity])
         panels[row, 0].set_ylabel(f"{shortened(element_title(data, element), 24)} (µm)")
         panels[row, 0].set_ylim(bottom=0)
-    for axes, what in zip(panels[-1], varied, strict=True):
-        axes.set_xlabel(_VARIED[what])
+    for axes, quantity in zip(panels[-1], varied, strict=True):
+        axes.set_xlabel(_VARIED[quantity])
     for axes, element in zip(panels[:, -1], elements, strict=True):
         name_ends(axes, list(_widths(data.sel(element=element, varied=varied[-1]), _SHOWN_IN[varied[-1]])))
     return figure
@@ -210,8 +211,8 @@ def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
 def _widths(data: xr.Dataset, scale: float) -> Iterator[NamedCurve]:
     """Draw the curves of a panel by Kirchhoff's integral."""
     place = scale * np.asarray(data["value"].values, dtype=float)
-    for order, (name, words) in enumerate(_SPREADS.items()):
-        values = 1e6 * np.asarray(data[name].sel(propagator="kirchhoff").values, dtype=float)
+    for order, (variable, words) in enumerate(_SPREADS.items()):
+        values = 1e6 * np.asarray(data[variable].sel(propagator="kirchhoff").values, dtype=float)
         yield NamedCurve(name=words, color=line_style(order).color, x=place, y=values)
 
 
@@ -220,12 +221,12 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
     axes.axhline(1e6 * float(data.attrs["pixel_pitch"]), color=SOFT, linewidth=0.8)
     for method in ("fresnel", "kirchhoff"):
         exact = method == "kirchhoff"
-        for order, (name, words) in enumerate(_SPREADS.items()):
+        for order, (variable, words) in enumerate(_SPREADS.items()):
             style = line_style(order)
             axes.errorbar(
                 place,
-                1e6 * np.asarray(data[name].sel(propagator=method).values, dtype=float),
-                yerr=1e6 * np.asarray(data[f"{name}_error"].sel(propagator=method).values, dtype=float)
+                1e6 * np.asarray(data[variable].sel(propagator=method).values, dtype=float),
+                yerr=1e6 * np.asarray(data[f"{variable}_error"].sel(propagator=method).values, dtype=float)
                 if exact
                 else None,
                 color=style.color,
@@ -242,23 +243,23 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
 def _undetermined(data: xr.Dataset) -> bool:
     """Whether the error of any drawn width exceeds the width itself."""
     exact = data.sel(propagator="kirchhoff")
-    return any(bool((exact[f"{name}_error"] > exact[name]).any()) for name in _SPREADS)
+    return any(bool((exact[f"{variable}_error"] > exact[variable]).any()) for variable in _SPREADS)
 
 
 def _spread_words(data: xr.Dataset) -> str:
     """The half-energy radius and Strehl ratio of every lens as declared, in words."""
     sentences = []
     for element in data["element"].values:
-        one = data.sel(element=element, varied="f_number")
-        values = np.asarray(one["value"].values, dtype=float)
-        step = int(np.nanargmin(np.abs(values - float(one["standing"]))))
+        lens = data.sel(element=element, varied="f_number")
+        values = np.asarray(lens["value"].values, dtype=float)
+        step = int(np.nanargmin(np.abs(values - float(lens["standing"]))))
         for method in data["propagator"].values:
-            there = one.sel(propagator=method).isel(step=step)
-            radius = float(there["half_energy_radius"])
+            point = lens.sel(propagator=method).isel(step=step)
+            radius = float(point["half_energy_radius"])
             if np.isfinite(radius):
                 sentences.append(
-                    f"{one['title'].item()} at f/{significant(float(values[step]))} by {short_title(str(method))}: "
+                    f"{lens['title'].item()} at f/{significant(float(values[step]))} by {short_title(str(method))}: "
                     "half the light within "
-                    f"{pretty(radius, LENGTH)}, Strehl ratio {significant(float(there['strehl_ratio']))}. "
+                    f"{pretty(radius, LENGTH)}, Strehl ratio {significant(float(point['strehl_ratio']))}. "
                 )
     return "".join(sentences)

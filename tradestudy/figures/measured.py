@@ -29,39 +29,45 @@ _MARGIN = 1.08  # of the distances
 
 def measured_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """One figure for each table of measurements."""
-    for one in measured_tables(tree):
-        trace = next(trace for trace in all_traces(tree) if trace.key == str(one.table["camera_of"].item()))
-        what = NAMES[one.spread or "bias"]
-        caption = f"{one.title}: measured {what} (marks), the prediction (line)"
-        caption += " and its fit to the marks (dashed)." if one.spread else "."
-        if np.isfinite(one.values("error_px")).any():
-            signed = np.isfinite(one.values("bias")).any()
-            fit = "sub-pixel locking" if one.locked else "an offset and a scale" if signed else ""
+    for measurements in measured_tables(tree):
+        trace = next(trace for trace in all_traces(tree) if trace.key == str(measurements.table["camera_of"].item()))
+        quantity = NAMES[measurements.spread or "bias"]
+        caption = f"{measurements.title}: measured {quantity} (marks), the prediction (line)"
+        caption += " and its fit to the marks (dashed)." if measurements.spread else "."
+        if np.isfinite(measurements.values("error_px")).any():
+            signed = np.isfinite(measurements.values("bias")).any()
+            fit = "sub-pixel locking" if measurements.locked else "an offset and a scale" if signed else ""
             kind = "mean disparity errors" if signed else "magnitudes of the disparity errors"
             caption += f" Below: {kind} behind the marks" + (f", and the fit of {fit} (dashed)." if fit else ".")
-        sentence = one.finding()
+        sentence = measurements.finding()
         yield Drawing(
-            name=f"measured_{one.name}",
+            name=f"measured_{measurements.name}",
             caption=caption,
             alt=f"{sentence[0].upper()}{sentence[1:]}.",
-            draw=lambda one=one, trace=trace: draw_measured(one, trace),  # type: ignore[misc]
+            draw=lambda table=measurements, trace=trace: draw_measured(table, trace),  # type: ignore[misc]
         )
 
 
 @styled()
-def draw_measured(one: Measured, trace: CameraTrace) -> StudyFigure:
+def draw_measured(measurements: Measured, trace: CameraTrace) -> StudyFigure:
     """Draw the measured and the predicted error over distance and, if known, the disparity errors behind them."""
-    z, error, used = one.values("distance_of_row"), one.values("error_px"), one.values("used") > 0.0
+    z, error, used = (
+        measurements.values("distance_of_row"),
+        measurements.values("error_px"),
+        measurements.values("used") > 0.0,
+    )
     has_px = bool(np.isfinite(error).any())
     figure = new_figure(4.6 if has_px else 3.0)
     panels = figure.subplots(2 if has_px else 1, 1, sharex=True, squeeze=False)[:, 0]
     ends = float(z.min()) / _MARGIN, float(z.max()) * _MARGIN
     distance_axis(panels[0], ends, dense=True)
     panels[-1].set_xlabel(distance_label(ends[1]))
-    curve, quantity = np.asarray(one.table["curve_distance"].values), one.spread or "bias"
-    measured = np.abs(one.values(quantity)) * MM
-    predicted = np.where(one.table["curve_predicted"].values > 0.0, one.table["curve_predicted"].values * MM, np.nan)
-    fitted = one.fitted() * MM if one.spread else np.full(curve.shape, np.nan)
+    curve, quantity = np.asarray(measurements.table["curve_distance"].values), measurements.spread or "bias"
+    measured = np.abs(measurements.values(quantity)) * MM
+    predicted = np.where(
+        measurements.table["curve_predicted"].values > 0.0, measurements.table["curve_predicted"].values * MM, np.nan
+    )
+    fitted = measurements.fitted() * MM if measurements.spread else np.full(curve.shape, np.nan)
     shown = np.concatenate([measured, predicted, fitted])
     shown = shown[np.isfinite(shown) & (shown > 0.0)]
     limits = float(shown.min()) / 1.3, float(shown.max()) * 1.3
@@ -80,9 +86,9 @@ def draw_measured(one: Measured, trace: CameraTrace) -> StudyFigure:
     if has_px:
         panels[1].set(title="Disparity error", ylabel="px")
         panels[1].plot(z, error, color=color, label="measured", **points)
-        fit = one.fitted_px()
-        if one.locked:  # the fit is seen where the table has two samples per period
-            sampled = np.sort(z[np.isfinite(error)])[-int(one.number("ripple_points")) :]
+        fit = measurements.fitted_px()
+        if measurements.locked:  # the fit is seen where the table has two samples per period
+            sampled = np.sort(z[np.isfinite(error)])[-int(measurements.number("ripple_points")) :]
             fit = np.where(curve >= sampled[0], fit, np.nan)
         panels[1].plot(curve, fit, color=SOFT, linestyle=(0, (4, 1.5)), linewidth=1.2, label="fitted")
         low, high = float(np.nanmin(error)), float(np.nanmax(error))

@@ -93,7 +93,7 @@ def draw_overlay(
     axes = figure.subplots()
     distances = [np.asarray(depth["distance"].values, dtype=np.float64) for depth in depths]
     drawn = [[of_camera(depth, "depth_uncertainty", camera.key) for camera in shown] for depth in depths]
-    ends = min(float(one[0]) for one in distances), max(float(one[-1]) for one in distances)
+    ends = min(float(grid[0]) for grid in distances), max(float(grid[-1]) for grid in distances)
     limits = [depth_limits(curves, distance, *ends) for curves, distance in zip(drawn, distances, strict=True)]
     log_axis(axes, "y", tick=length_tick)
     distance_axis(axes, ends, dense=True)

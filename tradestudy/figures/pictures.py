@@ -71,10 +71,14 @@ def draw_pictures(tree: xr.DataTree) -> StudyFigure:
     panels = figure.subplots(len(shown), 3, squeeze=False)
     last = None
     for (whole, detail, deep), k in zip(panels, shown, strict=True):
-        one = data.isel(picture=k)
-        title = titles[str(one["camera_of"].item())]
-        _grey(whole, one["brightness"].values, shortened(title, _LONGEST))
-        _grey(detail, one["detail"].values, f"middle {data.sizes['detail_row']} × {data.sizes['detail_column']} pixels")
+        picture = data.isel(picture=k)
+        title = titles[str(picture["camera_of"].item())]
+        _grey(whole, picture["brightness"].values, shortened(title, _LONGEST))
+        _grey(
+            detail,
+            picture["detail"].values,
+            f"middle {data.sizes['detail_row']} × {data.sizes['detail_column']} pixels",
+        )
         bare(deep, "true depth")
         last = deep.imshow(cropped(depth[k]) * 1e3, cmap="cividis", vmin=ends[0] * 1e3, vmax=ends[1] * 1e3)
     if last is not None:
@@ -112,8 +116,8 @@ def bare(axes: Axes, title: str) -> None:
 
 def cropped(values: FloatArray) -> FloatArray:
     """Crop the empty rows and columns that pad a picture to the size of the largest."""
-    known = ~np.isnan(values)
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    is_known = ~np.isnan(values)
+    rows, columns = np.flatnonzero(is_known.any(axis=1)), np.flatnonzero(is_known.any(axis=0))
     return values[: rows[-1] + 1, : columns[-1] + 1] if rows.size else values[:1, :1]
 
 
@@ -177,10 +181,10 @@ def _error_words(tree: xr.DataTree) -> str:
     data, titles = group(tree, "pictures"), camera_titles(tree)
     words = []
     for k in range(min(_MOST, data.sizes["mapped_camera"])):
-        one = data.isel(mapped_camera=k)
-        bias, spread = float(one["depth_bias"]), float(one["depth_spread"])
+        camera = data.isel(mapped_camera=k)
+        bias, spread = float(camera["depth_bias"]), float(camera["depth_spread"])
         error = f"{pretty(bias, LENGTH)} ± {pretty(spread, LENGTH)}" if np.isfinite(spread) else "measured nothing"
-        words.append(f"{titles[str(one['mapped_camera'].item())]} {error}")
+        words.append(f"{titles[str(camera['mapped_camera'].item())]} {error}")
     return "; ".join(words) + "."
 
 
@@ -195,9 +199,9 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
     last: ScalarMappable | None = None
     hidden: ScalarMappable | None = None
     for k, (sharp, deep, wrong, missing) in enumerate(panels[:count]):
-        one = data.isel(mapped_camera=k)
-        title = shortened(titles[str(one["mapped_camera"].item())], _LONGEST)
-        picture = one["map_sharp"].values
+        camera = data.isel(mapped_camera=k)
+        title = shortened(titles[str(camera["mapped_camera"].item())], _LONGEST)
+        picture = camera["map_sharp"].values
         bare(sharp, title)
         if np.any(np.isfinite(picture)):
             grey = cropped(picture)
@@ -207,16 +211,16 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
                 0.5, 0.5, "no all-in-focus\npicture", ha="center", va="center", transform=sharp.transAxes, color=SOFT
             )
         bare(deep, "measured depth")
-        shape = cropped(one["map_hidden"].values).shape
-        last = _map(deep, one["map_depth"].values[: shape[0], : shape[1]] * 1e3, (near * 1e3, far * 1e3), "cividis")
+        shape = cropped(camera["map_hidden"].values).shape
+        last = _map(deep, camera["map_depth"].values[: shape[0], : shape[1]] * 1e3, (near * 1e3, far * 1e3), "cividis")
         last.set_label("measured depth [mm]")
-        limit = (abs(float(one["depth_bias"].item())) + _ERROR_SPREADS * float(one["depth_spread"].item())) * 1e3
+        limit = (abs(float(camera["depth_bias"].item())) + _ERROR_SPREADS * float(camera["depth_spread"].item())) * 1e3
         bare(wrong, f"error, ±{limit:.2g} mm" if np.isfinite(limit) else "error")
         limit = limit if np.isfinite(limit) and limit > 0.0 else 1.0
-        error = one["map_depth_error"].values[: shape[0], : shape[1]] * 1e3
+        error = camera["map_depth_error"].values[: shape[0], : shape[1]] * 1e3
         _map(wrong, error, (-limit, limit), "RdBu_r").set_label("depth error [mm]")
         bare(missing, "hidden fraction")
-        hidden = _map(missing, one["map_hidden"].values[: shape[0], : shape[1]], (0.0, 1.0), "magma")
+        hidden = _map(missing, camera["map_hidden"].values[: shape[0], : shape[1]], (0.0, 1.0), "magma")
     if last is not None and hidden is not None:
         everything = panels.ravel().tolist()
         for shown, label in ((last, "measured depth [mm]"), (hidden, "hidden fraction")):
@@ -230,6 +234,7 @@ def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
 def draw_measured_scene(tree: xr.DataTree) -> StudyFigure:
     """Draw a row for each of the best cameras: its picture, the depth measured in it, and its error on one scale."""
     data, titles, keys = group(tree, "pictures"), camera_titles(tree), best_of_scene(tree)
+    # In reverse, so that the first picture of each camera is the one that stays.
     first = dict(zip(reversed(data["camera_of"].values), reversed(range(data.sizes["picture"])), strict=True))
     near, far = ends_of_depth(data["true_depth"].values)
     rows = data.set_index(mapped_camera="mapped_camera").sel(mapped_camera=keys)
@@ -237,12 +242,14 @@ def draw_measured_scene(tree: xr.DataTree) -> StudyFigure:
     figure = new_figure(0.8 + 1.4 * len(keys))
     panels = figure.subplots(len(keys), 3, squeeze=False)
     for (picture, deep, wrong), key in zip(panels, keys, strict=True):
-        one = rows.sel(mapped_camera=key)
+        camera = rows.sel(mapped_camera=key)
         _grey(picture, data["brightness"].values[first[key]], shortened(titles[key], _LONGEST))
         bare(deep, "measured depth" if key == keys[0] else "")
         bare(wrong, "depth error" if key == keys[0] else "")
-        height, width = cropped(one["map_hidden"].values).shape
-        depths, errors = (one[name].values[:height, :width] * 1e3 for name in ("map_depth", "map_depth_error"))
+        height, width = cropped(camera["map_hidden"].values).shape
+        depths, errors = (
+            camera[variable].values[:height, :width] * 1e3 for variable in ("map_depth", "map_depth_error")
+        )
         depth_scale = _map(deep, depths, (near * 1e3, far * 1e3), "cividis")
         error_scale = _map(wrong, errors, (-limit, limit), "RdBu_r")
     for column, scale, label in ((1, depth_scale, "measured depth [mm]"), (2, error_scale, "depth error [mm]")):
@@ -269,20 +276,22 @@ def draw_achieved(tree: xr.DataTree) -> StudyFigure:
     for axes in panels[count:]:
         axes.set_visible(False)
     for k, axes in enumerate(panels[:count]):
-        one = data.isel(mapped_camera=k)
+        camera = data.isel(mapped_camera=k)
         style = line_style(k)
-        title = shortened(titles[str(one["mapped_camera"].item())], _LONGEST)
+        title = shortened(titles[str(camera["mapped_camera"].item())], _LONGEST)
         axes.set_title(title)
-        distance = one["class_distance"].values * 1e3
-        if not np.any(np.isfinite(one["class_bias"].values)):
+        distance = camera["class_distance"].values * 1e3
+        if not np.any(np.isfinite(camera["class_bias"].values)):
             bare(axes, title)
             axes.text(0.5, 0.5, "measured nothing", ha="center", va="center", transform=axes.transAxes, color=SOFT)
             continue
-        bias, spread, predicted = (one[f"class_{name}"].values * 1e3 for name in ("bias", "spread", "predicted"))
+        bias, spread, predicted = (
+            camera[f"class_{statistic}"].values * 1e3 for statistic in ("bias", "spread", "predicted")
+        )
         axes.axhline(0.0, color=INK, linewidth=0.6)
         axes.fill_between(distance, -predicted, predicted, color=style.color, alpha=0.18, linewidth=0.0)
         axes.errorbar(distance, bias, yerr=spread, fmt="none", ecolor=style.color, elinewidth=0.8, capsize=2.5)
-        error = one["class_bias_error"].values * 1e3
+        error = camera["class_bias_error"].values * 1e3
         look = {"fmt": style.marker, "color": style.color, "label": "median error"}
         axes.errorbar(distance, bias, yerr=error, elinewidth=2.4, markersize=4, **look)
         axes.set_xlabel("true depth [mm]")
@@ -313,8 +322,8 @@ def uncertainty_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 
 def _end_of_scale(tree: xr.DataTree, key: str) -> str:
     """Say that larger values share the last colour; empty if there are none."""
-    one = group(tree, "depth_map").sel(camera=key)
-    ratios = np.concatenate([ratio_to_middle(one, float(place)) for place in one["distance"].values])
+    depth_map = group(tree, "depth_map").sel(camera=key)
+    ratios = np.concatenate([ratio_to_middle(depth_map, float(place)) for place in depth_map["distance"].values])
     return (
         f"; values above {_LARGEST_RATIO:g} are drawn as {_LARGEST_RATIO:g}"
         if np.nanmax(ratios, initial=0.0, where=np.isfinite(ratios)) > _LARGEST_RATIO
@@ -324,31 +333,33 @@ def _end_of_scale(tree: xr.DataTree, key: str) -> str:
 
 def map_words(tree: xr.DataTree, key: str) -> str:
     """Describe the maps of one rig: how the uncertainty grows towards the edges."""
-    one, title = group(tree, "depth_map").sel(camera=key), camera_titles(tree)[key]
-    found = []
-    for place in one["distance"].values:
-        ratio = ratio_to_middle(one, float(place))
-        known = ratio[np.isfinite(ratio)]
-        if known.size:
-            middle = float(one["depth_uncertainty"].sel(distance=place, down=0.0, across=0.0, method="nearest"))
-            found.append(
-                f"{pretty(middle, LENGTH)} at {distance(float(place))} (elsewhere up to {known.max():.1f} times that)"
+    depth_map, title = group(tree, "depth_map").sel(camera=key), camera_titles(tree)[key]
+    places = []
+    for place in depth_map["distance"].values:
+        ratio = ratio_to_middle(depth_map, float(place))
+        finite = ratio[np.isfinite(ratio)]
+        if finite.size:
+            middle = float(depth_map["depth_uncertainty"].sel(distance=place, down=0.0, across=0.0, method="nearest"))
+            places.append(
+                f"{pretty(middle, LENGTH)} at {distance(float(place))} (elsewhere up to {finite.max():.1f} times that)"
             )
-    return f"Depth uncertainty of {title} in the middle of the picture: {listed(found)}." if found else ""
+    return f"Depth uncertainty of {title} in the middle of the picture: {listed(places)}." if places else ""
 
 
 @styled()
 def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
     """Draw a map for each distance."""
-    one = group(tree, "depth_map").sel(camera=key)
-    ratios = [ratio_to_middle(one, float(place)) for place in one["distance"].values]
-    known = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios])
-    low, high = (float(known.min()), min(float(known.max()), _LARGEST_RATIO)) if known.size else (1.0, _LARGEST_RATIO)
+    depth_map = group(tree, "depth_map").sel(camera=key)
+    ratios = [ratio_to_middle(depth_map, float(place)) for place in depth_map["distance"].values]
+    finite = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios])
+    low, high = (
+        (float(finite.min()), min(float(finite.max()), _LARGEST_RATIO)) if finite.size else (1.0, _LARGEST_RATIO)
+    )
     figure = new_figure(1.7)
     panels = figure.subplots(1, len(ratios), squeeze=False)[0]
-    for axes, ratio, place in zip(panels, ratios, one["distance"].values, strict=True):
+    for axes, ratio, place in zip(panels, ratios, depth_map["distance"].values, strict=True):
         bare(axes, distance(float(place)))
-        values = np.asarray(one["depth_uncertainty"].sel(distance=place).values, dtype=np.float64) * 1e3
+        values = np.asarray(depth_map["depth_uncertainty"].sel(distance=place).values, dtype=np.float64) * 1e3
         middle = float(values[values.shape[0] // 2, values.shape[1] // 2])
         axes.imshow(
             np.where(np.isfinite(ratio), values, np.nan),
@@ -362,9 +373,9 @@ def draw_uncertainty_map(tree: xr.DataTree, key: str) -> StudyFigure:
 
 
 def _tables(tree: xr.DataTree, key: str) -> Tables:
-    one = group(tree, "depth_map").sel(camera=key)
-    places = one["distance"].values.tolist()
-    return uncertainty_map_tables(places, [ratio_to_middle(one, float(place)) for place in places])
+    depth_map = group(tree, "depth_map").sel(camera=key)
+    places = depth_map["distance"].values.tolist()
+    return uncertainty_map_tables(places, [ratio_to_middle(depth_map, float(place)) for place in places])
 
 
 _TOLERANCE = 0.1  # of the spread: how closely a fitted matcher should predict it at other distances
@@ -407,8 +418,8 @@ def _noise_words(tree: xr.DataTree) -> str:
     words = []
     for key in data["camera"].values:
         values = np.asarray(data["depth_over_bound"].sel(camera=key).values, dtype=np.float64)
-        known = values[np.isfinite(values)]
-        spread = f"{significant(known.min())} to {significant(known.max())}" if known.size else "not measured"
+        finite = values[np.isfinite(values)]
+        spread = f"{significant(finite.min())} to {significant(finite.max())}" if finite.size else "not measured"
         words.append(f"{titles[str(key)]} {spread}")
     return "; ".join(words)
 
@@ -419,7 +430,7 @@ def draw_loop(tree: xr.DataTree) -> StudyFigure:
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
     distance = data["distance"].values
     ends = float(distance[0]), float(distance[-1])
-    names = [titles[str(name)] for name in data["camera"].values]
+    names = [titles[str(camera)] for camera in data["camera"].values]
     figure = new_figure(6.6)
     panels = list(figure.subplots(4, 1, sharex=True))
     for axes, (title, label) in zip(panels, _PANELS.items(), strict=True):
@@ -428,9 +439,8 @@ def draw_loop(tree: xr.DataTree) -> StudyFigure:
     distance_axis(panels[0], (ends[0] / _MARGIN, ends[1] * _MARGIN), dense=True)
     panels[-1].set_xlabel(distance_label(ends[1]))
     log_axis(panels[0], "y")
-    for axes in panels[
-        1:
-    ]:  # matplotlib's choice depends on the height of a panel, which is known too late for the margins
+    # Matplotlib's choice depends on the height of a panel, which is known too late for the margins.
+    for axes in panels[1:]:
         axes.locator_params("y", nbins=_MOST_TICKS)
     panels[1].axhline(1.0, color=INK, linewidth=0.6)
     panels[2].axhspan(1.0 - _TOLERANCE, 1.0 + _TOLERANCE, color=FAINT)
@@ -439,29 +449,29 @@ def draw_loop(tree: xr.DataTree) -> StudyFigure:
     for k in range(len(names)):
         for c in range(data.sizes["contrast"]):
             for e in range(data.sizes["electrons"]):
-                found = tuple(_draw(panels, data.isel(camera=k, contrast=c, electrons=e), k, names[k]))
-        for curves, last in zip(drawn, found, strict=True):
+                last_of_each = tuple(_draw(panels, data.isel(camera=k, contrast=c, electrons=e), k, names[k]))
+        for curves, last in zip(drawn, last_of_each, strict=True):
             curves.append(last)
     for axes, curves in zip(panels, drawn, strict=True):
-        axes.set_ylim(axes.get_ylim())
+        axes.set_ylim(axes.get_ylim())  # from here on fixed, as names need it
         name_ends(axes, curves)
     return figure
 
 
-def _draw(panels: Sequence[Axes], one: xr.Dataset, order: int, label: str) -> Iterator[NamedCurve]:
+def _draw(panels: Sequence[Axes], data: xr.Dataset, order: int, label: str) -> Iterator[NamedCurve]:
     """Draw one camera in one texture and light, and yield its values in each panel."""
     style = line_style(order)
-    distance = one["distance"].values
-    predicted = one["depth_predicted"].values / distance * 100.0
+    distance = data["distance"].values
+    predicted = data["depth_predicted"].values / distance * 100.0
     panels[0].plot(
         distance, predicted, color=style.color, linestyle=style.dash, linewidth=1.0, label=f"{label}, predicted"
     )
     scale = 100.0 / distance
-    fitted = one["fitted"].values > 0.0
+    fitted = data["fitted"].values > 0.0
     # Later marks are smaller, and those not fitted are open, so that all marks at one place can be seen.
     size = max(_LARGEST_MARK - 1.0 * order, 3.0)
-    for axes, (name, factor) in zip(panels, _values(scale), strict=True):
-        values, errors = one[name].values * factor, one[f"{name}_error"].values * factor
+    for axes, (variable, factor) in zip(panels, _values(scale), strict=True):
+        values, errors = data[variable].values * factor, data[f"{variable}_error"].values * factor
         for among, filled in ((fitted, True), (~fitted, False)):
             axes.errorbar(
                 distance[among],

@@ -55,25 +55,25 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
         f"computing time, one dot for each set of models. Ring: the set that the run uses. {star}Grey: the Pareto "
         "front. Dotted: the error of the reference itself, below which "
         "errors cannot be distinguished.",
-        alt="Log-log charts of error against seconds. " + "".join(_in_words(data, name) for name in _drawn(data)),
+        alt="Log-log charts of error against seconds. " + "".join(_in_words(data, problem) for problem in _drawn(data)),
         draw=partial(draw_cost, data),
     )
 
 
 def _drawn(data: xr.Dataset) -> list[str]:
     """Names of the problems that have entries."""
-    return list(dict.fromkeys(str(name) for name in data["problem_of"].values))
+    return list(dict.fromkeys(str(problem) for problem in data["problem_of"].values))
 
 
-def _in_words(data: xr.Dataset, name: str) -> str:
-    one = data.isel(entry=data["problem_of"].values == name)
+def _in_words(data: xr.Dataset, problem: str) -> str:
+    entries = data.isel(entry=data["problem_of"].values == problem)
     every = ", ".join(
         f"{models} {pretty(float(took), DURATION, digits=2)} and {100.0 * float(error):.2g} %"
         for models, took, error in zip(
-            one["models"].values, one["seconds"].values, one["relative_error"].values, strict=True
+            entries["models"].values, entries["seconds"].values, entries["relative_error"].values, strict=True
         )
     )
-    return f"{one['title'].sel(problem=name).item()}: {every}. "
+    return f"{entries['title'].sel(problem=problem).item()}: {every}. "
 
 
 @styled()
@@ -84,8 +84,8 @@ def draw_cost(data: xr.Dataset) -> StudyFigure:
     rows = -(-len(names) // columns)
     figure = new_figure(_HEIGHT * rows + _LEGEND_HEIGHT)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, name in zip(panels, names, strict=False):
-        _panel(axes, data.isel(entry=data["problem_of"].values == name).sel(problem=name))
+    for axes, problem in zip(panels, names, strict=False):
+        _panel(axes, data.isel(entry=data["problem_of"].values == problem).sel(problem=problem))
     for axes in panels[len(names) :]:
         axes.remove()
     styles = {
@@ -102,9 +102,9 @@ def draw_cost(data: xr.Dataset) -> StudyFigure:
 
 def _panel(axes: Axes, problem: xr.Dataset) -> None:
     shown = np.isfinite(problem["relative_error"].values)
-    one = problem.isel(entry=shown).sortby("seconds")
-    seconds, error = np.asarray(one["seconds"].values), 100.0 * np.asarray(one["relative_error"].values)
-    on, chosen, star = (one[of].values.astype(bool) for of in ("frontier", "chosen", "next_digit"))
+    entries = problem.isel(entry=shown).sortby("seconds")
+    seconds, error = np.asarray(entries["seconds"].values), 100.0 * np.asarray(entries["relative_error"].values)
+    on, chosen, star = (entries[variable].values.astype(bool) for variable in ("frontier", "chosen", "next_digit"))
     floor = 100.0 * float(problem["reference_error"])
     axes.plot(seconds[on], error[on], drawstyle="steps-post", zorder=1, **_FRONTIER)
     axes.axhline(floor, zorder=2, **_REFERENCE)
@@ -141,7 +141,7 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
     """Describe the figure of `draw_hard_cases`."""
     data = tree["hard_cases"].to_dataset()
     numbers = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
-    naive, ours = (np.asarray(numbers[name].values, dtype=float) for name in ("naive_error", "our_error"))
+    naive, ours = (np.asarray(numbers[variable].values, dtype=float) for variable in ("naive_error", "our_error"))
     bound = np.asarray(numbers["bound"].values, dtype=float)
     return Drawing(
         name="hard_cases",
@@ -162,14 +162,14 @@ def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
     """Draw the program's error against that of the usual formula, with a panel for each family of cases."""
     data = tree["hard_cases"].to_dataset()
     data = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
-    families = list(dict.fromkeys(str(name) for name in data["family_title"].values))
+    families = list(dict.fromkeys(str(family) for family in data["family_title"].values))
     rows = -(-len(families) // PANELS_IN_A_ROW)
     figure = new_figure(0.5 + 1.6 * rows)
     grid = figure.subplots(rows, PANELS_IN_A_ROW, sharex=True, sharey=True, squeeze=False)
     for order, (axes, family) in enumerate(zip(grid.flat, families, strict=False)):
         _case_axis(axes)
         cases = data.isel(case=np.flatnonzero(data["family_title"].values == family))
-        x, y = (_placed(np.asarray(cases[name].values, dtype=float)) for name in ("naive_error", "our_error"))
+        x, y = (_placed(np.asarray(cases[variable].values, dtype=float)) for variable in ("naive_error", "our_error"))
         style = line_style(order)
         axes.plot(x, y, linestyle="", marker=style.marker, markersize=4, color=style.color, alpha=0.6, label=family)
         axes.set_title(family, fontsize=PANEL_TITLE)

@@ -21,8 +21,8 @@ _WIDE, _THIN = 5.0, 1.0  # points: lines of the limits by blur and by rays
 
 def refocusing_drawing(tree: xr.DataTree) -> Drawing:
     """Distance against shift, and the limits of the depth of field of every plane."""
-    found = list(refocused_cameras(tree))
-    left = f" The figure shows {_MOST} of {len(found)} cameras." if len(found) > _MOST else ""
+    cameras = list(refocused_cameras(tree))
+    left = f" The figure shows {_MOST} of {len(cameras)} cameras." if len(cameras) > _MOST else ""
     finding = ". ".join(list(refocusing_words(tree))[:_MOST])
     return Drawing(
         name="refocusing",
@@ -40,8 +40,8 @@ def draw_refocusing(tree: xr.DataTree) -> StudyFigure:
     shown = list(refocused_cameras(tree))[:_MOST]
     figure = new_figure(3.2)
     panels = figure.subplots(1, len(shown), squeeze=False)[0]
-    for number, (axes, (title, one)) in enumerate(zip(panels, shown, strict=True)):
-        _draw_planes(axes, title, one, line_style(number).color)
+    for number, (axes, (title, camera)) in enumerate(zip(panels, shown, strict=True)):
+        _draw_planes(axes, title, camera, line_style(number).color)
         axes.set_xlabel("shift [microlenses]")
         if len(shown) > 1:
             axes.set_title(title)
@@ -54,16 +54,18 @@ def draw_refocusing(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def _draw_planes(axes: Axes, title: str, one: xr.Dataset, color: str) -> None:
-    shift, there = (np.asarray(one[name].values, dtype=np.float64) for name in ("shift", "refocused_distance"))
+def _draw_planes(axes: Axes, title: str, camera: xr.Dataset, color: str) -> None:
+    shift, refocused = (
+        np.asarray(camera[variable].values, dtype=np.float64) for variable in ("shift", "refocused_distance")
+    )
     ends = np.concatenate(
-        [one[name].values for name in ("refocused_distance", "ray_near", "blur_near", "near")], axis=None
+        [camera[variable].values for variable in ("refocused_distance", "ray_near", "blur_near", "near")], axis=None
     )
     finite = ends[np.isfinite(ends)]
     low, high = float(finite.min()) / 1.15, float(finite.max()) * 1.6
     for by, width, alpha in (("blur", _WIDE, _PALE), ("ray", _THIN, 1.0)):
-        near, far = (np.asarray(one[f"{by}_{end}"].values, dtype=np.float64) for end in ("near", "far"))
+        near, far = (np.asarray(camera[f"{by}_{end}"].values, dtype=np.float64) for end in ("near", "far"))
         axes.vlines(shift, near, np.minimum(far, high), color=color, linewidth=width, alpha=alpha)
-    axes.plot(shift, np.where(np.isfinite(there), there, np.nan), "o", color=color, markersize=3.5, label=title)
+    axes.plot(shift, np.where(np.isfinite(refocused), refocused, np.nan), "o", color=color, markersize=3.5, label=title)
     log_axis(axes, "y", dense=True, tick=distance_tick(high), ends=(low, high))
     axes.set(ylim=(low, high), ylabel="distance [mm]" if high < 0.1 else "distance [m]")

@@ -77,7 +77,9 @@ def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
     depth = depth.isel(dict.fromkeys(_by_size(depth)[2:], 0))
     values = depth["depth_uncertainty"].transpose("camera", "distance", ...).values
     flat = values.reshape(*values.shape[:2], -1)
-    moved = [not np.array_equal(one, np.broadcast_to(one[:, :1], one.shape), equal_nan=True) for one in flat]
+    moved = [
+        not np.array_equal(designs, np.broadcast_to(designs[:, :1], designs.shape), equal_nan=True) for designs in flat
+    ]
     keys = {str(key) for key, moves in zip(depth["camera"].values, moved, strict=True) if moves}
     return tuple(camera for camera in traces(tree) if camera.key in keys)
 
@@ -115,7 +117,7 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
 
 def design_sentence(tree: xr.DataTree, depth: xr.Dataset) -> str:
     """Say of which swept design a figure shows the depth; empty without a sweep."""
-    values = {name: shown_value(depth[name], depth[name].item()) for name in swept(group(tree, "depth"))}
+    values = {dim: shown_value(depth[dim], depth[dim].item()) for dim in swept(group(tree, "depth"))}
     return f" Of the swept designs, the figure shows {design_words(tree, values)}." if values else ""
 
 
@@ -208,6 +210,7 @@ def _maps(
     everything = np.concatenate([array.ravel() for array in arrays.values()])
     finite = everything[np.isfinite(everything) & (everything > 0)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (1.0, 10.0)
+    # A scale needs two different ends, also where all values are the same.
     norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
     x_names, y_names = (axis_values(uncertainty[dim])[1] for dim in dims)
     for axes, camera in zip(panels.flat, moved, strict=False):
@@ -236,8 +239,8 @@ def _some(names: list[str], panels: int = 1) -> tuple[FloatArray, list[str]]:
 
 def swept_words(tree: xr.DataTree, camera: str) -> str:
     """The smallest and the largest uncertainty of a camera over the designs, at the distance of the map."""
-    there = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
-    values = there["depth_uncertainty"].sel(camera=camera).values
+    depth = tree["depth"].to_dataset().sel(distance=reference_distance(tree), method="nearest")
+    values = depth["depth_uncertainty"].sel(camera=camera).values
     finite = values[np.isfinite(values)]
     return f"{pretty(float(finite.min()), LENGTH)} to {pretty(float(finite.max()), LENGTH)}" if finite.size else ""
 
@@ -247,9 +250,9 @@ def _uncertainty_label(tree: xr.DataTree) -> str:
 
 
 def _map(axes: Axes, values: FloatArray, norm: LogNorm, label: str, *, numbers: bool) -> None:
-    known = np.ma.masked_invalid(values)
+    masked = np.ma.masked_invalid(values)
     edges, width = ("white", 0.6) if numbers else ("none", 0.0)
-    axes.pcolormesh(known, norm=norm, cmap="cividis", edgecolors=edges, linewidth=width, label=label)
+    axes.pcolormesh(masked, norm=norm, cmap="cividis", edgecolors=edges, linewidth=width, label=label)
     axes.grid(visible=False)
     if not numbers:
         return
@@ -295,14 +298,14 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
 def usable_designs(tree: xr.DataTree) -> Mapping[str, FloatArray]:
     """The designs of each camera usable at the reference distance, one per row: near end and uncertainty there [m]."""
     depth, place = tree["depth"].to_dataset(), reference_distance(tree)
-    found = {}
+    designs = {}
     for camera in titles_in(tree, "depth"):
         near = depth["usable_near"].sel(camera=camera).min("interval")
-        there = depth.sel(camera=camera).sel(distance=place, method="nearest")
-        sigma = there["depth_uncertainty"].where(there["usable"])
+        here = depth.sel(camera=camera).sel(distance=place, method="nearest")
+        sigma = here["depth_uncertainty"].where(here["usable"])
         points = np.stack([array.values.ravel() for array in xr.broadcast(near, sigma)], axis=1)
-        found[camera] = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
-    return found
+        designs[camera] = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
+    return designs
 
 
 def frontier(points: FloatArray) -> FloatArray:

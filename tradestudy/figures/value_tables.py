@@ -47,7 +47,7 @@ def _sources(title: str, fields: list[str], data: xr.Dataset) -> ValueTable:
     values = data["source_uncertainty"].transpose("source", "field").values
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=1)
     order = np.argsort(-size, kind="stable")[: int(np.count_nonzero(size))]
-    names = [in_words(str(name)) for name in data["source"].values[order]]
+    names = [in_words(str(source)) for source in data["source"].values[order]]
     return grid(title, ["Source", *fields], names, values[order], LENGTH)
 
 
@@ -55,7 +55,7 @@ def reading_tables(tree: xr.DataTree, titles: dict[str, str]) -> Tables:
     """List the ratio of the uncertainties of a pair in every reading: a table for each error source in `titles`."""
     data = group(tree, "decision")
     columns = ["Reading", *(f"at {distance(float(place))}" for place in data["place"].values)]
-    names = [str(name) for name in data["reading"].values]
+    names = [str(reading) for reading in data["reading"].values]
     return tuple(
         grid(
             title,
@@ -76,22 +76,24 @@ def focus_tables(tree: xr.DataTree) -> Tables:
         columns.append(f"Resolves {pretty(float(data.attrs['equal_resolution']), LENGTH)}")
     rows = []
     for key, title in camera_titles(tree).items():
-        one = data.sel(camera=key)
-        row = [title, _where(one, "sharp"), worded(float(one["scene_resolution"]), LENGTH)]
-        rows.append((*row, _where(one, "resolved")) if equal else tuple(row))
+        camera = data.sel(camera=key)
+        row = [title, _where(camera, "sharp"), worded(float(camera["scene_resolution"]), LENGTH)]
+        rows.append((*row, _where(camera, "resolved")) if equal else tuple(row))
     return (ValueTable(caption="Distances from the lens", columns=tuple(columns), rows=tuple(rows)),)
 
 
-def _where(one: xr.Dataset, name: str) -> str:
-    return " and ".join(span(*within(*ends)) for ends in sharp_ranges(one, name)) or "nowhere"
+def _where(camera: xr.Dataset, kind: str) -> str:
+    return " and ".join(span(*within(*ends)) for ends in sharp_ranges(camera, kind)) or "nowhere"
 
 
 def rank_tables(tree: xr.DataTree) -> Tables:
     """List the fraction of the possible weights under which each candidate takes each rank."""
-    found = candidates_by_rank(tree)
-    columns = ["Candidate", *(f"rank {rank + 1}" for rank in range(len(found[0].ranks)))]
-    ranks = np.array([one.ranks for one in found])
-    return (grid("Fraction of the possible weights", columns, [one.title for one in found], ranks, FRACTION),)
+    candidates = candidates_by_rank(tree)
+    columns = ["Candidate", *(f"rank {rank + 1}" for rank in range(len(candidates[0].ranks)))]
+    ranks = np.array([ranked.ranks for ranked in candidates])
+    return (
+        grid("Fraction of the possible weights", columns, [ranked.title for ranked in candidates], ranks, FRACTION),
+    )
 
 
 def light_tables(tree: xr.DataTree) -> Tables:
@@ -106,8 +108,8 @@ def light_tables(tree: xr.DataTree) -> Tables:
         "largest difference": abs(image - exact).max(pixels) / float(exact.max()),
         "summed difference": data["difference"].sel(against=reference),
     }
-    names = [short_title(str(name)) for name in data["propagator"].values]
-    numbers = np.stack([one.values for one in values.values()], axis=1)
+    names = [short_title(str(method)) for method in data["propagator"].values]
+    numbers = np.stack([column.values for column in values.values()], axis=1)
     title = f"Relative to {short_title(reference)}: its brightest pixel, and in the last column all of its light"
     return (grid(title, ["Method", *values], names, numbers, FRACTION),)
 
@@ -116,10 +118,10 @@ def picture_tables(tree: xr.DataTree, shown: Sequence[int]) -> Tables:
     """List the ranges of true depth and brightness of the pictures with these numbers."""
     data, titles = group(tree, "pictures"), camera_titles(tree)
     names = [titles[str(data["camera_of"].values[k])] for k in shown]
-    depth, light = (data[name].isel(picture=list(shown)).values for name in ("true_depth", "brightness"))
+    depth, light = (data[variable].isel(picture=list(shown)).values for variable in ("true_depth", "brightness"))
     return (
         _summary("True depth", "Camera", names, list(depth), LENGTH),
-        _summary("Brightness, mean = 1", "Camera", names, [one / np.nanmean(one) for one in light]),
+        _summary("Brightness, mean = 1", "Camera", names, [picture / np.nanmean(picture) for picture in light]),
     )
 
 
@@ -132,7 +134,7 @@ def depth_map_tables(tree: xr.DataTree) -> Tables:
         ("map_depth_error", "Error of depth", LENGTH),
         ("map_hidden", "Hidden share", FRACTION),
     )
-    return tuple(_summary(title, "Camera", names, list(data[key].values), of) for key, title, of in shown)
+    return tuple(_summary(title, "Camera", names, list(data[key].values), dimension) for key, title, dimension in shown)
 
 
 def uncertainty_map_tables(places: Sequence[float], ratios: Sequence[FloatArray]) -> Tables:
@@ -146,12 +148,12 @@ def _summary(
 ) -> ValueTable:
     """List the smallest value, median and largest value of each picture, and the fraction of it that is known."""
     columns = [what, "smallest", "median", "largest"]
-    return grid(caption, columns, names, np.array([_range(one) for one in pictures]), dimension)
+    return grid(caption, columns, names, np.array([_range(picture) for picture in pictures]), dimension)
 
 
 def _range(values: FloatArray) -> tuple[float, float, float]:
-    known = values[np.isfinite(values)]
-    low, middle, high = np.percentile(known, (0, 50, 100)) if known.size else (np.nan,) * 3
+    finite = values[np.isfinite(values)]
+    low, middle, high = np.percentile(finite, (0, 50, 100)) if finite.size else (np.nan,) * 3
     return float(low), float(middle), float(high)
 
 
@@ -169,12 +171,13 @@ def trace_tables(names: Sequence[str], scores: FloatArray) -> Tables:
     """List means and deviations of walks of shape (ensemble, step, parameter), in the posterior's deviations."""
     columns = ["Parameter", *(f"ensemble {number + 1}" for number in range(len(scores)))]
     words = [in_words(name) for name in names]
-    found = {
+    statistics = {
         "Mean of the walk": np.nanmean(scores, axis=1),
         "Standard deviation of the walk": np.nanstd(scores, axis=1),
     }
     return tuple(
-        grid(f"{title}, in standard deviations of the posterior", columns, words, one.T) for title, one in found.items()
+        grid(f"{title}, in standard deviations of the posterior", columns, words, values.T)
+        for title, values in statistics.items()
     )
 
 
