@@ -38,13 +38,13 @@ def tables(tree: xr.DataTree, *, large: bool = True) -> Mapping[str, Iterator[by
 
 def large_tables(tree: xr.DataTree) -> dict[str, float]:
     """The files of tables above 50 MB, with their sizes in bytes, estimated from some of their rows."""
-    sizes = {f"{name}.csv": _size(one) for name, one in tables_of(tree).items() if _count_cells(one) > _FEW}
+    sizes = {f"{name}.csv": _size(table) for name, table in tables_of(tree).items() if _count_cells(table) > _FEW}
     return {name: size for name, size in sizes.items() if size > LARGE}
 
 
 def _pieces(table: Table) -> Iterator[bytes]:
-    units = {name: table.data[name].attrs.get("units", "") for name in (*table.dims, *table.variables)}
-    titles = [_cell(f"{name} [{unit}]" if unit else name) for name, unit in units.items()]
+    units = {column: table.data[column].attrs.get("units", "") for column in (*table.dims, *table.variables)}
+    titles = [_cell(f"{column} [{unit}]" if unit else column) for column, unit in units.items()]
     yield f"{','.join(titles)}\n".encode()
     once, count = _same_in_every_design(table), math.prod(_shape(table))
     for begin in range(0, count, _ROWS):
@@ -63,8 +63,8 @@ def _same_in_every_design(table: Table) -> NDArray[np.bool_]:
     """For every camera, whether all its values in the table are the same in all designs of a sweep; False without."""
     designs = math.prod(table.data.sizes[dim] for dim in table.swept)
     once = np.full(table.data.sizes.get("camera", 0) if "camera" in table.dims else 0, designs > 1)
-    for name in table.variables if once.any() else ():
-        values = table.data[name].transpose(*table.swept, "camera", ...).values.reshape(designs, once.size, -1)
+    for variable in table.variables if once.any() else ():
+        values = table.data[variable].transpose(*table.swept, "camera", ...).values.reshape(designs, once.size, -1)
         first = values[:1]
         once &= np.all((values == first) | ((values != values) & (first != first)), axis=(0, 2))  # NaN equals NaN
     return once
@@ -79,9 +79,10 @@ def _lines(table: Table, rows: NDArray[np.int64], once: NDArray[np.bool_]) -> li
     kept = ~(repeats & later)
     columns = []
     for dim, place in places.items():
+        # An empty cell at index −1 stands for the swept parameters of rows that hold in every design.
         labels = np.array([*_cells(data[dim].values), ""], dtype=object)
         columns.append(labels[np.where(repeats & (dim in table.swept), -1, place)[kept]].tolist())
-    columns += [_cells(np.ravel(data[name].values)[rows[kept]]) for name in table.variables]
+    columns += [_cells(np.ravel(data[variable].values)[rows[kept]]) for variable in table.variables]
     return [f"{','.join(cells)}\n" for cells in zip(*columns, strict=True)]
 
 
@@ -92,6 +93,7 @@ def _size(table: Table) -> float:
         return 0.0
     once = _same_in_every_design(table)
     lines = _lines(table, np.unique(np.linspace(0, count - 1, _SAMPLE).astype(np.int64)), once)
+    # Of a camera that is the same in every design, only the rows of one design are written.
     written = count * (1.0 - (once.mean() if once.size else 0.0) * (1.0 - 1.0 / designs))
     return float(written * np.mean([len(line.encode()) for line in lines]))
 
@@ -109,5 +111,6 @@ def _cell(text: str) -> str:
     """Write text, in quotes if CSV requires it; one that a spreadsheet would run as a formula after an apostrophe."""
     row = io.StringIO(newline="")
     safe = "'" * text.startswith(_FORMULA_STARTS) + escaped(text, lines=True)
+    # After an empty cell, because the writer puts the only cell of a row in quotes if it is empty.
     csv.writer(row, lineterminator="\n").writerow(["", safe])
     return row.getvalue()[1:-1]

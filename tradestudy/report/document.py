@@ -61,8 +61,9 @@ _SYMBOL = re.compile(r"(?<!\w)([^\W\d_])_(\w+)")
 def with_subscripts(text: str) -> Spans:
     """Give symbols such as ``b_L`` subscripts."""
     parts = _SYMBOL.split(literal(text))
+    # The pattern has two groups, so the parts are text, symbol and subscript in turn.
     styles: tuple[SpanStyle, ...] = ("plain", "emphasis", "sub")
-    return tuple(Span(part, styles[place % 3]) for place, part in enumerate(parts) if part)
+    return tuple(Span(part, styles[index % 3]) for index, part in enumerate(parts) if part)
 
 
 def plain_text(text: Text) -> str:
@@ -107,6 +108,7 @@ _STYLES: tuple[SpanStyle, ...] = ("strong", "emphasis", "code", "sub", "sup", "l
 
 
 def _filled(template: str, style: SpanStyle, target: str, values: Mapping[str, Text]) -> Iterator[Span]:
+    # Every second part is the name of a place.
     for index, part in enumerate(_PLACE.split(template)):
         if index % 2:
             value = values[part]

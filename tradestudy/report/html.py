@@ -51,10 +51,11 @@ def inlined(svg: bytes, name: str, alt: str, colors: Collection[str], letters: s
     if start is None:
         raise ValueError(f"figure {name} is not an SVG with a viewBox")
     text = _UNSEEN.sub("", text[start.end() :]).replace("xlink:href", "href")
-    text = _GLYPH.sub(lambda found: _once(found[0], found[1], letters), text)
-    text = _NAMED.sub(lambda found: f"{found[1]}{name}-", text)
-    text = _PLACES.sub(lambda found: _NUMBER.sub(r"\1", found[0]).replace("\n", ""), text)
-    text = _COLOR.sub(lambda found: f"var(--c{found[1]})" if found[1] in colors else found[0], text)
+    # Figures of a page share the outlines of letters; all other identifiers get the name of their figure.
+    text = _GLYPH.sub(lambda match: _once(match[0], match[1], letters), text)
+    text = _NAMED.sub(lambda match: f"{match[1]}{name}-", text)
+    text = _PLACES.sub(lambda match: _NUMBER.sub(r"\1", match[0]).replace("\n", ""), text)
+    text = _COLOR.sub(lambda match: f"var(--c{match[1]})" if match[1] in colors else match[0], text)
     text = _EMPTY.sub("", _BETWEEN.sub("><", text))
     return f'<svg viewBox="{start[1]}" role="img" aria-label="{escape(alt)}">{text}'
 
@@ -138,8 +139,8 @@ def _drawn_equations(equations: tuple[Equation, ...]) -> dict[Equation, _DrawnEq
     """Draw every equation once, with the typesetter of the PDF, so that both formats look the same."""
     if not equations:
         return {}
-    pages = typeset("equations.typ", {"equations": [vars(one) for one in equations]}, "svg")
-    return {one: _drawn(page) for one, page in zip(equations, pages, strict=True)}
+    pages = typeset("equations.typ", {"equations": [vars(equation) for equation in equations]}, "svg")
+    return {equation: _drawn(page) for equation, page in zip(equations, pages, strict=True)}
 
 
 def _drawn(svg: bytes) -> _DrawnEquation:

@@ -92,8 +92,8 @@ def depth_values(depth: xr.Dataset) -> list[dict[str, CurveValues]]:
         interval = {"low": low[at], "high": high[at], "beside": beside, "unusable": _stretches(broken[at], limits)}
         return {
             **{
-                f"{name}/{camera}": CurveValues(x=x, value=values[at], **interval)
-                for name, values in (("depth_uncertainty", uncertainty), ("judged_uncertainty", judged))
+                f"{variable}/{camera}": CurveValues(x=x, value=values[at], **interval)
+                for variable, values in (("depth_uncertainty", uncertainty), ("judged_uncertainty", judged))
             },
             f"depth_discrimination/{camera}": CurveValues(x=x, value=nearer[at], low=nearer[at], high=farther[at]),
             **{
@@ -196,7 +196,7 @@ def _blocks(
     blocks: list[Callout | Table] = [*describe_design(best, conclusions_of_design(rows, titles), words)]
     if rows:
         blocks.append(requirement_table(rows, titles))
-    return {one.name: one for one in blocks}
+    return {block.name: block for block in blocks}
 
 
 def _axis(tree: xr.DataTree, coordinate: xr.DataArray, shown: int) -> DesignAxis:
@@ -230,8 +230,8 @@ class _Pool:
             self.texts.append(base64.b64encode(raw).decode())
         return self.places[raw]
 
-    def curve(self, one: CurveValues) -> list[int | str | None]:
-        return [*(self.place(values) for values in (one.x, one.value, one.low, one.high)), one.beside]
+    def curve(self, values: CurveValues) -> list[int | str | None]:
+        return [*(self.place(array) for array in (values.x, values.value, values.low, values.high)), values.beside]
 
 
 def page_data(
@@ -255,8 +255,10 @@ def page_data(
     """
     pool = _Pool()
     data = {
-        "figures": {name: [_panel(name, panel, values, pool) for panel in one.panels] for name, one in figures.items()},
-        "values": {name: pool.curve(one) for name, one in values.items()},
+        "figures": {
+            name: [_panel(name, panel, values, pool) for panel in figure.panels] for name, figure in figures.items()
+        },
+        "values": {name: pool.curve(curve) for name, curve in values.items()},
         "unusable": _unusable(values),
         "designs": None if designs is None else _designs(designs, pool, write),
     }
@@ -279,12 +281,13 @@ def _panel(figure: str, panel: Panel, values: Mapping[str, CurveValues], pool: _
 def _curve(figure: str, curve: Curve, values: Mapping[str, CurveValues], pool: _Pool) -> dict[str, Any]:
     """A curve as the script reads it, without data if the results have its values."""
     fields = {name: escaped(getattr(curve, name), lines=True) for name in ("kind", "label", "name", "color")}
-    own = () if "/".join(curve.name.split("/")[:2]) in values else ("x", "y", "top")
+    # A third part of a name, such as “usable”, only says where a curve is drawn.
+    sent = () if "/".join(curve.name.split("/")[:2]) in values else ("x", "y", "top")
     return {
         **fields,
         **({"unit": curve.unit} if curve.kind == "map" else {}),
         "id": f"{figure}-{curve.id}",
-        **{name: pool.place(np.frombuffer(getattr(curve, name))) for name in own},
+        **{name: pool.place(np.frombuffer(getattr(curve, name))) for name in sent},
     }
 
 
@@ -297,10 +300,12 @@ def _designs(every: PageDesigns, pool: _Pool, write: Callable[[Block], str]) -> 
         },
         "unusable": [_unusable(design.curves) for design in every.designs],
         "usable": [
-            {camera: [[_short(near), _short(far)] for near, far in found] for camera, found in design.usable.items()}
+            {camera: [[_short(near), _short(far)] for near, far in ranges] for camera, ranges in design.usable.items()}
             for design in every.designs
         ],
-        "best": [[[_short(start), _short(end), names] for start, end, names in one.best] for one in every.designs],
+        "best": [
+            [[_short(start), _short(end), names] for start, end, names in design.best] for design in every.designs
+        ],
         "blocks": [{name: write(block) for name, block in design.blocks.items()} for design in every.designs],
     }
 

@@ -95,7 +95,7 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
     content: Json = {"kind": type(block).__name__}
     match block:
         case Callout():
-            inner = [_block(one, numbers) for one in block.blocks]
+            inner = [_block(child, numbers) for child in block.blocks]
             content |= {"title": _text(block.title, numbers), "blocks": inner, "tone": block.tone}
         case Bullets():
             content["items"] = [_text(item, numbers) for item in block.items]
@@ -105,8 +105,8 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
                 "number": numbers[block.name],
                 "caption": _text(block.caption, numbers),
                 "columns": [
-                    vars(one) | {"title": _text(one.title, numbers), "unit": printable(one.unit)}
-                    for one in block.columns
+                    vars(column) | {"title": _text(column.title, numbers), "unit": printable(column.unit)}
+                    for column in block.columns
                 ],
                 "rows": [[_text(cell, numbers) for cell in row] for row in block.rows],
                 "notes": [_text(note, numbers) for note in block.notes],

@@ -65,18 +65,21 @@ def describe_answer(tree: xr.DataTree) -> Iterator[Block]:
     """Say which requirements and designs are met, on what the answers rest, and what reverses them."""
     if has(tree, "decision", "best_camera") and has(tree, "depth"):
         yield Heading(text="The answer", anchor="answer")
-    found = conclusions(tree)
-    for one in (one for one in found if one.kind == "designs"):
-        yield Callout(title="Which design", blocks=(Paragraph(f"{one}."),), tone="answer")
+    stated = conclusions(tree)
+    for conclusion in stated:
+        if conclusion.kind == "designs":
+            yield Callout(title="Which design", blocks=(Paragraph(f"{conclusion}."),), tone="answer")
     yield from _requirements(requirement_conclusions(tree), _DECLARED if is_swept(tree) else "")
-    others = tuple(f"{one}." for one in found if one.kind == "answer")
+    others = tuple(f"{conclusion}." for conclusion in stated if conclusion.kind == "answer")
     for title, sentences in (("Inverse questions", tuple(_solved(tree))), ("Other answers", others)):
         if sentences:
             yield Callout(title=title, blocks=(Bullets(sentences),), tone="answer")
     qualified = [
-        say("**{head}**: {rest}. ", head=one.head, rest=one.rest(_ROOM)) if one.head else say("{one}. ", one=str(one))
-        for one in found
-        if one.kind not in _ELSEWHERE
+        say("**{head}**: {rest}. ", head=conclusion.head, rest=conclusion.rest(_ROOM))
+        if conclusion.head
+        else say("{sentence}. ", sentence=str(conclusion))
+        for conclusion in stated
+        if conclusion.kind not in _ELSEWHERE
     ]
     if qualified:  # in one paragraph, so that the page has room for its figure
         yield Paragraph(tuple(itertools.chain(*qualified)))
@@ -87,7 +90,11 @@ def describe_stretches(tree: xr.DataTree) -> Iterator[Block]:
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return
     yield Heading(text="Camera by distance", anchor="stretches")
-    others = [f"{one}." for one in [Conclusion(kind="best", head="Others", says=tuple(other_words(tree)))] if one.says]
+    others = [
+        f"{conclusion}."
+        for conclusion in [Conclusion(kind="best", head="Others", says=tuple(other_words(tree)))]
+        if conclusion.says
+    ]
     yield Callout(
         title=_which(titles_in(tree, "depth")) + (_DECLARED if is_swept(tree) else ""),
         blocks=(Bullets((*_stretches(best_cameras(tree)), *others)),),
@@ -115,17 +122,21 @@ def _which(measuring: Mapping[str, str]) -> str:
     return f"Depth uncertainty of {listed(list(measuring.values()))}" if len(measuring) == 1 else _WHICH
 
 
-def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -> Iterator[Callout]:
+def _requirements(requirements: Sequence[RequirementConclusion], design_words: str = "") -> Iterator[Callout]:
     """The verdict on each requirement, those that must hold first; `of` names the design in words."""
     if requirements:
         most = _MOST_REQUIREMENTS if len(requirements) > _MOST_REQUIREMENTS + 1 else len(requirements)
-        missed = any(one.met is not True and one.priority == "must" for one in requirements)
+        missed = any(requirement.met is not True and requirement.priority == "must" for requirement in requirements)
         judged = [
-            say("**{verdict}**: {rest}.", verdict=one.verdict.capitalize(), rest=requirement_details(one))
-            for one in requirements[:most]
+            say(
+                "**{verdict}**: {rest}.",
+                verdict=requirement.verdict.capitalize(),
+                rest=requirement_details(requirement),
+            )
+            for requirement in requirements[:most]
         ]
         yield Callout(
-            title=f"Requirements{of}",
+            title=f"Requirements{design_words}",
             blocks=(Bullets((*judged, *_counted(requirements[most:]))),),
             tone="warning" if missed else "answer",
             name="answer-requirements",
@@ -134,7 +145,7 @@ def _requirements(requirements: Sequence[RequirementConclusion], of: str = "") -
 
 def _counted(others: Sequence[RequirementConclusion]) -> Iterator[Spans]:
     """How many other requirements have which verdict."""
-    verdicts = Counter(VERDICTS[one.met] for one in others)
+    verdicts = Counter(VERDICTS[requirement.met] for requirement in others)
     if others:
         yield say(
             "**{count} more requirements** (section “Requirements”): {verdicts}.",
@@ -157,7 +168,7 @@ def _stretches(best: BestCameras) -> Iterator[Spans]:
         where, camera = span(*shown), answer_title(best.titles, names)
         middle = float(np.sqrt(start * end))
         among = [best.cameras[key] for key in best.candidates or best.cameras if key in best.cameras]
-        if not names and any(near <= middle <= far for one in among for near, far in one.usable):
+        if not names and any(near <= middle <= far for candidate in among for near, far in candidate.usable):
             yield say("**{where}: no depth uncertainty has a bound**.", where=where)
         elif not names and len(best.cameras) == 1:
             yield say("**{where}: not usable**{why}.", where=where, why=_why_none(best, start, end))
@@ -200,6 +211,7 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
         for key in measuring
         if best.candidates
         and key not in best.candidates
+        # An overlap whose ends read the same is too short to mention.
         and any(
             distance(max(near, start)) != distance(min(far, end))
             for near, far in best.cameras[key].usable
@@ -213,8 +225,8 @@ def _why_none(best: BestCameras, start: float, end: float) -> str:
 def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     """The uncertainty at both ends of a range, absolute and relative, and what decides it."""
     depth, places = best.cameras[camera], (start, end)
-    known = np.isfinite(depth.uncertainty) & (depth.uncertainty > 0.0)  # 0 at an entrance pupil among the distances
-    logs = (np.log(best.of_curves[known]), np.log(depth.uncertainty[known]))  # interpolated along a smooth curve
+    valid = np.isfinite(depth.uncertainty) & (depth.uncertainty > 0.0)  # 0 at an entrance pupil among the distances
+    logs = (np.log(best.of_curves[valid]), np.log(depth.uncertainty[valid]))  # interpolated along a smooth curve
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
     ends_at = [best.nearest(place) for place in places]
@@ -223,9 +235,14 @@ def _how_sure(best: BestCameras, camera: str, start: float, end: float) -> str:
     off = ""
     if depth.worst is not None:
         values = depth.worst[ends_at]
-        most = [length(max(s, one)) if np.isfinite(s) else "∞" for s, one in zip(values, ends, strict=True)]
+        most = [
+            length(max(worst, on_axis)) if np.isfinite(worst) else "∞"
+            for worst, on_axis in zip(values, ends, strict=True)
+        ]
         off = f" on the axis, up to ±{most[0]} and ±{most[1]} at the places computed off it{where}"
     first, last = (part_words(depth.parts[index] or "nothing") for index in ends_at)
     cause = first if first == last else f"{first} at the near end and {last} at the far end"
     mostly = all(depth.largest_shares[index] > 0.5 for index in ends_at)
-    return f"±{near} to ±{far}{off}, {'mostly' if mostly else 'the largest part'} from {cause}{where[4:]}"
+    return (
+        f"±{near} to ±{far}{off}, {'mostly' if mostly else 'the largest part'} from {cause}{where.removeprefix(' and')}"
+    )

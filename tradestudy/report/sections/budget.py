@@ -111,7 +111,7 @@ def _budgets_of(data: xr.Dataset, usable: npt.NDArray[np.bool_], key: str, title
 
 def _result(here: xr.Dataset) -> Text:
     """The combined and the expanded uncertainty at one distance, and the interval of depths."""
-    number = {str(name): float(one) for name, one in here.data_vars.items() if not one.dims}
+    number = {str(variable): float(array) for variable, array in here.data_vars.items() if not array.dims}
     freedom, expanded = number["effective_degrees_of_freedom"], number["expanded_uncertainty"]
     return say(
         "At {at}: {combined}{expanded}{coverage} interval {interval}",
@@ -150,29 +150,29 @@ def _rows(here: xr.Dataset) -> Iterator[tuple[Text, ...]]:
             yield counted(rest.size, label), *_NO_CELLS, "", or_dash(float(np.sum(rest)), share)
 
 
-def _largest_first(shares: FloatArray, of: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+def _largest_first(shares: FloatArray, chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
     """Places of these rows, by the magnitude of their shares."""
-    places = np.flatnonzero(of)
+    places = np.flatnonzero(chosen)
     return places[np.argsort(-np.abs(np.nan_to_num(shares[places])), kind="stable")]
 
 
-def _row(one: xr.Dataset, part: float) -> tuple[Text, ...]:
-    unit, distribution = str(one["input_units"].values), str(one["distribution"].values)
+def _row(source: xr.Dataset, part: float) -> tuple[Text, ...]:
+    unit, distribution = str(source["input_units"].values), str(source["distribution"].values)
     return (
-        in_words(str(one["source"].values)),
+        in_words(str(source["source"].values)),
         "draws" if distribution == "empirical" else distribution.replace("-", " "),
-        str(one["evaluation"].values),
-        significant(float(one["degrees_of_freedom"])),
-        pretty(float(one["input_uncertainty"]), _DIMENSIONS[unit]).replace(" ", "\N{NO-BREAK SPACE}"),
-        _coefficient(float(one["sensitivity_coefficient"]), unit),
-        length(float(one["contribution"])),
+        str(source["evaluation"].values),
+        significant(float(source["degrees_of_freedom"])),
+        pretty(float(source["input_uncertainty"]), _DIMENSIONS[unit]).replace(" ", "\N{NO-BREAK SPACE}"),
+        _coefficient(float(source["sensitivity_coefficient"]), unit),
+        length(float(source["contribution"])),
         or_dash(part, share),
     )
 
 
-def _pair_row(one: xr.Dataset, part: float) -> tuple[Text, ...]:
-    pair = " with ".join(map(in_words, str(one["source"].values).split(" and ")))
-    return pair, *_NO_CELLS[:3], f"r = {significant(float(one['correlation']))}", "", "", or_dash(part, share)
+def _pair_row(source: xr.Dataset, part: float) -> tuple[Text, ...]:
+    pair = " with ".join(map(in_words, str(source["source"].values).split(" and ")))
+    return pair, *_NO_CELLS[:3], f"r = {significant(float(source['correlation']))}", "", "", or_dash(part, share)
 
 
 def _coefficient(value: float, unit: str) -> str:

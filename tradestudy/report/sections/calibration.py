@@ -55,17 +55,17 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
             priors=_priors(data),
         )
     )
-    for name in data["posterior"].values:
-        if not bool(data["posterior_converged"].sel(posterior=name)):
+    for camera in data["posterior"].values:
+        if not bool(data["posterior_converged"].sel(posterior=camera)):
             yield Callout(
-                title=say("{title} did not converge", title=titles[str(name)]),
-                blocks=(Paragraph(str(data["posterior_verdict"].sel(posterior=name).item())),),
+                title=say("{title} did not converge", title=titles[str(camera)]),
+                blocks=(Paragraph(str(data["posterior_verdict"].sel(posterior=camera).item())),),
                 tone="warning",
             )
     yield _chains(data, titles)
-    for name in map(str, data["posterior"].values):
-        yield _parameters(data.sel(posterior=name), name, titles[name])
-        yield from pictures_of(drawings, f"corner-{name}", f"trace-{name}", f"trust-{name}")
+    for camera in map(str, data["posterior"].values):
+        yield _parameters(data.sel(posterior=camera), camera, titles[camera])
+        yield from pictures_of(drawings, f"corner-{camera}", f"trace-{camera}", f"trust-{camera}")
     if "rig_value" in data:
         yield _rig(data, titles)
     if "rig_lens_support" in data:
@@ -81,21 +81,21 @@ def _priors(data: xr.Dataset) -> str:
 
 def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
     rows: list[tuple[Text, ...]] = []
-    for name in map(str, data["posterior"].values):
-        there = data.sel(posterior=name)
-        acceptance = there["posterior_acceptance"].values
-        laplace = or_dash(float(there["laplace_seconds"]), lambda seconds: significant(seconds, 2))
+    for camera in map(str, data["posterior"].values):
+        posterior = data.sel(posterior=camera)
+        acceptance = posterior["posterior_acceptance"].values
+        laplace = or_dash(float(posterior["laplace_seconds"]), lambda seconds: significant(seconds, 2))
         rows.append(
             (
-                titles[name],
-                "yes" if bool(there["posterior_converged"]) else "no",
-                significant(float(there["posterior_lengths"])),
-                f"{np.nanmax(there['posterior_r_hat'].values):.4f}",
-                f"{np.nanmin(there['posterior_bulk_size'].values):.0f}",
-                f"{np.nanmin(there['posterior_tail_size'].values):.0f}",
+                titles[camera],
+                "yes" if bool(posterior["posterior_converged"]) else "no",
+                significant(float(posterior["posterior_lengths"])),
+                f"{np.nanmax(posterior['posterior_r_hat'].values):.4f}",
+                f"{np.nanmin(posterior['posterior_bulk_size'].values):.0f}",
+                f"{np.nanmin(posterior['posterior_tail_size'].values):.0f}",
                 f"{np.nanmin(acceptance):.2f} – {np.nanmax(acceptance):.2f}",
-                f"{float(there['posterior_marginal_efficiency']):.3f}",
-                f"{significant(float(there['posterior_seconds']), 2)} / {laplace}",
+                f"{float(posterior['posterior_marginal_efficiency']):.3f}",
+                f"{significant(float(posterior['posterior_seconds']), 2)} / {laplace}",
             )
         )
     return Table(
@@ -125,21 +125,24 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
     )
 
 
-def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
-    known = np.flatnonzero(np.isfinite(there["posterior_mean"].values))
-    one = there.isel(parameter=known)
-    with_term = bool(np.isfinite(one["rig_overconfidence"].values).any())
+def _parameters(posterior: xr.Dataset, camera: str, title: str) -> Table:
+    places = np.flatnonzero(np.isfinite(posterior["posterior_mean"].values))
+    inferred = posterior.isel(parameter=places)
+    with_term = bool(np.isfinite(inferred["rig_overconfidence"].values).any())
 
     def number(variable: str, k: int) -> str:
-        return or_dash(float(one[variable].values[k]))
+        return or_dash(float(inferred[variable].values[k]))
 
     def quantity(variable: str, k: int) -> str:
-        value, dimension = float(one[variable].values[k]), parameter_dimension(str(one["parameter"].values[k]))
+        value, dimension = (
+            float(inferred[variable].values[k]),
+            parameter_dimension(str(inferred["parameter"].values[k])),
+        )
         return pretty(value, dimension) if np.isfinite(value) else "—"
 
     last = "rig_overconfidence" if with_term else "prior_deviation"
     return Table(
-        name=f"parameters-{name}",
+        name=f"parameters-{camera}",
         caption=say(
             "Parameters of {title}{errors}: mean and standard deviation of the draws, {compared}. τ: autocorrelation "
             "time in steps of the chain.",
@@ -161,19 +164,19 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
         ),
         rows=tuple(
             (
-                _NAMES.get(parameter := str(one["parameter"].values[k])) or in_words(parameter),
+                _NAMES.get(parameter := str(inferred["parameter"].values[k])) or in_words(parameter),
                 _to_the_digit(
-                    float(one["posterior_mean"].values[k]),
-                    float(one["posterior_deviation"].values[k]),
+                    float(inferred["posterior_mean"].values[k]),
+                    float(inferred["posterior_deviation"].values[k]),
                     parameter_dimension(parameter),
                 ),
                 quantity("posterior_deviation", k),
                 quantity("laplace_deviation", k),
                 number(last, k) if with_term else quantity(last, k),
                 number("posterior_autocorrelation", k),
-                f"{float(one['posterior_r_hat'].values[k]):.4f}",
+                f"{float(inferred['posterior_r_hat'].values[k]):.4f}",
             )
-            for k in range(known.size)
+            for k in range(places.size)
         ),
     )
 
@@ -187,11 +190,11 @@ def _to_the_digit(value: float, deviation: float, dimension: Dimension) -> str:
 
 
 def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
-    found = list(zip(data["rig_camera"].values, data["rig_quantity"].values, data["rig_value"].values, strict=True))
+    entries = list(zip(data["rig_camera"].values, data["rig_quantity"].values, data["rig_value"].values, strict=True))
     rows: list[tuple[Text, ...]] = []
-    for rig in dict.fromkeys(camera for camera, _, _ in found):
+    for rig in dict.fromkeys(camera for camera, _, _ in entries):
         rows.append((titles[str(rig)],))
-        rows += [(with_subscripts(str(name)), str(value)) for camera, name, value in found if camera == rig]
+        rows += [(with_subscripts(str(quantity)), str(value)) for camera, quantity, value in entries if camera == rig]
     return Table(
         name="rig-table",
         caption="Fits to the corners of the board: each camera alone, the pair with one relative pose, and the pair "
@@ -221,13 +224,13 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
 def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
     """Say which lens model the corners support, and how each would change depth."""
     rows: list[tuple[Text, ...]] = []
-    for name in map(str, data["posterior"].values):
-        compared = data.sel(posterior=name).dropna("lens_model", subset=["rig_lens_support"])
+    for camera in map(str, data["posterior"].values):
+        compared = data.sel(posterior=camera).dropna("lens_model", subset=["rig_lens_support"])
         if not compared.sizes["lens_model"]:  # none was compared, or none could be fitted
             continue
-        yield Paragraph(_supported(compared, titles[name]))
+        yield Paragraph(_supported(compared, titles[camera]))
         rows += [
-            (titles[name], str(model), *_lens_cells(compared, str(model))) for model in compared["lens_model"].values
+            (titles[camera], str(model), *_lens_cells(compared, str(model))) for model in compared["lens_model"].values
         ]
     if not rows:
         return
@@ -241,7 +244,7 @@ def _lenses(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[Block]:
             Column(title="Rig", weight=1),
             Column(title="Lens model", weight=2),
             Column(title="Support", align="right"),
-            *(Column(title=distance(float(one)), align="right") for one in data["rig_distance"].values),
+            *(Column(title=distance(float(place)), align="right") for place in data["rig_distance"].values),
         ),
         rows=tuple(rows),
     )
@@ -252,10 +255,10 @@ def _supported(compared: xr.Dataset, title: str) -> Text:
     best = compared.isel(lens_model=int(np.argmax(support.values)))
     used = lens_words(str(compared["posterior_lens_model"].item()))
     if float(best["rig_lens_support"]) > _CLEARLY * float(best["rig_lens_support_deviation"]):
-        what = "The corners of {title} clearly favour another lens model, {model}, over the one in use, {used}."
-        return say(what, title=title, model=str(best["lens_model"].item()), used=used)
-    what = "The corners of {title} do not clearly favour a lens model other than the one in use, {used}."
-    return say(what, title=title, used=used)
+        template = "The corners of {title} clearly favour another lens model, {model}, over the one in use, {used}."
+        return say(template, title=title, model=str(best["lens_model"].item()), used=used)
+    template = "The corners of {title} do not clearly favour a lens model other than the one in use, {used}."
+    return say(template, title=title, used=used)
 
 
 def lens_words(stored: str) -> str:
@@ -267,9 +270,9 @@ def lens_words(stored: str) -> str:
 
 
 def _lens_cells(compared: xr.Dataset, model: str) -> Iterator[str]:
-    one = compared.sel(lens_model=model)
-    yield with_deviation(float(one["rig_lens_support"]), float(one["rig_lens_support_deviation"]), sign="+")
-    for change, error in zip(one["rig_lens_change"].values, one["rig_lens_change_deviation"].values, strict=True):
+    lens = compared.sel(lens_model=model)
+    yield with_deviation(float(lens["rig_lens_support"]), float(lens["rig_lens_support_deviation"]), sign="+")
+    for change, error in zip(lens["rig_lens_change"].values, lens["rig_lens_change_deviation"].values, strict=True):
         yield with_deviation(1e3 * float(change), 1e3 * float(error), sign="+")
 
 
@@ -278,12 +281,12 @@ def _rank_table(tree: xr.DataTree) -> Table:
     data, titles = group(tree, "decision"), camera_titles(tree)
     places = [float(place) for place in table_distances(tree)]
 
-    def cell(there: xr.Dataset, place: float) -> str:
-        at = there.sel(rank_distance=place, method="nearest")
-        first, error = float(at["rank_first"]), 2.0 * float(at["rank_first_error"])
-        if first + float(at["rank_second"]) == 0.0:
+    def cell(ranks: xr.Dataset, place: float) -> str:
+        here = ranks.sel(rank_distance=place, method="nearest")
+        first, error = float(here["rank_first"]), 2.0 * float(here["rank_first_error"])
+        if first + float(here["rank_second"]) == 0.0:
             return "—"
-        if 100.0 * error < 0.05:
+        if 100.0 * error < 0.05:  # it would read ± 0.0
             return pretty(first, FRACTION)
         return f"{100 * first:.1f} ± {100 * error:.1f}\N{NO-BREAK SPACE}%"
 
@@ -293,9 +296,9 @@ def _rank_table(tree: xr.DataTree) -> Table:
             ("Calibration alone" if error_source == "calibration" else "Single measurements, noise and calibration",)
         )
         for pair in data["pair"].values:
-            there = data.sel(pair=pair, rank_error_source=error_source)
-            names = [titles[str(there[name].item())] for name in ("pair_first", "pair_second")]
-            rows.append((*names, *(cell(there, place) for place in places)))
+            ranks = data.sel(pair=pair, rank_error_source=error_source)
+            names = [titles[str(ranks[member].item())] for member in ("pair_first", "pair_second")]
+            rows.append((*names, *(cell(ranks, place) for place in places)))
     return Table(
         name="rank-table",
         caption="Probability that the depth error of the first camera is smaller than that of the second; ± twice the "
@@ -333,8 +336,8 @@ def describe_calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> 
 def _averaging(tree: xr.DataTree) -> Table:
     """List how many measurements it takes until noise equals calibration error, at the declared distances."""
     places = table_distances(tree)
-    there = table_depth(tree)["depth_uncertainty_by_error_source"].sel(distance=places, method="nearest")
-    noise, calibration = (there.sel(error_source=error_source) for error_source in ("noise", "calibration"))
+    uncertainty = table_depth(tree)["depth_uncertainty_by_error_source"].sel(distance=places, method="nearest")
+    noise, calibration = (uncertainty.sel(error_source=error_source) for error_source in ("noise", "calibration"))
     rows = tuple(
         (
             title,

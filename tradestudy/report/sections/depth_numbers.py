@@ -50,10 +50,10 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
     )
     places = [float(place) for place in data["sheet_distance"].values]
     for key, title in shown.items():
-        one = data.sel(camera=key)
-        near, far = (float(one[name]) for name in ("near_limit", "far_limit"))
+        sheet = data.sel(camera=key)
+        near, far = (float(sheet[limit]) for limit in ("near_limit", "far_limit"))
         usable = "usable nowhere" if math.isnan(near) else f"usable from {span(*within(near, far))}"
-        across, down = (pretty(float(one[f"{axis}_field_of_view"]), ANGLE) for axis in ("horizontal", "vertical"))
+        across, down = (pretty(float(sheet[f"{axis}_field_of_view"]), ANGLE) for axis in ("horizontal", "vertical"))
         yield Table(
             name=f"datasheet-{key}",
             caption=f"{title}: {usable}; field of view at its focus setting, {across} × {down}.",
@@ -61,7 +61,7 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
                 Column(title="Value", weight=3),
                 *(Column(title=f"At {distance(place)}", align="right", weight=2) for place in places),
             ),
-            rows=(*_working(tree, key, places), *_rows(one)),
+            rows=(*_working(tree, key, places), *_rows(sheet)),
         )
     if further := data.sizes["camera"] - len(shown):
         where = "`tables/datasheet_by_camera.csv` and `tables/datasheet_by_camera_sheet_distance.csv`"
@@ -75,23 +75,23 @@ def _working(tree: xr.DataTree, key: str, places: Sequence[float]) -> Iterator[t
         yield "Working distance, from the front", *(distance(place - front) for place in places)
 
 
-def _rows(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:
-    yield "Z accuracy", *_lengths(one, "z_accuracy")
-    yield "Temporal noise", *_lengths(one, "temporal_noise")
-    yield "Sub-pixel RMS [px]", *(or_dash(float(v), lambda x: significant(x, 2)) for v in one["subpixel_rms"].values)
-    yield "Plane-fit RMS", *_lengths(one, "plane_fit_rms")
-    yield "Fill rate", *(share(float(value)) for value in one["fill_rate"].values)
+def _rows(sheet: xr.Dataset) -> Iterator[tuple[Text, ...]]:
+    yield "Z accuracy", *_lengths(sheet, "z_accuracy")
+    yield "Temporal noise", *_lengths(sheet, "temporal_noise")
+    yield "Sub-pixel RMS [px]", *(or_dash(float(v), lambda x: significant(x, 2)) for v in sheet["subpixel_rms"].values)
+    yield "Plane-fit RMS", *_lengths(sheet, "plane_fit_rms")
+    yield "Fill rate", *(share(float(value)) for value in sheet["fill_rate"].values)
     yield (
         "Field",
         *(
             f"{length(float(w))} × {length(float(h))}"
-            for w, h in zip(one["field_width"].values, one["field_height"].values, strict=True)
+            for w, h in zip(sheet["field_width"].values, sheet["field_height"].values, strict=True)
         ),
     )
 
 
-def _lengths(one: xr.Dataset, name: str) -> Iterator[str]:
-    for value, place in zip(one[name].values, one["sheet_distance"].values, strict=True):
+def _lengths(sheet: xr.Dataset, variable: str) -> Iterator[str]:
+    for value, place in zip(sheet[variable].values, sheet["sheet_distance"].values, strict=True):
         if math.isfinite(float(value)):
             yield f"{length(float(value))} ({percent(float(value / place))})"
         else:
@@ -137,10 +137,10 @@ def _values_at_places(tree: xr.DataTree) -> Table:
     titles, places = titles_in(tree, "depth"), table_distances(tree)
     listed = [column.sel(distance=places, method="nearest").sel(camera=list(titles)) for column in shown_columns]
     at_places = [column.transpose("distance", "camera", ...).values.tolist() for column in listed]
-    for place, *at in zip(places, *at_places, strict=True):
+    for place, *columns in zip(places, *at_places, strict=True):
         rows.append((f"At {distance(float(place))}",))
         for title, u_here, u_error_here, r, r_error, steps, (low, high), judged, usable, converged in zip(
-            titles.values(), *at, strict=True
+            titles.values(), *columns, strict=True
         ):
             rows.append(
                 (
@@ -277,7 +277,9 @@ def describe_decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
         )
     )
     if others:
-        yield Bullets(tuple(say("**{name}**: {says}.", name=name, says=meaning) for name, meaning in says.items()))
+        yield Bullets(
+            tuple(say("**{name}**: {says}.", name=reading, says=meaning) for reading, meaning in says.items())
+        )
         yield from pictures_of(drawings, "readings")
     yield from _crossovers(decision)
 
@@ -288,12 +290,14 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
         return
     values = np.asarray(decision["crossover_distance"].sel(error_source="both").values, dtype=np.float64)
     errors = decision["crossover_error"].sel(error_source="both").values[0]
-    own = [distance_with_error(float(v), float(e)) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
+    crossovers = [
+        distance_with_error(float(v), float(e)) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)
+    ]
     others = values[1:][np.isfinite(values[1:])]
     declared = (
-        f"the depth uncertainties of the two cameras are equal at {' and '.join(own)}, whether or not the cameras are "
-        "usable there"
-        if own
+        f"the depth uncertainties of the two cameras are equal at {' and '.join(crossovers)}, whether or not the "
+        "cameras are usable there"
+        if crossovers
         else "the curves of the two depth uncertainties do not cross"
     )
     count, all_others = int(np.isfinite(values[1:]).any(axis=1).sum()), len(values) - 1

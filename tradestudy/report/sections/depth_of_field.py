@@ -47,12 +47,12 @@ def _scene(tree: xr.DataTree) -> str:
     return f"{length(float(data.attrs['scene_near']))} to {length(float(data.attrs['scene_far']))}"
 
 
-def _criterion_words(one: xr.Dataset) -> str:
-    return f"{pretty(float(one['blur_px']), PIXELS)}, {_SPOT[str(one['diffraction'].item())]}"
+def _criterion_words(criterion: xr.Dataset) -> str:
+    return f"{pretty(float(criterion['blur_px']), PIXELS)}, {_SPOT[str(criterion['diffraction'].item())]}"
 
 
-def _ends(found: tuple[tuple[float, float], ...]) -> str:
-    return " and ".join(span(*within(*ends)) for ends in found) or "nowhere"
+def _ends(ranges: tuple[tuple[float, float], ...]) -> str:
+    return " and ".join(span(*within(*ends)) for ends in ranges) or "nowhere"
 
 
 def _answer_table(tree: xr.DataTree, rows: Sequence[SharpCamera]) -> Table:
@@ -126,20 +126,20 @@ def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) 
 def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
     data, titles = group(tree, "depth_of_field"), camera_titles(tree)
     rows: list[tuple[Text, ...]] = []
-    for name in data["sharp"].values:
-        one = data.sel(sharp=name)
-        rows.append((f"Criterion: {_criterion_words(one)}",))
+    for criterion in data["sharp"].values:
+        by_criterion = data.sel(sharp=criterion)
+        rows.append((f"Criterion: {_criterion_words(by_criterion)}",))
         for key, title in titles.items():
-            camera = one.sel(camera=key)
-            found = sharp_ranges(camera, "sharp")
+            camera = by_criterion.sel(camera=key)
+            ranges = sharp_ranges(camera, "sharp")
             gaps = sharp_ranges(camera, "gap")
             rows.append(
                 (
                     title,
-                    _ends(found),
-                    length(float(camera["extent"])) if found else "—",
-                    share(float(camera["scene_share"])) if found else "—",
-                    str(int(camera["images"])) if found and int(camera["images"]) else "—",
+                    _ends(ranges),
+                    length(float(camera["extent"])) if ranges else "—",
+                    share(float(camera["scene_share"])) if ranges else "—",
+                    str(int(camera["images"])) if ranges and int(camera["images"]) else "—",
                     ("gaps: " * bool(gaps) + "; ".join(span(*within(*gap, math.floor, math.ceil)) for gap in gaps))
                     or str(camera["reason"].item()).split(";")[0].removesuffix(": nothing is sharp"),
                 )
@@ -164,15 +164,17 @@ def _slices(tree: xr.DataTree) -> Iterator[Block]:
     data, titles = by_first_criterion(tree), camera_titles(tree)
     rows: list[tuple[Text, ...]] = []
     for key, title in titles.items():
-        one = data.sel(camera=key)
-        names = [str(name) for name in one["slice_name"].values if str(name)]
+        camera = data.sel(camera=key)
+        names = [str(slice_name) for slice_name in camera["slice_name"].values if str(slice_name)]
         if len(names) > 1:
-            limits = zip(one["slice_near"].values, one["slice_far"].values, strict=True)
+            limits = zip(camera["slice_near"].values, camera["slice_far"].values, strict=True)
             parts = [
-                f"{name}: {_ends(((float(near), float(far)),))}" if np.isfinite(near) else f"{name}: nowhere"
-                for name, (near, far) in zip(names, limits, strict=False)
+                f"{slice_name}: {_ends(((float(near), float(far)),))}"
+                if np.isfinite(near)
+                else f"{slice_name}: nowhere"
+                for slice_name, (near, far) in zip(names, limits, strict=False)
             ]
-            overlaps = _ends(sharp_ranges(one, "overlap")) if sharp_ranges(one, "overlap") else "none"
+            overlaps = _ends(sharp_ranges(camera, "overlap")) if sharp_ranges(camera, "overlap") else "none"
             rows.append((title, "; ".join(parts), overlaps))
     if rows:
         yield Table(

@@ -105,12 +105,12 @@ def _advice(used: xr.Dataset, errors: str, curves: str = "") -> str:
     limit, phases, sentences = float(used.attrs["error_limit"]), list(map(str, used["lens_phase"].values)), []
     for element in used["element"].values:
         of_element, advice = used.sel(element=element), []
-        found = {phase: np.ravel(of_element[errors].sel(lens_phase=phase).values) for phase in phases}
+        by_phase = {phase: np.ravel(of_element[errors].sel(lens_phase=phase).values) for phase in phases}
         for method in ("Kirchhoff", "Fresnel"):
-            alike = [phase for phase in phases if bool(np.all(found[phase] <= limit)) == (method == "Fresnel")]
+            alike = [phase for phase in phases if bool(np.all(by_phase[phase] <= limit)) == (method == "Fresnel")]
             if not alike:
                 continue
-            detail = f"Fresnel errs by {_range(np.concatenate([found[phase] for phase in alike]))}"
+            detail = f"Fresnel errs by {_range(np.concatenate([by_phase[phase] for phase in alike]))}"
             if curves:
                 curve = of_element[curves]
                 from_here = max(_from_f_number(curve.sel(lens_phase=phase), limit) for phase in alike)
@@ -128,6 +128,7 @@ def _from_f_number(errors: xr.DataArray, limit: float) -> float:
     tried, above = errors["f_number"].values, np.flatnonzero(errors.values > limit)
     if not above.size:
         return 0.0
+    # The last f-number above the limit and the next, in reverse, because `np.interp` needs rising errors.
     ends = slice(above[-1] + 1, above[-1] - 1 if above[-1] else None, -1)
     logs = np.log(errors.values[ends]), np.log(tried[ends])
     return float(np.exp(np.interp(np.log(limit), *logs))) if above[-1] + 1 < tried.size else np.inf
@@ -165,7 +166,7 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
 
 
 def _error_table(data: xr.Dataset, element: str) -> Table:
-    one = data.sel(element=element)
+    lens = data.sel(element=element)
     place = published_place(data, element)
     waves, windows = data["wavelength"].values, data["window"].values
     columns = [("peak", windows[0])] + [(m, w) for m in ("l1", "largest") for w in windows]
@@ -173,9 +174,9 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
     for phase in data["lens_phase"].values:
         rows.append((f"{str(phase).capitalize()} lens phase",))
         for wave in waves:
-            point = one["published_point_error"].sel(lens_phase=phase, wavelength=wave)
+            point = lens["published_point_error"].sel(lens_phase=phase, wavelength=wave)
             rows.append((length(float(wave)), *(share(float(point.sel(metric=m, window=w))) for m, w in columns)))
-    stated = float(one["published_error"])
+    stated = float(lens["published_error"])
     return Table(
         name=f"fresnel-error-{element}",
         caption=f"{element_title(data, element)} at f/{significant(place)}: error of Fresnel's point-spread function "
@@ -200,8 +201,8 @@ def _limit_table(data: xr.Dataset) -> Table:
         rows.append((element_title(data, str(element)),))
         for phase in data["lens_phase"].values:
             for wave in data["wavelength"].values:
-                at = data["limit_f_number"].sel(element=element, lens_phase=phase, wavelength=wave)
-                cells = (_least(float(at.sel(metric=m, window=w)), data) for m, w in columns)
+                limits = data["limit_f_number"].sel(element=element, lens_phase=phase, wavelength=wave)
+                cells = (_least(float(limits.sel(metric=m, window=w)), data) for m, w in columns)
                 rows.append((f"{phase}, {length(float(wave))}", *cells))
     return Table(
         name="fresnel-limits",
@@ -225,21 +226,23 @@ def _criteria_table(data: xr.Dataset) -> Table:
     waves = data["wavelength"].values
     rows: list[tuple[Text, ...]] = []
     for element in data["element"].values:
-        one = data.sel(element=element)
-        printed = float(one["published_minimum"])
+        lens = data.sel(element=element)
+        printed = float(lens["published_minimum"])
         stated = f"; printed in the paper: {significant(printed)}" if np.isfinite(printed) else ""
         rows.append((f"{element_title(data, str(element))}{stated}",))
         named: list[tuple[str, xr.DataArray]] = [
-            ("eq. 27, smaller zero", one["paper_eq27_f_number"].sel(zero="first")),
-            ("eq. 27, larger zero", one["paper_eq27_f_number"].sel(zero="second")),
-            ("one radian of neglected phase (Goodman)", one["goodman_f_number"]),
+            ("eq. 27, smaller zero", lens["paper_eq27_f_number"].sel(zero="first")),
+            ("eq. 27, larger zero", lens["paper_eq27_f_number"].sel(zero="second")),
+            ("one radian of neglected phase (Goodman)", lens["goodman_f_number"]),
             *(
-                (f"{significant(float(e))} waves of neglected path", one["path_error_f_number"].sel(path_error=e))
+                (f"{significant(float(e))} waves of neglected path", lens["path_error_f_number"].sel(path_error=e))
                 for e in data["path_error"].values
             ),
-            ("plane wave behind a bare hole (Southwell)", one["southwell_f_number"]),
+            ("plane wave behind a bare hole (Southwell)", lens["southwell_f_number"]),
         ]
-        rows += [(name, *(significant(float(values.sel(wavelength=w))) for w in waves)) for name, values in named]
+        rows += [
+            (criterion, *(significant(float(values.sel(wavelength=w))) for w in waves)) for criterion, values in named
+        ]
     return Table(
         name="fresnel-criteria-table",
         caption="Minimum f-number for Fresnel by closed-form criteria.",

@@ -88,9 +88,9 @@ def describe_light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
             yield _spread_table(data, str(element))
 
 
-def _seconds(run: Mapping[str, Any], name: str) -> float:
+def _seconds(run: Mapping[str, Any], step: str) -> float:
     """The measured seconds in the record of the run; NaN if it has none."""
-    return float(run.get("seconds", {}).get(name, "nan"))
+    return float(run.get("seconds", {}).get(step, "nan"))
 
 
 def _duration(seconds: float) -> str:
@@ -100,20 +100,22 @@ def _duration(seconds: float) -> str:
 def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
     """Say which methods suffice, and describe the picture of the study: its difference from the reference, its time."""
     picture, compared = data["chosen_image"], data["image"].sel(propagator=reference)
-    same = [str(name) for name in data["propagator"].values if (data["image"].sel(propagator=name) == picture).all()]
+    same = [
+        str(method) for method in data["propagator"].values if (data["image"].sel(propagator=method) == picture).all()
+    ]
     if reference in same:
-        found = "Its method is the reference of the table"
+        comparison = "Its method is the reference of the table"
     elif same:
-        found = "It is the same picture as in the table"
+        comparison = "It is the same picture as in the table"
     else:
         difference = share(float(abs(picture - compared).sum() / compared.sum()))
         took = f"computed in {_duration(_seconds(run, 'image: chosen'))}"
-        found = f"Its difference from the reference, summed over all pixels, is {difference}; {took}"
-    error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
+        comparison = f"Its difference from the reference, summed over all pixels, is {difference}; {took}"
+    error, tolerance = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     suffice = [
-        title_within_a_sentence(name)
-        for name in map(str, data["propagator"].values)
-        if name == reference or float(data["difference"].sel(propagator=name, against=reference)) <= asked
+        title_within_a_sentence(method)
+        for method in map(str, data["propagator"].values)
+        if method == reference or float(data["difference"].sel(propagator=method, against=reference)) <= tolerance
     ]
     return say(
         "**For pictures to {tolerance}, take {suffice}.** The picture of the study is computed by {method}; its stated "
@@ -121,31 +123,33 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
         suffice=listed(suffice, "or"),
         method=title_within_a_sentence(str(data.attrs["chosen_method"])),
         error=share(error),
-        side="above" if error > asked else "within",
-        tolerance=share(asked),
-        found=found,
+        side="above" if error > tolerance else "within",
+        tolerance=share(tolerance),
+        found=comparison,
     )
 
 
 def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
-    reference, asked = reference_method(data), float(data.attrs["compared_tolerance"])
-    own = "image: chosen" if data.sizes["propagator"] == 1 else ""  # a study that declares no methods
+    reference, tolerance = reference_method(data), float(data.attrs["compared_tolerance"])
+    fallback = "image: chosen" if data.sizes["propagator"] == 1 else ""  # a study that declares no methods
     rows: list[tuple[Text, ...]] = []
-    for method in (str(name) for name in data["propagator"].values):
-        one = data.sel(propagator=method)
+    for method in map(str, data["propagator"].values):
+        image = data.sel(propagator=method)
         rows.append(
             (
                 long_title(method),
-                _duration(_seconds(run, f"image: {method}" if f"image: {method}" in run.get("seconds", {}) else own)),
-                str(one["published_words"].item()) or "—",
-                share(error := float(one["numerical_error"])) + f" (above {share(asked)})" * (error > asked),
-                *(
-                    "—" if method == reference else share(float(one[name].sel(against=reference)))
-                    for name in ("difference", "difference_l2")
+                _duration(
+                    _seconds(run, f"image: {method}" if f"image: {method}" in run.get("seconds", {}) else fallback)
                 ),
-                str(int(one["lit_pixels"])),
-                share(float(one["outside_geometric"])) if "outside_geometric" in data else "—",
-                share(float(one["power"])),
+                str(image["published_words"].item()) or "—",
+                share(error := float(image["numerical_error"])) + f" (above {share(tolerance)})" * (error > tolerance),
+                *(
+                    "—" if method == reference else share(float(image[variable].sel(against=reference)))
+                    for variable in ("difference", "difference_l2")
+                ),
+                str(int(image["lit_pixels"])),
+                share(float(image["outside_geometric"])) if "outside_geometric" in data else "—",
+                share(float(image["power"])),
             )
         )
     return Table(
@@ -232,7 +236,7 @@ def _array(data: xr.Dataset) -> str:
 def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
     if "benchmark_error" not in data:
         return
-    names = [str(name) for name in data["benchmark"].values]
+    names = [str(case) for case in data["benchmark"].values]
     yield Table(
         name="light-benchmarks",
         caption="Parts of the computation, timed on this machine. Stated error: root mean square error of the "
@@ -243,8 +247,8 @@ def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
             Column(title="Stated error", align="right"),
         ),
         rows=tuple(
-            (name, _duration(_seconds(run, name)), share(float(data["benchmark_error"].sel(benchmark=name)), 2))
-            for name in names
+            (case, _duration(_seconds(run, case)), share(float(data["benchmark_error"].sel(benchmark=case)), 2))
+            for case in names
         ),
         notes=(
             "Parabolic: the paper's lens, with spherical aberration; stigmatic: without it on the axis; perfect: "
@@ -256,17 +260,17 @@ def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:
 
 
 def _spread_table(data: xr.Dataset, element: str) -> Table:
-    one = data.sel(element=element, propagator="kirchhoff")
+    lens = data.sel(element=element, propagator="kirchhoff")
     rows: list[tuple[Text, ...]] = []
-    for what, unit in zip(data["varied"].values, data["varied_units"].values, strict=True):
-        rows.append((_VARIED[str(what)].capitalize(),))
+    for varied, unit in zip(data["varied"].values, data["varied_units"].values, strict=True):
+        rows.append((_VARIED[str(varied)].capitalize(),))
         for step in range(data.sizes["step"]):
-            there = one.sel(varied=what).isel(step=step)
-            if np.isfinite(float(there["value"])):
-                rows.append((_value(float(there["value"]), str(unit)), *_measures(there)))
+            point = lens.sel(varied=varied).isel(step=step)
+            if np.isfinite(float(point["value"])):
+                rows.append((_value(float(point["value"]), str(unit)), *_measures(point)))
     return Table(
         name=f"point-spread-{element}",
-        caption=f"{one['title'].item()!s}, Kirchhoff: spread of a point, one quantity varied at a time.",
+        caption=f"{lens['title'].item()!s}, Kirchhoff: spread of a point, one quantity varied at a time.",
         columns=(
             Column(title="Varied", weight=1),
             *(
@@ -298,12 +302,12 @@ def _value(value: float, unit: str) -> str:
     return f"{significant(value)} {'wave' if abs(value) == 1.0 else 'waves'}"
 
 
-def _measures(there: xr.Dataset) -> Iterator[str]:
-    for name in ("full_width", "half_energy_radius", "energy_radius_80", "rms_width"):
-        yield _or_dash(float(there[name]), partial(with_error, error=float(there[f"{name}_error"])))
-    yield _or_dash(float(there["strehl_ratio"]), significant)
-    for name in ("transfer_half_nyquist", "outside_geometric", "neighbour_share"):
-        yield _or_dash(float(there[name]), share)
+def _measures(point: xr.Dataset) -> Iterator[str]:
+    for measure in ("full_width", "half_energy_radius", "energy_radius_80", "rms_width"):
+        yield _or_dash(float(point[measure]), partial(with_error, error=float(point[f"{measure}_error"])))
+    yield _or_dash(float(point["strehl_ratio"]), significant)
+    for measure in ("transfer_half_nyquist", "outside_geometric", "neighbour_share"):
+        yield _or_dash(float(point[measure]), share)
 
 
 def _or_dash(value: float, write: Any) -> str:

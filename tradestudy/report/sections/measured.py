@@ -19,22 +19,22 @@ def describe_measurements(tree: xr.DataTree, drawings: Mapping[str, Drawing]) ->
     if not tables:
         return
     yield Heading(text="Measured beside predicted", anchor="measurements")
-    for one in tables:
-        sentence = one.finding()
-        source = str(one.table["source"].item())
+    for measured in tables:
+        sentence = measured.finding()
+        source = str(measured.table["source"].item())
         yield Paragraph(
             say(
                 "**{name}.** {finding}. Source: {source}.{left}",
-                name=one.name,
+                name=measured.name,
                 finding=f"{sentence[0].upper()}{sentence[1:]}",
                 source=source,
-                left=_left_out(one),
+                left=_left_out(measured),
             )
         )
-        yield from pictures_of(drawings, f"measured_{one.name}")
-        yield _table(one)
-        yield Paragraph(literal(f"{locking_words(one)}.{_other_ratios(one)}"))
-    if any(str(one.table["fitted_camera"].item()) for one in tables):
+        yield from pictures_of(drawings, f"measured_{measured.name}")
+        yield _table(measured)
+        yield Paragraph(literal(f"{locking_words(measured)}.{_other_ratios(measured)}"))
+    if any(str(measured.table["fitted_camera"].item()) for measured in tables):
         yield Paragraph(
             say(
                 "The folder `fitted` beside this report contains each camera with the fitted values, marked as fitted; "
@@ -43,8 +43,8 @@ def describe_measurements(tree: xr.DataTree, drawings: Mapping[str, Drawing]) ->
         )
 
 
-def _left_out(one: Measured) -> str:
-    missed = np.asarray(one.rows["line"].values)[one.values("used") == 0.0]
+def _left_out(measured: Measured) -> str:
+    missed = np.asarray(measured.rows["line"].values)[measured.values("used") == 0.0]
     if not missed.size:
         return ""
     few = ", ".join(str(int(line)) for line in missed[:5]) + (", …" if missed.size > 5 else "")
@@ -55,17 +55,19 @@ def _left_out(one: Measured) -> str:
     )
 
 
-def _other_ratios(one: Measured) -> str:
+def _other_ratios(measured: Measured) -> str:
     """The median ratios of the columns that the first sentence does not name."""
     others = [
-        f"{words} for the {NAMES[name]}" for name in NAMES if name != one.spread and (words := one.ratio_words(name))
+        f"{words} for the {NAMES[column]}"
+        for column in NAMES
+        if column != measured.spread and (words := measured.ratio_words(column))
     ]
     return f" Measured over predicted, median and range: {listed(others)}." if others else ""
 
 
-def _table(one: Measured) -> Table:
+def _table(measured: Measured) -> Table:
     return Table(
-        name=f"measured-{one.name}-table",
+        name=f"measured-{measured.name}-table",
         caption="What the points imply, with 95 % intervals from their scatter by Student's t.",
         columns=(
             Column(title="Quantity", weight=4),
@@ -75,7 +77,8 @@ def _table(one: Measured) -> Table:
             Column(title="Verdict", weight=3),
         ),
         rows=tuple(
-            (row.name, row.value, row.interval, row.declared or "—", row.verdict or "—") for row in implied_values(one)
+            (row.name, row.value, row.interval, row.declared or "—", row.verdict or "—")
+            for row in implied_values(measured)
         ),
         notes=(
             "Noise s and floor u are those of σ² = (s/g)² + u², with the change g of disparity with depth. Offset and "

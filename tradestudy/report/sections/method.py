@@ -23,7 +23,7 @@ def describe_method(tree: xr.DataTree) -> Iterator[Block]:
         yield from _statements(method["statements"])
     yield from _uncertainty()
     met = group(tree, "depth")["limit_met"]
-    applied = {str(name) for name in met["limit"].values if bool((met.sel(limit=name) >= 0).any())}
+    applied = {str(limit) for limit in met["limit"].values if bool((met.sel(limit=limit) >= 0).any())}
     if "matching" in applied:
         matchers = bool(declared_matchers(tree))
         compared = [statement for method in methods for statement in method.get("matching", ())]
@@ -208,4 +208,4 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
             "0.25 px, and the window is large enough for the blur and the texture."
         ),
     }
-    yield Bullets(tuple(meaning for name, meaning in meanings.items() if name in applied))
+    yield Bullets(tuple(meaning for limit, meaning in meanings.items() if limit in applied))

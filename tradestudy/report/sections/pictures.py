@@ -46,17 +46,17 @@ def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Ite
         rows=tuple(
             (
                 titles[str(camera)],
-                str(name).removeprefix(f"{camera} "),
+                str(picture).removeprefix(f"{camera} "),
                 f"{int(columns)} × {int(rows)}",
                 length(float(pitch)),
                 str(int(full)),
                 share(float(error), digits=2),
             )
-            for name, camera, columns, rows, pitch, full, error in zip(
+            for picture, camera, columns, rows, pitch, full, error in zip(
                 data["picture"].values,
                 *(
-                    data[key].values
-                    for key in ("camera_of", "columns", "rows", "pixel_pitch", "saturated", "sampling_error")
+                    data[column].values
+                    for column in ("camera_of", "columns", "rows", "pixel_pitch", "saturated", "sampling_error")
                 ),
                 strict=True,
             )
@@ -87,8 +87,8 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield from pictures_of(drawings, "depth_achieved", "depth_maps")
     measured_by: dict[str, list[str]] = {}
     for k in range(data.sizes["mapped_camera"]):
-        one = data.isel(mapped_camera=k)
-        measured_by.setdefault(str(one["matcher"].item()), []).append(titles[str(one["mapped_camera"].item())])
+        camera = data.isel(mapped_camera=k)
+        measured_by.setdefault(str(camera["matcher"].item()), []).append(titles[str(camera["mapped_camera"].item())])
     for matcher, cameras in measured_by.items():
         yield Paragraph(_matcher("; ".join(cameras), matcher))
 
@@ -105,11 +105,11 @@ def list_disparity_scores(tree: xr.DataTree) -> Iterator[Block]:
     """Tabulate the errors of the disparity behind measured depth; nothing for a study that measures none."""
     tables = list[Table]()
     if has(tree, "pictures", "map_depth"):
-        found = _scores_of_maps(group(tree, "pictures"), camera_titles(tree))
-        tables.append(_disparity_table("depth-maps", *found))
+        scores = _scores_of_maps(group(tree, "pictures"), camera_titles(tree))
+        tables.append(_disparity_table("depth-maps", *scores))
     if has(tree, "depth_loop", "depth_spread"):
-        found = _scores_of_planes(group(tree, "depth_loop"), camera_titles(tree))
-        tables.append(_disparity_table("depth-loop", *found))
+        scores = _scores_of_planes(group(tree, "depth_loop"), camera_titles(tree))
+        tables.append(_disparity_table("depth-loop", *scores))
     if tables:
         yield Heading(text="Disparity measured in the pictures", anchor="disparity-scores")
         yield from tables
@@ -117,11 +117,13 @@ def list_disparity_scores(tree: xr.DataTree) -> Iterator[Block]:
 
 def _scores_of_maps(data: xr.Dataset, titles: Mapping[str, str]) -> Scores:
     each = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
-    return (Column(title="Camera", weight=1),), [((titles[str(one["mapped_camera"].item())],), one) for one in each]
+    return (Column(title="Camera", weight=1),), [
+        ((titles[str(camera["mapped_camera"].item())],), camera) for camera in each
+    ]
 
 
 def _scores_of_planes(data: xr.Dataset, titles: Mapping[str, str]) -> Scores:
-    varied = [title for title, name in (("Contrast", "contrast"), ("Light", "electrons")) if data.sizes[name] > 1]
+    varied = [title for title, dim in (("Contrast", "contrast"), ("Light", "electrons")) if data.sizes[dim] > 1]
     return tuple(Column(title=title) for title in ("Distance", *varied)), list(_rows(data, titles))
 
 
@@ -131,7 +133,7 @@ def _depth_table(name: str, first: tuple[Column, ...], rows: Sequence[ScoreRow])
         name=f"{name}-depth-table",
         caption="Errors of measured depth, ± one standard error where it exceeds 1 %.",
         columns=(*first, *_columns("Bias", "Spread", "Predicted", "Within 3σ", "Filled", "Paired (predicted)")),
-        rows=tuple(cells if one is None else (*cells, *_of_depth(one)) for cells, one in rows),
+        rows=tuple(cells if measured is None else (*cells, *_of_depth(measured)) for cells, measured in rows),
         notes=(
             "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the depth "
             "uncertainty from noise; in brackets, that from the errors of the calibration, if the pictures have them. "
@@ -152,7 +154,7 @@ def _disparity_table(name: str, first: tuple[Column, ...], rows: Sequence[ScoreR
             *first,
             *_columns("Bias [px]", "Spread [px]", "Spread / noise", "Neighbours", "A window apart", "Windows"),
         ),
-        rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
+        rows=tuple(cells if measured is None else (*cells, *_of_disparity(measured)) for cells, measured in rows),
         notes=(
             "Spread / noise: spread of the errors, each divided by the standard deviation that noise causes in its "
             "matching window (to first order). Neighbours, A window apart: correlation of the errors of adjacent "
@@ -165,27 +167,29 @@ def _columns(*titles: str) -> tuple[Column, ...]:
     return tuple(Column(title=title, align="right") for title in titles)
 
 
-def _of_depth(one: xr.Dataset) -> Iterator[str]:
-    yield _shown(one, "bias", LENGTH)
-    yield _shown(one, "spread", LENGTH)
-    noise, shift = (float(one[key].item()) for key in ("depth_predicted", "depth_predicted_bias"))
+def _of_depth(measured: xr.Dataset) -> Iterator[str]:
+    yield _shown(measured, "bias", LENGTH)
+    yield _shown(measured, "spread", LENGTH)
+    noise, shift = (float(measured[variable].item()) for variable in ("depth_predicted", "depth_predicted_bias"))
     yield or_dash(noise, length) + (f" ({length(shift)})" if shift > 0.0 else "")
-    yield _shown(one, "within", FRACTION)
-    yield _shown(one, "filled", FRACTION)
-    available, predicted = (float(one[key].item()) for key in ("depth_available", "predicted_availability"))
+    yield _shown(measured, "within", FRACTION)
+    yield _shown(measured, "filled", FRACTION)
+    available, predicted = (
+        float(measured[variable].item()) for variable in ("depth_available", "predicted_availability")
+    )
     yield f"{or_dash(available, share)} ({or_dash(predicted, share)})"
 
 
-def _of_disparity(one: xr.Dataset) -> Iterator[str]:
-    for name in ("bias_px", "spread_px", "over_bound", "neighbour_correlation", "window_correlation"):
-        yield _shown(one, name, NUMBER)
-    yield significant(float(one["depth_windows"].item()), 3)
+def _of_disparity(measured: xr.Dataset) -> Iterator[str]:
+    for quantity in ("bias_px", "spread_px", "over_bound", "neighbour_correlation", "window_correlation"):
+        yield _shown(measured, quantity, NUMBER)
+    yield significant(float(measured["depth_windows"].item()), 3)
 
 
-def _shown(one: xr.Dataset, name: str, dimension: Dimension) -> str:
+def _shown(measured: xr.Dataset, quantity: str, dimension: Dimension) -> str:
     """Write a variable with its error; a dash if it is unknown."""
-    value, error = (float(one[key].item()) for key in (f"depth_{name}", f"depth_{name}_error"))
-    return or_dash(value, lambda known: with_error(known, error, dimension))
+    value, error = (float(measured[variable].item()) for variable in (f"depth_{quantity}", f"depth_{quantity}_error"))
+    return or_dash(value, lambda number: with_error(number, error, dimension))
 
 
 _PLANES = ("distance", "contrast", "electrons")
@@ -203,8 +207,8 @@ def describe_depth_loop(tree: xr.DataTree, run: Mapping[str, Any], drawings: Map
         "search for a disparity started near the true one, so false matches far from it do not occur." + _scaling(run)
     )
     yield from pictures_of(drawings, "depth_loop")
-    for k, name in enumerate(data["camera"].values):
-        yield Paragraph(_fitted_matcher(data.isel(camera=k), titles[str(name)]))
+    for k, key in enumerate(data["camera"].values):
+        yield Paragraph(_fitted_matcher(data.isel(camera=k), titles[str(key)]))
     yield Paragraph(
         say(
             "In these matchers, `factor` multiplies the Cramér–Rao bound on the disparity error, `floor` adds to it in "
@@ -226,15 +230,15 @@ def _scaling(run: Mapping[str, Any]) -> str:
     )
 
 
-def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
+def _fitted_matcher(camera: xr.Dataset, title: str) -> Text:
     """Describe the fitted matcher of one camera, or say why there is none."""
-    declared = str(one["matcher"].item())
-    if np.isnan(one["matcher_factor"].item()):
+    declared = str(camera["matcher"].item())
+    if np.isnan(camera["matcher_factor"].item()):
         return say("**{title}**: {why}.", title=title, why=declared)
-    over = one["over_matcher"].values[one["fitted"].values == 0.0]
+    over = camera["over_matcher"].values[camera["fitted"].values == 0.0]
     over = over[np.isfinite(over)]
     text = say("**{title}**: the fit gives `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
-    factor = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), NUMBER)
+    factor = with_error(camera["matcher_factor"].item(), camera["matcher_factor_error"].item(), NUMBER)
     text += say(" Its factor is {factor}.", factor=factor)
     if over.size:
         text += say(
@@ -248,15 +252,15 @@ def _fitted_matcher(one: xr.Dataset, title: str) -> Text:
 
 def _rows(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[ScoreRow]:
     """A heading for each camera, and all planes that it measured, in the order of the results."""
-    for k, name in enumerate(data["camera"].values):
-        yield (titles[str(name)],), None
+    for k, key in enumerate(data["camera"].values):
+        yield (titles[str(key)],), None
         for place in itertools.product(*(range(data.sizes[dim]) for dim in _PLANES)):
-            one = data.isel(camera=k).isel(dict(zip(_PLANES, place, strict=True)))
-            if not one["depth_measured"].item():
+            plane = data.isel(camera=k).isel(dict(zip(_PLANES, place, strict=True)))
+            if not plane["depth_measured"].item():
                 continue
-            cells: list[Text] = [length(float(one["distance"].item()))]
+            cells: list[Text] = [length(float(plane["distance"].item()))]
             if data.sizes["contrast"] > 1:
-                cells.append(share(float(one["contrast"].item())))
+                cells.append(share(float(plane["contrast"].item())))
             if data.sizes["electrons"] > 1:
-                cells.append(pretty(float(one["electrons"].item()), ELECTRONS))
-            yield tuple(cells), one
+                cells.append(pretty(float(plane["electrons"].item()), ELECTRONS))
+            yield tuple(cells), plane

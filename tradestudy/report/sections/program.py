@@ -57,9 +57,9 @@ def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterato
 
 def answers(cost: xr.Dataset) -> Iterator[Spans]:
     """Say, for each camera and picture of a study, the time and error of its models and the cost of another digit."""
-    for name in cost["problem"].values:
-        rows = cost.isel(entry=cost["problem_of"].values == name)
-        yield _answer(cost.sel(problem=name), rows.drop_dims("problem").to_dataframe().to_dict("records"))
+    for problem in cost["problem"].values:
+        rows = cost.isel(entry=cost["problem_of"].values == problem)
+        yield _answer(cost.sel(problem=problem), rows.drop_dims("problem").to_dataframe().to_dict("records"))
 
 
 def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
@@ -67,7 +67,7 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     chosen = [entry for entry in entries if entry["chosen"]]
     if not chosen:
         return say("**{title}**: {why}.", title=str(problem["title"].item()), why="; ".join(left_out))
-    own, error, floor = chosen[0], float(chosen[0]["relative_error"]), float(problem["reference_error"])
+    used, error, floor = chosen[0], float(chosen[0]["relative_error"]), float(problem["reference_error"])
     finer = [entry for entry in entries if entry["next_digit"]]
     if finer:
         more = f"; ten times the accuracy takes {_seconds(finer[0])} ({finer[0]['models']})"
@@ -78,8 +78,8 @@ def _answer(problem: xr.Dataset, entries: list[dict[Any, Any]]) -> Spans:
     return say(
         "**{title}**: {seconds} for {models}; error {most}{error}{more}.{left_out}",
         title=str(problem["title"].item()),
-        models=str(own["models"]),
-        seconds=_seconds(own),
+        models=str(used["models"]),
+        seconds=_seconds(used),
         most="at most " if error <= floor else "",
         error=percent(error),
         more=more,
@@ -147,7 +147,7 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
 def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
     title = str(rows[0]["family_title"])
     yield Heading(text=title, anchor=f"hard-cases-{family}", level=2)
-    numbers, outcomes = ([row for row in rows if bool(row["outcome"]) is asked] for asked in (False, True))
+    numbers, outcomes = ([row for row in rows if bool(row["outcome"]) is in_text] for in_text in (False, True))
     if numbers:
         yield Table(
             name=f"hard-cases-{family}-numbers",
@@ -199,8 +199,8 @@ def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
 
 
 def _name(row: Mapping[str, Any]) -> str:
-    name = str(row["case"]).removeprefix(f"{row['family']}: ")
-    return _EXPONENT.sub(lambda found: found[0] if np.isinf(float(found[0])) else _number(float(found[0])), name)
+    case = str(row["case"]).removeprefix(f"{row['family']}: ")
+    return _EXPONENT.sub(lambda match: match[0] if np.isinf(float(match[0])) else _number(float(match[0])), case)
 
 
 def _met(row: Mapping[str, Any]) -> Text:
@@ -214,7 +214,7 @@ def _wrong(error: float, answer: str) -> str:
 
 def _case_answer(text: str) -> str:
     """Write the numbers of an answer as reports do; a refusal stays as it is, because it quotes its input."""
-    return text if text.startswith("refused: ") else _FLOAT.sub(lambda found: _number(float(found[0])), text)
+    return text if text.startswith("refused: ") else _FLOAT.sub(lambda match: _number(float(match[0])), text)
 
 
 def _number(value: float) -> str:
@@ -277,16 +277,17 @@ def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
     rows = records(tree, "effects", "decision")
     if not rows:
         return []
-    data = {name: array.values for name, array in group(tree, "effects").variables.items()}
+    data = {variable: array.values for variable, array in group(tree, "effects").variables.items()}
     problems = list(map(str, data["problem"]))
-    found = []
+    decisions = []
     for number, row in enumerate(rows):
         place = problems.index(str(row["problem_of"]))
-        asked, change = data["tolerance"][place], data["change"][number]
+        tolerance, change = data["tolerance"][place], data["change"][number]
+        # Quantities without a tolerance or a known change come last.
         with np.errstate(invalid="ignore"):
-            weight = np.where(np.isnan(asked) | np.isnan(change), -1.0, change / asked)
+            weight = np.where(np.isnan(tolerance) | np.isnan(change), -1.0, change / tolerance)
         worst = int(np.argmax(weight))
-        found.append(
+        decisions.append(
             row
             | {
                 "title": str(data["problem_title"][place]),
@@ -296,7 +297,7 @@ def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
                 "at": float(data["change_at"][number, worst]),
             }
         )
-    return found
+    return decisions
 
 
 def _detailed(tree: xr.DataTree, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -331,13 +332,13 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         return in_words(str(row["slot"])), model, _FULL, "—", "—"
     at = "" if math.isnan(row["at"]) else f"; worst at {distance(row['at'])}"
     if math.isinf(row["change"]):
-        known = "—"
+        evidence = "—"
     elif row["evidence"] == "trial" and row["quantity"] == "pixel_intensity":
-        known = f"trial at a few places{at}"
+        evidence = f"trial at a few places{at}"
     else:
-        known = f"{_HOW[str(row['evidence'])]}{at}"
+        evidence = f"{_HOW[str(row['evidence'])]}{at}"
     change = "unknown" if math.isinf(row["change"]) else _share(row["change"])
-    return in_words(str(row["slot"])), model, change, quantity, known
+    return in_words(str(row["slot"])), model, change, quantity, evidence
 
 
 def _nothing(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
@@ -346,12 +347,12 @@ def _nothing(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
     everything = {str(row["title"]) for row in rows}
     for row in rows:
         if row["reason"] and row["reason"] != NO_MICROLENSES and not row["forced"]:
-            of = by_reason.setdefault(str(row["reason"]), {})
-            of.setdefault(str(row["title"]), []).append(in_words(str(row["slot"])))
+            of_reason = by_reason.setdefault(str(row["reason"]), {})
+            of_reason.setdefault(str(row["title"]), []).append(in_words(str(row["slot"])))
     focus = has(tree, "depth", "limit_met") and bool((tree["depth/limit_met"].sel(limit="focus") >= 0).any())
-    for reason, of in by_reason.items():
-        effects = ", ".join(dict.fromkeys(effect for names in of.values() for effect in names))
-        whom = f" ({'; '.join(of)})" if set(of) != everything else ""
+    for reason, of_reason in by_reason.items():
+        effects = ", ".join(dict.fromkeys(effect for names in of_reason.values() for effect in names))
+        whom = f" ({'; '.join(of_reason)})" if set(of_reason) != everything else ""
         blur = " The limit “focus” uses the geometric blur nevertheless." if focus and "defocus blur" in effects else ""
         yield f"Not simulated, because {reason}: {effects}{whom}.{blur}"
 
@@ -363,14 +364,14 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
     unchanged: dict[str, list[str]] = {}
     for number, quantity in enumerate(QUANTITIES):
         changed = IN_WORDS[quantity]
-        asked, joint = data["tolerance"].values[:, number], data["joint_change"].values[:, number]
-        if np.isnan(asked).all():
+        tolerances, joint = data["tolerance"].values[:, number], data["joint_change"].values[:, number]
+        if np.isnan(tolerances).all():
             shown = joint[~np.isnan(joint)]
             if shown.size and shown.max() > 0.0:
                 yield f"The {changed} has no tolerance; it may be off by up to {_share(float(shown.max()))}."
             continue
-        most = float(np.nanmax(np.where(np.isnan(asked), np.nan, joint)))
-        tolerance = _share(float(np.nanmax(asked)))
+        most = float(np.nanmax(np.where(np.isnan(tolerances), np.nan, joint)))
+        tolerance = _share(float(np.nanmax(tolerances)))
         if most > 0.0:
             changes.append(f"the {changed} by up to {_share(most)} (tolerance {tolerance})")
         else:
@@ -378,7 +379,7 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
         forced = data["forced_change"].values[:, number]
         if not np.isnan(forced).all():
             worst = float(np.nanmax(forced))
-            more = "more than" if worst > np.nanmax(asked) else "within"
+            more = "more than" if worst > np.nanmax(tolerances) else "within"
             yield f"Models that the study forces change the {changed} by up to {_share(worst)}, {more} the tolerance."
     if changes:
         yield f"All that the chosen models leave out changes {listed(changes)}."

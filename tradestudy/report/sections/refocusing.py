@@ -40,10 +40,10 @@ def describe_refocusing(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
 
 def _table(cameras: list[tuple[str, xr.Dataset]]) -> Table:
     rows: list[tuple[Text, ...]] = []
-    for title, one in cameras:
-        rows.append((f"{title}: {_pairs(one)}",))
-        rows += [_row(one, k) for k in _some(one)]
-    left = sum(one.sizes["plane"] - len(_some(one)) for _, one in cameras)
+    for title, camera in cameras:
+        rows.append((f"{title}: {_pairs(camera)}",))
+        rows += [_row(camera, k) for k in _some(camera)]
+    left = sum(camera.sizes["plane"] - len(_some(camera)) for _, camera in cameras)
     return Table(
         name="refocusing-table",
         caption="Refocused planes, and the depth of field of a picture refocused on each, by blur and by rays; "
@@ -66,20 +66,29 @@ def _table(cameras: list[tuple[str, xr.Dataset]]) -> Table:
     )
 
 
-def _some(one: xr.Dataset) -> list[int]:
+def _some(camera: xr.Dataset) -> list[int]:
     """Indices of planes that the table lists, from the nearest, spread evenly if there are many."""
-    count = one.sizes["plane"]
+    count = camera.sizes["plane"]
     return [int(k) for k in np.unique(np.linspace(0, count - 1, min(count, _MOST_ROWS)).round())][::-1]
 
 
-def _pairs(one: xr.Dataset) -> str:
-    pairs = zip(one["pair_pixels"].values, one["pair_baseline"].values, strict=True)
+def _pairs(camera: xr.Dataset) -> str:
+    pairs = zip(camera["pair_pixels"].values, camera["pair_baseline"].values, strict=True)
     words = [f"{length(base)} ({significant(pixels)} px apart)" for pixels, base in pairs if np.isfinite(pixels)]
     return f"baselines of pairs of views {', '.join(words)}"
 
 
-def _row(one: xr.Dataset, k: int) -> tuple[Text, ...]:
-    there, pupil, array = (float(one[name][k]) for name in ("refocused_distance", "from_pupil", "from_array"))
-    sharp = [interval(float(one[f"{by}_near"][k]), float(one[f"{by}_far"][k])) for by in ("blur", "ray")]
-    disparity = significant(float(np.nanmax(one["pair_pixels"].values)) * float(one["shift"][k]))
-    return significant(float(one["shift"][k])), distance(there), *sharp, distance(pupil), distance(array), disparity
+def _row(camera: xr.Dataset, k: int) -> tuple[Text, ...]:
+    refocused, pupil, array = (
+        float(camera[variable][k]) for variable in ("refocused_distance", "from_pupil", "from_array")
+    )
+    sharp = [interval(float(camera[f"{by}_near"][k]), float(camera[f"{by}_far"][k])) for by in ("blur", "ray")]
+    disparity = significant(float(np.nanmax(camera["pair_pixels"].values)) * float(camera["shift"][k]))
+    return (
+        significant(float(camera["shift"][k])),
+        distance(refocused),
+        *sharp,
+        distance(pupil),
+        distance(array),
+        disparity,
+    )

@@ -101,9 +101,9 @@ def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Tab
     """Write the derived properties of the cameras of one family side by side."""
     titles = camera_titles(tree)
     values = {
-        (str(one["property_camera"]), str(one["property_name"])): str(one["property_words"])
-        or pretty(one["property_value"], BY_UNIT.get(one["property_units"], NUMBER), 4)
-        for one in records(tree, "cameras", "property")
+        (str(row["property_camera"]), str(row["property_name"])): str(row["property_words"])
+        or pretty(row["property_value"], BY_UNIT.get(row["property_units"], NUMBER), 4)
+        for row in records(tree, "cameras", "property")
     }
     names = list(dict.fromkeys(name for camera, name in values if camera in keys))
     if names:
@@ -130,7 +130,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     if not rows:
         return
     counts = Counter(str(row["basis"]) for row in rows)
-    known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
+    bases = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Table(
         name="assumption-register",
         caption="Assumptions register: first values set for this run alone, then those that no source supports. A "
@@ -143,7 +143,7 @@ def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Value", weight=2),
             Column(title="Note", weight=4),
         ),
-        rows=tuple(_by_basis(rows, known, tree)),
+        rows=tuple(_by_basis(rows, bases, tree)),
     )
 
 
@@ -153,10 +153,10 @@ def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -
         of_basis = [row for row in rows if str(row["basis"]) == basis]
         yield (f"{_BASES.get(basis, basis).capitalize()} ({len(of_basis)})",)
         for row in of_basis:
-            what = in_words(str(row["path"]).replace(".", " › "))
+            input_words = in_words(str(row["path"]).replace(".", " › "))
             owners = [key for key in str(row["cameras"]).split(", ") if key]
             value = _value_words(_PAIR.sub(r"\1 × \2", str(row["value"])))
-            yield _shared(owners, tree) or "study", what, value, str(row["note"])
+            yield _shared(owners, tree) or "study", input_words, value, str(row["note"])
 
 
 def _value_words(value: str) -> str:
@@ -242,14 +242,14 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
     if not rows or not has(tree, "claims", "value_text", "met"):
         return
     data = group(tree, "claims")
-    names = [name for name in ("met", "value_text", "within_tolerance") if name in data]
-    values = [data[name].transpose("reading", "claim").values.tolist() for name in names]
+    names = [variable for variable in ("met", "value_text", "within_tolerance") if variable in data]
+    values = [data[variable].transpose("reading", "claim").values.tolist() for variable in names]
 
     def cell(met: int, text: str, within_tolerance: float = 0.0) -> Text:
         return f"{text} {'✓' if met == 1 else '✗'}{' ≈' if within_tolerance else ''}" if met >= 0 else text
 
-    cells = [[cell(*one) for one in zip(*row, strict=True)] for row in zip(*values, strict=True)]
-    tested = [(name, row) for name, row in zip(data["reading"].values, cells, strict=True) if any(row)]
+    cells = [[cell(*entries) for entries in zip(*row, strict=True)] for row in zip(*values, strict=True)]
+    tested = [(reading, row) for reading, row in zip(data["reading"].values, cells, strict=True) if any(row)]
     says = readings_in_words(data)
     yield Heading(text="Claims under every reading", anchor="claim-readings")
     yield Table(
@@ -261,7 +261,7 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Reading", weight=1),
             *(Column(title=str(row["claim"]), align="right") for row in rows),
         ),
-        rows=tuple((says[str(name)], *row) for name, row in tested),
+        rows=tuple((says[str(reading)], *row) for reading, row in tested),
         notes=tuple(
             say(
                 "**{claim}**: {quantity}. Why this expectation: {why}.",
@@ -276,9 +276,9 @@ def list_claim_values(tree: xr.DataTree) -> Iterator[Block]:
 
 def _marks_in(cells: list[list[Text]]) -> Iterator[str]:
     """Explain the marks that a table of claims contains."""
-    written = [str(one) for row in cells for one in row]
+    written = [str(cell) for row in cells for cell in row]
     yield "✓ met, ✗ not met"
-    if any("≈" in one[-1:] for one in written):
+    if any("≈" in text[-1:] for text in written):
         yield "≈ so close that a change within the study's tolerance could reverse the verdict"
     if "" in written:
         yield "empty: not tested"
@@ -297,7 +297,9 @@ def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
 
 def _under_other_readings(tree: xr.DataTree) -> Iterator[Table]:
     """List the readings that change the verdict on a requirement or who meets it best."""
-    changed = [(one, other) for one in requirement_conclusions(tree) for other in one.other_verdicts]
+    changed = [
+        (requirement, other) for requirement in requirement_conclusions(tree) for other in requirement.other_verdicts
+    ]
     if changed:
         yield Table(
             name="requirement-readings-table",
@@ -311,7 +313,8 @@ def _under_other_readings(tree: xr.DataTree) -> Iterator[Table]:
                 Column(title="Why", weight=3),
             ),
             rows=tuple(
-                (one.says, other.says, VERDICTS[other.met], other.camera, other.reason) for one, other in changed
+                (requirement.says, other.says, VERDICTS[other.met], other.camera, other.reason)
+                for requirement, other in changed
             ),
         )
 
@@ -377,14 +380,14 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
     data, titles = group(tree, "criteria"), camera_titles(tree)
     shown = [key for key in titles if key in data["camera"].values]
 
-    known = data["basis"].values if "basis" in data else np.empty(0)
-    bases = [str(basis) for basis in np.unique(known.astype(str)) if str(basis) not in ("", "derived")]
+    stated = data["basis"].values if "basis" in data else np.empty(0)
+    bases = [str(basis) for basis in np.unique(stated.astype(str)) if str(basis) not in ("", "derived")]
     says = data["says"].values if "says" in data else np.empty(0)
 
-    def cell(key: str, name: Any) -> Text:
-        one = data.sel(camera=key, criterion=name)
-        text = str(one["value"].item())
-        basis = str(one["basis"].item()) if "basis" in one else ""
+    def cell(key: str, criterion: Any) -> Text:
+        attribute = data.sel(camera=key, criterion=criterion)
+        text = str(attribute["value"].item())
+        basis = str(attribute["basis"].item()) if "basis" in attribute else ""
         return say("{text}^{mark}^", text=text, mark=_MARKS[bases.index(basis)]) if basis in bases else text
 
     yield Heading(text="Attributes of the cameras", anchor="criteria", level=2)
@@ -392,11 +395,14 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
         name="criteria-table",
         caption="Attributes of the cameras. Those without a mark are derived from other inputs.",
         columns=(Column(title="Criterion", weight=3), *(Column(title=titles[key], weight=2) for key in shown)),
-        rows=tuple((in_words(str(name)), *(cell(key, name) for key in shown)) for name in data["criterion"].values),
+        rows=tuple(
+            (in_words(str(criterion)), *(cell(key, criterion) for key in shown))
+            for criterion in data["criterion"].values
+        ),
         notes=(
             *(
-                say("**{name}**: {says}.", name=in_words(str(name)), says=str(text))
-                for name, text in zip(data["criterion"].values, says, strict=False)
+                say("**{name}**: {says}.", name=in_words(str(criterion)), says=str(text))
+                for criterion, text in zip(data["criterion"].values, says, strict=False)
             ),
             *(
                 say("^{mark}^ declared, {basis}.", mark=mark, basis=_BASES.get(basis, basis))
@@ -442,11 +448,11 @@ def _plain(key: str, value: Any) -> tuple[str, str]:
 
 def _reused(points: Mapping[str, Mapping[str, int]]) -> Iterator[tuple[str, ...]]:
     """How many points of each step come from an interrupted run; nothing if none do."""
-    taken = {name: counts for name, counts in points.items() if counts.get("taken up", 0)}
+    taken = {step: counts for step, counts in points.items() if counts.get("taken up", 0)}
     if taken:
         yield ("Reused from an interrupted run",)
-    for name, counts in taken.items():
-        yield in_words(name), f"{counts['taken up']} of {counts['taken up'] + counts['computed']}"
+    for step, counts in taken.items():
+        yield in_words(step), f"{counts['taken up']} of {counts['taken up'] + counts['computed']}"
 
 
 def _shown(value: Any) -> str:

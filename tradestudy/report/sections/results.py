@@ -147,18 +147,18 @@ def _favoured_cameras(tree: xr.DataTree) -> Iterator[Spans]:
     declared, titles = group(tree, "decision").isel(reading=0), {**camera_titles(tree), "": "neither"}
     for source, alone in (("noise", "Matching noise"), ("calibration", "Calibration errors")):
         names = declared["more_certain"].sel(error_source=source).values.tolist()
-        each = [f"{titles[name]} at {count}" for name, count in Counter(names).most_common()]
+        each = [f"{titles[camera]} at {count}" for camera, count in Counter(names).most_common()]
         yield say(f"{alone} alone: {listed(each)} of {counted(len(names), 'declared distance')}.")
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:
     """List the verdict on the main pair under the other readings, at each declared distance."""
-    found = tuple(flips(tree))
-    if not found:
+    verdicts = tuple(flips(tree))
+    if not verdicts:
         return
     titles, decision = camera_titles(tree), group(tree, "decision")
     says = readings_in_words(decision)
-    others = any(one.alternatives for one in found)  # readings
+    others = any(verdict.alternatives for verdict in verdicts)  # readings
     pair = f"{titles[decision.attrs['first']]} against {with_article(titles[decision.attrs['second']])}"
     changed = ", and the other readings that change this, each with the camera that is then better" if others else ""
     yield Table(
@@ -174,13 +174,13 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
         ),
         rows=tuple(
             (
-                distance(one.place),
-                answer_title(titles, one.winner, "neither"),
-                *((_flipped(one, titles, says),) if others else ()),
-                answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "tied"),
-                _factor(one.ratio) + (", within the tolerance" if one.within_tolerance else ""),
+                distance(verdict.place),
+                answer_title(titles, verdict.winner, "neither"),
+                *((_flipped(verdict, titles, says),) if others else ()),
+                answer_title(titles, verdict.more_certain, "neither" if np.isnan(verdict.ratio) else "tied"),
+                _factor(verdict.ratio) + (", within the tolerance" if verdict.within_tolerance else ""),
             )
-            for one in found
+            for verdict in verdicts
         ),
     )
 
@@ -196,13 +196,15 @@ def _factor(ratio: float) -> str:
     return next((words for words in written if words != "1"), "1" if factor == 1.0 else "about 1")
 
 
-def _flipped(one: Flips, titles: Mapping[str, str], says: Mapping[str, str]) -> Text:
+def _flipped(verdict: Flips, titles: Mapping[str, str], says: Mapping[str, str]) -> Text:
     return say(
         "**{count} of {all}**{names}",
-        count=str(len(one.flipped)),
-        all=str(one.alternatives),
-        names=(": " if one.flipped else "")
-        + "; ".join(f"“{says[name]}” ({answer_title(titles, winner, 'neither')})" for name, winner in one.flipped),
+        count=str(len(verdict.flipped)),
+        all=str(verdict.alternatives),
+        names=(": " if verdict.flipped else "")
+        + "; ".join(
+            f"“{says[reading]}” ({answer_title(titles, winner, 'neither')})" for reading, winner in verdict.flipped
+        ),
     )
 
 
@@ -224,7 +226,7 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     """Say what counts most in each derived disparity error, and write the table behind it."""
     if not has(tree, "disparity_causes"):
         return
-    found = group(tree, "disparity_causes")
+    causes = group(tree, "disparity_causes")
     titles = titles_in(tree, "disparity_causes")
     yield Heading(text="What the disparity error is made of", anchor="disparity-causes")
     yield Paragraph(
@@ -237,7 +239,7 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
         )
     )
     yield from _of_matchers(tree)
-    yield _table(found, titles)
+    yield _table(causes, titles)
 
 
 def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
@@ -255,7 +257,7 @@ def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
     declared = declared_matchers(tree)
     if not declared:
         return
-    alike = {words: [title for title, own in declared.items() if own == words] for words in declared.values()}
+    alike = {words: [title for title, matcher in declared.items() if matcher == words] for words in declared.values()}
     added = " ".join(f"The declared matcher of {listed(names)} adds {words}." for words, names in alike.items())
     yield Paragraph(
         say(
@@ -266,18 +268,18 @@ def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-def _changed(there: xr.Dataset) -> dict[str, float]:
+def _changed(camera: xr.Dataset) -> dict[str, float]:
     """The disparity error without each cause that can be removed."""
-    changed = {name: float(there["disparity_error_px_changed"].sel(change=name)) for name in _CAUSES}
-    return {name: value for name, value in changed.items() if not np.isnan(value)}
+    changed = {change: float(camera["disparity_error_px_changed"].sel(change=change)) for change in _CAUSES}
+    return {change: value for change, value in changed.items() if not np.isnan(value)}
 
 
-def _largest(there: xr.Dataset) -> str | None:
+def _largest(camera: xr.Dataset) -> str | None:
     """The cause without which the error is smallest; None if no cause counts."""
-    error = float(there["disparity_error_px"])
-    factors = {name: _error_ratio(error, value) for name, value in _changed(there).items()}
-    name = max(factors, key=lambda name: factors[name], default="")
-    return name if name and factors[name] > 1.0 else None
+    error = float(camera["disparity_error_px"])
+    factors = {change: _error_ratio(error, value) for change, value in _changed(camera).items()}
+    cause = max(factors, key=lambda cause: factors[cause], default="")
+    return cause if cause and factors[cause] > 1.0 else None
 
 
 def _error_ratio(error: float, changed: float) -> float:
@@ -291,17 +293,19 @@ def _error_ratio(error: float, changed: float) -> float:
     return factor if distinct else 1.0
 
 
-def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
+def _table(causes: xr.Dataset, titles: Mapping[str, str]) -> Table:
     changes = [
-        name for name in _COLUMNS if not np.isnan(found["disparity_error_px_changed"].sel(change=name).values).all()
+        change
+        for change in _COLUMNS
+        if not np.isnan(causes["disparity_error_px_changed"].sel(change=change).values).all()
     ]
     rows: list[tuple[Text, ...]] = []
-    for place in found["distance"].values:
-        there = found.sel(distance=place)
+    for place in causes["distance"].values:
+        at_distance = causes.sel(distance=place)
         rows.append((f"At {distance(float(place))}",))
-        rows += [_row(there.sel(camera=key), title, changes) for key, title in titles.items()]
-    compared, real = "light of the brightest" in changes, "matched_error_px" in found
-    windows = "matched_window_px" in found  # results of earlier versions lack it
+        rows += [_row(at_distance.sel(camera=key), title, changes) for key, title in titles.items()]
+    compared, real = "light of the brightest" in changes, "matched_error_px" in causes
+    windows = "matched_window_px" in causes  # results of earlier versions lack it
     return Table(
         name="disparity-causes-table",
         caption=(
@@ -319,7 +323,7 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
                 Column(title=title, align="right", weight=5)
                 for title in (("By matcher", "Bound") if real else ("Disparity error",))
             ),
-            *(Column(title=_COLUMNS[name], align="right", weight=8) for name in changes),
+            *(Column(title=_COLUMNS[change], align="right", weight=8) for change in changes),
         ),
         rows=tuple(rows),
         notes=(
@@ -338,39 +342,39 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "sensor adds noise or noise hides the texture, and by less where aliased texture acts as noise. Where a "
             "camera is not usable, a matcher may miss these bounds."
             + (" Brightest light: that of the unsaturated camera with the most electrons." if compared else "")
-            + _numerical_error(found, titles),
+            + _numerical_error(causes, titles),
         ),
     )
 
 
-def _row(there: xr.Dataset, title: str, changes: Sequence[str]) -> tuple[Text, ...]:
-    error = float(there["disparity_error_px"])
-    matched = [significant(float(there["matched_error_px"]))] if "matched_error_px" in there else []
-    window = [significant(float(there["matched_window_px"]))] if "matched_window_px" in there else []
+def _row(camera: xr.Dataset, title: str, changes: Sequence[str]) -> tuple[Text, ...]:
+    error = float(camera["disparity_error_px"])
+    matched = [significant(float(camera["matched_error_px"]))] if "matched_error_px" in camera else []
+    window = [significant(float(camera["matched_window_px"]))] if "matched_window_px" in camera else []
     if np.isnan(error):
         return (title, "—", *("—" for _ in window), *("—" for _ in matched), "no picture", *("—" for _ in changes))
-    most = _largest(there)
-    written = {name: _cell(there, error, name) for name in changes}
-    cells = [say("**{cell}**", cell=cell) if name == most else cell for name, cell in written.items()]
-    return (title, significant(float(there["electrons"])), *window, *matched, significant(error), *cells)
+    most = _largest(camera)
+    written = {change: _cell(camera, error, change) for change in changes}
+    cells = [say("**{cell}**", cell=cell) if change == most else cell for change, cell in written.items()]
+    return (title, significant(float(camera["electrons"])), *window, *matched, significant(error), *cells)
 
 
-def _cell(there: xr.Dataset, error: float, change: str) -> str:
-    value = float(there["disparity_error_px_changed"].sel(change=change))
+def _cell(camera: xr.Dataset, error: float, change: str) -> str:
+    value = float(camera["disparity_error_px_changed"].sel(change=change))
     if np.isnan(value):
-        return "itself" if str(there["brightest_camera"].item()) == str(there["camera"].item()) else "—"
+        return "itself" if str(camera["brightest_camera"].item()) == str(camera["camera"].item()) else "—"
     return f"{significant(value)}\N{NO-BREAK SPACE}({significant(_error_ratio(error, value))}×)"
 
 
-def _numerical_error(found: xr.Dataset, titles: Mapping[str, str]) -> str:
+def _numerical_error(causes: xr.Dataset, titles: Mapping[str, str]) -> str:
     """Say the largest estimated numerical error, with its camera and distance."""
-    own, changed = (
-        (found[f"{name}_error"] / found[name].where(found[name] > 0.0))
+    error, changed = (
+        (causes[f"{variable}_error"] / causes[variable].where(causes[variable] > 0.0))
         .where(lambda value: np.isfinite(value))
         .fillna(0.0)
-        for name in ("disparity_error_px", "disparity_error_px_changed")
+        for variable in ("disparity_error_px", "disparity_error_px_changed")
     )
-    largest = own.clip(min=changed.max("change"))
+    largest = error.clip(min=changed.max("change"))
     if not largest.any():
         return ""
     camera, place = largest.stack(place=("camera", "distance")).idxmax().item()

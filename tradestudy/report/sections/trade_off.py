@@ -26,32 +26,35 @@ _MOST_ROWS = 10
 
 def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera ranks first, list the candidates and, for sweeps, the designs on the Pareto front."""
-    found = candidates_by_rank(tree)
-    if not found:
+    candidates = candidates_by_rank(tree)
+    if not candidates:
         return
     data = group(tree, "criteria")
     yield Heading(text="Trade-off of the criteria", anchor="trade-off")
     yield Paragraph(say("**{conclusion}.**", conclusion=trade_off_conclusion(tree)))
-    clipped, outside = bool((data["clipped"].values > 0.0).any()), not all(one.is_feasible for one in found)
+    clipped, outside = (
+        bool((data["clipped"].values > 0.0).any()),
+        not all(candidate.is_feasible for candidate in candidates),
+    )
     yield Table(
         name="trade-off-table",
         caption="How often each candidate ranks first: the fraction of the possible weights that rank it first, with "
         f"its standard error, and the mean of these weights. Limits of the weights: {weight_words(tree)}."
-        + (f" The first {_MOST_ROWS} of {len(found)}." if len(found) > _MOST_ROWS else ""),
+        + (f" The first {_MOST_ROWS} of {len(candidates)}." if len(candidates) > _MOST_ROWS else ""),
         columns=(
             Column(title="Camera", weight=3),
-            *(Column(title=str(name), align="right") for name in data["weighed"].values),
+            *(Column(title=str(criterion), align="right") for criterion in data["weighed"].values),
             Column(title="Ranks first", align="right"),
             Column(title="Mean of these weights", weight=3),
         ),
         rows=tuple(
             (
-                one.title + ("" if one.is_feasible else " †"),
-                *one.values,
-                with_error(one.ranks[0], one.first_error, FRACTION, negligible=0.0),
-                one.central,
+                candidate.title + ("" if candidate.is_feasible else " †"),
+                *candidate.values,
+                with_error(candidate.ranks[0], candidate.first_error, FRACTION, negligible=0.0),
+                candidate.central,
             )
-            for one in found[:_MOST_ROWS]
+            for candidate in candidates[:_MOST_ROWS]
         ),
         notes=(
             f"Each criterion scores from 0 at its worst to 1 at its best value: {scale_words(tree)}. The weighted sum "
@@ -77,11 +80,11 @@ def _front(tree: xr.DataTree) -> Iterator[Block]:
         caption="Pareto-optimal designs: they meet every requirement that must hold, and no other such design is at "
         "least as good in every criterion and better in one." + (only_best if front.count > _MOST_ROWS else ""),
         columns=(
-            *(Column(title=name, align="right") for name in front.swept),
+            *(Column(title=parameter, align="right") for parameter in front.swept),
             Column(title="Camera", weight=2),
-            *(Column(title=str(name), align="right") for name in group(tree, "criteria")["weighed"].values),
+            *(Column(title=str(criterion), align="right") for criterion in group(tree, "criteria")["weighed"].values),
         ),
-        rows=tuple((*one.swept, one.title, *one.values) for one in front.designs),
+        rows=tuple((*design.swept, design.title, *design.values) for design in front.designs),
     )
 
 
@@ -114,8 +117,12 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
             Column(title="Worth", align="right"),
         ),
         rows=tuple(
-            (one.says, one.between, with_error(one.worth, one.error, FRACTION, negligible=0.0))
-            for one in ranked[:_MOST_ROWS]
+            (
+                assumption.says,
+                assumption.between,
+                with_error(assumption.worth, assumption.error, FRACTION, negligible=0.0),
+            )
+            for assumption in ranked[:_MOST_ROWS]
         ),
     )
     yield from pictures_of(drawings, "assumption_worths")
@@ -129,10 +136,13 @@ def describe_value_of_information(tree: xr.DataTree, drawings: Mapping[str, Draw
         ),
         rows=tuple(
             (
-                titles[str(name)],
-                *(share(float(one), digits=2) for one in data["best_probability"].sel(candidate=name).values),
-                share(float(data["best_overall"].sel(candidate=name)), digits=2),
+                titles[str(candidate)],
+                *(
+                    share(float(fraction), digits=2)
+                    for fraction in data["best_probability"].sel(candidate=candidate).values
+                ),
+                share(float(data["best_overall"].sel(candidate=candidate)), digits=2),
             )
-            for name in data["candidate"].values
+            for candidate in data["candidate"].values
         ),
     )
