@@ -158,7 +158,7 @@ def padded(rows: Sequence[Sequence[Any] | npt.NDArray[Any]], absent: Any = math.
 def padded_attributes(rows: Sequence[Sequence[Any]], absent: Mapping[str, Any]) -> dict[str, npt.NDArray[Any]]:
     """The attributes named in `absent` of the objects in these rows, each as one array, padded with its value there."""
     return {
-        attribute: padded([[getattr(one, attribute) for one in row] for row in rows], empty)
+        attribute: padded([[getattr(item, attribute) for item in row] for row in rows], empty)
         for attribute, empty in absent.items()
     }
 
@@ -168,7 +168,7 @@ def coordinate_names(paths: Sequence[str]) -> list[str]:
 
     They are identifiers, so that ``sel(baseline=0.1)`` works: dots and hyphens become underscores.
     """
-    known = {text for group in _SWEPT for name, variable in GROUPS[group].items() for text in (name, *variable.dims)}
+    taken = {text for group in _SWEPT for name, variable in GROUPS[group].items() for text in (name, *variable.dims)}
     identifiers = ["_" + re.sub(r"\W", "_", path) for path in paths]
     names = []
     for path in paths:
@@ -177,7 +177,7 @@ def coordinate_names(paths: Sequence[str]) -> list[str]:
         free = (
             end
             for end in ends
-            if end not in known and sum(identifier.endswith("_" + end) for identifier in identifiers) == 1
+            if end not in taken and sum(identifier.endswith("_" + end) for identifier in identifiers) == 1
         )
         names.append(next(free, path))
     return names

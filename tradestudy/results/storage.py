@@ -297,10 +297,10 @@ def _replace_folder(old: Path, new: Path) -> None:
     """Replace a folder, keeping the files in it that this program did not write; can be repeated after a death."""
     ours = written(old)
     for path in [path for path in old.rglob("*") if path.is_file()]:
-        name = path.relative_to(old)
-        if name.as_posix() not in ours and not (new / name).exists():
-            (new / name).parent.mkdir(parents=True, exist_ok=True)
-            path.replace(new / name)
+        relative = path.relative_to(old)
+        if relative.as_posix() not in ours and not (new / relative).exists():
+            (new / relative).parent.mkdir(parents=True, exist_ok=True)
+            path.replace(new / relative)
     if old.exists():
         shutil.rmtree(old)
     new.replace(old)

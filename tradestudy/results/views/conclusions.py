@@ -57,6 +57,7 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
     usable = [ends for camera in among for ends in where_usable(depth, camera)]
 
     def nobody(near: float, far: float) -> str:
+        # Usable, yet no camera is the best: none has a finite uncertainty there.
         if nominal_is_declared(tree) and any(start <= math.sqrt(near * far) <= end for start, end in usable):
             return "no depth uncertainty has a bound"
         return f"no {'candidate' if candidates(tree) else 'camera'} is usable"
@@ -134,6 +135,7 @@ def ranked_by_bias(tree: xr.DataTree) -> tuple[str, str] | None:
     """
     rows = scene_by_error(tree)
     for row in rows[1:]:
+        # Without its bias, its error would be its spread.
         lead = rows[0]["error"] - row["spread"]
         if lead > 0.0 and row["predicted_bias"] > 0.0:
             clear = lead > _CLEAR * math.hypot(rows[0]["spread_error"], rows[0]["bias_error"], row["spread_error"])
@@ -143,6 +145,7 @@ def ranked_by_bias(tree: xr.DataTree) -> tuple[str, str] | None:
 
 
 def _share_of_variance(share: float) -> str:
+    # Two digits would make this 100 %.
     words = ">\N{NO-BREAK SPACE}99\N{NO-BREAK SPACE}%" if 0.995 <= share < 1.0 else pretty(share, FRACTION, digits=2)
     return f"{words} of the variance"
 

@@ -102,6 +102,7 @@ def worth_reporting(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tupl
 def shown_ends(ranges: Sequence[tuple[float, float, str]]) -> Iterator[tuple[float, float, int]]:
     """The ends of ranges as `span` writes them: rounded inwards, but to the nearest between two cameras."""
     names = [ranges[0][2], *(stretch[2] for stretch in ranges), ranges[-1][2]] if ranges else []
+    # Inwards where the best camera follows none or gives way to none; the study ends as between two cameras.
     to = [round if bool(a) == bool(b) else math.floor if a else math.ceil for a, b in itertools.pairwise(names)]
     for number, (near, far, _) in enumerate(ranges):
         yield within(near, far, to[number], to[number + 1])
@@ -116,6 +117,7 @@ def _without_brief_ties(ranges: list[tuple[float, float, str]]) -> list[tuple[fl
         between = len(tied(names)) > 1 and before[2] and after[2] and neighbours <= {*tied(names)}
         if between and np.log(end / start) <= longest:
             kept.remove((start, end, names))
+    # Neighbours of a removed tie meet in its middle; elsewhere, both have the same end already.
     ends = [ranges[0][0], *(float(np.sqrt(a[1] * b[0])) for a, b in itertools.pairwise(kept)), ranges[-1][1]]
     moved = [(start, end, stretch[2]) for (start, end), stretch in zip(itertools.pairwise(ends), kept, strict=True)]
     joined = [
@@ -332,7 +334,7 @@ def best_cameras_of_designs(tree: xr.DataTree) -> Sequence[BestCameras | None]:
         return [None for _ in design_places(tree)]
     depth, decision = group(tree, "depth"), group(tree, "decision")
     best = by_design(depth, decision["design_best_camera_along"], "design_distance")
-    ends = [by_design(depth, depth[name], "camera", "interval") for name in ("usable_near", "usable_far")]
+    ends = [by_design(depth, depth[end], "camera", "interval") for end in ("usable_near", "usable_far")]
     if "design_crossover_distance" in decision:
         ends.append(by_design(depth, decision["design_crossover_distance"], "design_crossing"))
     every = np.concatenate([values.reshape(len(best), -1) for values in ends], axis=1)
@@ -361,7 +363,7 @@ def camera_depths(depth: xr.Dataset) -> list[dict[str, CameraDepth]]:
     """The cameras of every design of ``/depth``, by key."""
     uncertainty = by_design(depth, judged_uncertainty(depth), "camera", "distance")
     broken = by_design(depth, depth["limit_met"], "camera", "distance", "limit") == 0
-    near, far = (by_design(depth, depth[name], "camera", "interval") for name in ("usable_near", "usable_far"))
+    near, far = (by_design(depth, depth[end], "camera", "interval") for end in ("usable_near", "usable_far"))
     parts, shares = largest_parts(depth)
     return [
         {

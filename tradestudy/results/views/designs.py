@@ -234,7 +234,7 @@ def common_ranges(data: xr.Dataset, must: npt.NDArray[np.bool_]) -> list[tuple[f
     common = [(-np.inf, np.inf)]
     for number in np.flatnonzero(must):
         row = data.isel(requirement=int(number))
-        columns = (row[name].values.tolist() for name in ("met_from", "met_to", "met_to_within"))
+        columns = (row[column].values.tolist() for column in ("met_from", "met_to", "met_to_within"))
         own_ranges = _joined([ends for ends in zip(*columns, strict=True) if not np.isnan(ends[0])])
         common = [(max(a, c), min(b, d)) for a, b in common for c, d in own_ranges if max(a, c) <= min(b, d)]
     return [(float(low), float(high)) for low, high in common if np.isfinite([low, high]).all()]

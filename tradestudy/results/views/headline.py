@@ -58,12 +58,12 @@ def answers(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({
     requirements = requirement_conclusions(tree)
     clauses = [_of_sharpness(tree), feasible_words(tree), _of_light(tree, seconds)]
     clauses += [way(tree) for way in (_of_fresnel, hard_case_words, _of_scene, _of_planes)]
-    measured, asked = [table.finding() for table in measured_tables(tree)[:_NAMED]], bool(requirements)
-    clauses += [] if asked else measured
+    measured, has_requirements = [table.finding() for table in measured_tables(tree)[:_NAMED]], bool(requirements)
+    clauses += [] if has_requirements else measured
     if not any(clauses):
         words = _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
         clauses = [words or _of_requirements(requirements) or next(_questions(tree), "")]
-    clauses += [deciding_words(tree), *(measured if asked else [])]
+    clauses += [deciding_words(tree), *(measured if has_requirements else [])]
     clauses += list(refocusing_words(tree))[:_NAMED]
     plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in clauses if words)
     return [f"{words[0].upper()}{words[1:]}." for words in plain]
@@ -182,6 +182,7 @@ def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]
     ranges = best_ranges(tree)
     if must and all(verdict.met for verdict in must) and len(deciding) == 1 and len(camera_titles(tree)) > 1:
         other, why = _trade_off_words(tree, must[0].camera), f": {_requirement_words(must)}"
+        # The lead counts only if no other camera is the best at any distance.
         lead = _lead_words(tree) if {title for stretch in ranges for title in stretch.cameras} == deciding else ""
         words = f"{'for depth alone, ' * bool(other)}take {with_article(must[0].camera)}"
         return words + (lead or why) + other if other else words + why + lead
@@ -265,6 +266,7 @@ def _trade_off_words(tree: xr.DataTree, taken: str) -> str:
 def says_stretches(tree: xr.DataTree, said: str) -> bool:
     """Whether a headline names the best cameras of all distances."""
     words = _stretch_words(tree, best_ranges(tree)).replace("\N{NO-BREAK SPACE}", " ")
+    # Without the first letter, which is a capital in the headline.
     return bool(words) and words[1:] in said and _CHANGES not in words
 
 

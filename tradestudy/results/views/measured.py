@@ -89,6 +89,7 @@ class Measured:
         if self.locked:
             phase = 2.0 * np.pi * n("ripple_scale") * d + n("ripple_phase")
             wave = n("ripple_mean_px") + n("ripple_amplitude_px") * np.sin(phase)
+            # Without a column of biases, the points are magnitudes.
             return np.asarray(wave if np.isfinite(self.values("bias")).any() else np.abs(wave))
         shift = np.nan_to_num(n("zero_shift")) * np.asarray(self.table["curve_px_per_m"].values)
         return np.asarray(n("offset_px") + n("scale") * d - shift)

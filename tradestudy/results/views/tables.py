@@ -109,6 +109,7 @@ def budget_frame(tree: xr.DataTree, camera: str, distance: float) -> pd.DataFram
     if camera not in cameras:
         raise OutOfRangeError("no camera with a budget has this key", value=camera, limit=", ".join(cameras))
     nearest_place = int(np.argmin(np.abs(distances - distance)))
+    # Negated, so that NaN is refused as well.
     if not abs(distances[nearest_place] - distance) <= _SAME_PLACE * distance:
         raise OutOfRangeError(
             "no uncertainty budget at this distance",
