@@ -87,12 +87,13 @@ def fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, is_known:
     """
     (_, bottom), (_, top) = axes.transAxes.transform([(0.0, 0.0), (1.0, 1.0)])
     edges = [axes.transData.transform(np.column_stack([x, edge]))[:, 1] for edge in (low, high)]
+    # What lies beyond the panel ends one height outside it; a gap counts as a jump.
     levels = np.where(
         is_known, np.clip(np.nan_to_num(edges, nan=bottom), 2.0 * bottom - top, 2.0 * top - bottom), np.inf
     )
     levels = np.nan_to_num(levels, posinf=2.0 * (top - bottom))
     bends = np.abs(np.diff(levels, 2, axis=1)).max(axis=0) / (8.0 * _UNSEEN)
-    passed = np.floor(np.cumsum([0.0, *np.sqrt(bends), 1.0]))
+    passed = np.floor(np.cumsum([0.0, *np.sqrt(bends), 1.0]))  # the last step of 1 keeps the last point
     kept = np.flatnonzero(np.diff(passed, prepend=-1.0))
     axes.fill_between(x[kept], low[kept], high[kept], where=is_known[kept].tolist(), linewidth=0.0, **look)
 
@@ -115,14 +116,7 @@ def name_places(axes: Axes, places: Sequence[float], names: Sequence[str]) -> No
             rotation=90,
             ha="center",
             va="bottom",
-            arrowprops={
-                "arrowstyle": "-",
-                "linewidth": 0.5,
-                "relpos": (0.5, 0.0),
-                "patchA": None,
-                "shrinkA": 0.0,
-                "shrinkB": 0.0,
-            },
+            arrowprops={**_JOINING, "linewidth": 0.5, "relpos": (0.5, 0.0)},
             gid=DECLARED,
         )
 
@@ -141,6 +135,7 @@ def _end(axes: Axes, curve: NamedCurve) -> tuple[float, float] | None:
     if not inside.size:
         return None
     last = int(inside[-1])
+    # A curve that leaves through the top or bottom goes on to its next point, cut off at the edge.
     beyond = min(last + 1, len(curve.x) - 1)
     if is_known[beyond] and left <= curve.x[beyond] <= right:
         last = beyond
@@ -169,6 +164,7 @@ def spread(ideal: FloatArray, sizes: FloatArray) -> FloatArray:
             together = [*members, *block[2]]
             offsets = np.cumsum(sizes[together]) - sizes[together] / 2.0
             whole = size + block[1]
+            # The sum of squared shifts is least where the block begins at the mean of what its members ask for.
             block = (_kept(float(np.mean(ideal[together] - offsets)) + whole / 2.0, whole), whole, together)
         blocks.append(block)
     placed = np.empty(len(ideal))

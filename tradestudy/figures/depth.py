@@ -235,6 +235,7 @@ def _name_beside(axes: Axes, required: RequiredUncertainty, name: str, hidden: F
     drawn = np.array(axes.transData.transform(hidden * (1.0, MM)))
     names = [text.get_window_extent() for text in axes.texts if not isinstance(text, Annotation)]
     is_left = np.log(required.over).mean() < np.mean(np.log(axes.get_xlim()))
+    # The nearest spots first, and of these the ones from which the text runs into the wider part of the panel.
     spots = sorted(_SPOTS, key=lambda spot: (np.searchsorted(_FARTHER, abs(spot[1])), (spot[2] == "left") != is_left))
     for (across, up, ha, va), end in product(spots, (0, -1) if is_left else (-1, 0)):
         text = axes.text(

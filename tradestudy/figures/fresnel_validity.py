@@ -260,7 +260,7 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
         axes.plot([start, min(end, high)], [row, row], color=color, linewidth=4.5, solid_capstyle="butt")
         if end > high:
             axes.annotate("", (high, row), xytext=(high / 1.25, row), arrowprops={"arrowstyle": "->", "color": color})
-        if end / start < 1.02:
+        if end / start < 1.02:  # too short a bar to be seen
             axes.plot(start, row, marker="o", markersize=4.5, color=color)
     printed = float(data["published_minimum"].sel(element=element))
     if np.isfinite(printed):

@@ -95,7 +95,7 @@ def interval(low: float, high: float) -> str:
         return f"{distance(low)} – {distance(high)}"
     size, unit = (1.0, "m") if high >= 0.1 else (1e-3, "mm")
     width = (high - low) / size
-    finest = min(width, low / size)
+    finest = min(width, low / size)  # the smaller of both shows two digits
     decimals = max(0, 1 - int(np.floor(np.log10(finest)))) if finest > 0 else 3
     return f"{low / size:.{decimals}f} – {high / size:.{decimals}f}\N{NO-BREAK SPACE}{unit}"
 

@@ -53,8 +53,7 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return ()
     titles, depth = camera_titles(tree), nominal(tree)
-    among = candidates(tree) or tuple(map(str, depth["camera"].values))
-    usable = [ends for camera in among for ends in where_usable(depth, camera)]
+    usable = [ends for camera in _compared(tree, depth) for ends in where_usable(depth, camera)]
 
     def nobody(near: float, far: float) -> str:
         # Usable, yet no camera is the best: none has a finite uncertainty there.
@@ -74,6 +73,11 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
         )
         for (near, far, names), span in zip(ranges, spans, strict=True)
     )
+
+
+def _compared(tree: xr.DataTree, depth: xr.Dataset) -> tuple[str, ...]:
+    """The cameras among which the decision chooses."""
+    return candidates(tree) or tuple(map(str, depth["camera"].values))
 
 
 def rests_on(tree: xr.DataTree, *, only_assumed: bool = False) -> tuple[str, ...]:
@@ -229,7 +233,7 @@ def never_usable(tree: xr.DataTree, *, even_all: bool = False) -> Iterator[tuple
     if not has(tree, "depth", "usable_near") or not nominal_is_declared(tree):
         return
     depth, titles = nominal(tree), camera_titles(tree)
-    among = candidates(tree) or tuple(map(str, depth["camera"].values))
+    among = _compared(tree, depth)
     nowhere = [camera for camera in among if not where_usable(depth, camera)]
     if len(nowhere) == len(among) and not even_all:
         return
@@ -248,7 +252,7 @@ def never_best(tree: xr.DataTree) -> Iterator[tuple[str, float]]:
     depth, decision, titles = nominal(tree), group(tree, "decision"), camera_titles(tree)
     places = np.asarray(decision["distance"].values, dtype=np.float64)
     best = {title for best_range in best_ranges(tree) for title in best_range.cameras}
-    among = candidates(tree) or tuple(map(str, depth["camera"].values))
+    among = _compared(tree, depth)
     uncertainty = {}
     for camera in among:
         inside = [(near <= places) & (places <= far) for near, far in where_usable(depth, camera)]

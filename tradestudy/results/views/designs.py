@@ -171,6 +171,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     rating = np.where(feasible, least, np.where(feasible.any(), -np.inf, least))
     best = np.unravel_index(int(np.argmax(rating)), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
+    # Each parameter is judged by the margins along it, through the best design.
     words = [
         _best_value_words(data[axis], int(k), least[(*best[:place], slice(None), *best[place + 1 :])])
         for place, (axis, k) in enumerate(zip(axes, best, strict=True))
@@ -337,10 +338,12 @@ def deciding_words(tree: xr.DataTree) -> str:
     factor = {axis: float((uncertainty.max(axis) / uncertainty.min(axis)).median()) for axis in axes}
     idle = [axis for axis in axes if factor[axis] < _HARDLY]
     busy = [axis for axis in axes if factor[axis] > _CLEARLY]
+    # A number that neither clearly decides nor hardly matters fits neither half of the sentence.
     if not idle or len(idle) + len(busy) < len(axes):
         return ""
     declared = {axis: declared_place(depth[axis]) for axis in busy}
     held_at = {axis: depth[axis].size // 2 if k is None else k for axis, k in declared.items()}
+    # With the deciding numbers held, what is left varies only with those that hardly matter.
     along = uncertainty.isel(held_at).values
     low, high = (pretty(float(end), LENGTH, digits=2) for end in (np.nanmin(along), np.nanmax(along)))
     words = {axis: path_words(tree, axis).partition(" of ")[0] for axis in axes}
