@@ -103,8 +103,8 @@ def run(
                 if measuring:
                     result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
                 reported(0.0)
-                made = pictures if pictures.is_dir() else None
-                result.write(directory, pdf=pdf, large_tables=large_tables, pictures=made, progress=reported)
+                rendered = pictures if pictures.is_dir() else None
+                result.write(directory, pdf=pdf, large_tables=large_tables, pictures=rendered, progress=reported)
             finally:
                 shutil.rmtree(pictures, ignore_errors=True)
         else:

@@ -175,6 +175,7 @@ class Camera:
 
     def _replaced_quickly(self, new_values: Mapping[str, Value]) -> Camera | None:
         """The changed camera without a new study; None if this cannot tell whether the values are right."""
+        # Other values may require another calibration to be inferred, which only a study can tell.
         if self.name in self._study.definition.posterior_keys or not isinstance(self._part, DepthCameraDeclaration):
             return None
         tree, quick = self._tree, dict(self._quick)

@@ -48,6 +48,7 @@ def file_hash(path: Path) -> str:
 def values_by_path(tree: Mapping[str, Any]) -> dict[str, str]:
     """Every value that a study declares, as text by dotted path."""
     flat: dict[str, str] = {}
+    # A stack, which returns its last entry first: reversed, so that values keep the order of the study.
     pending: list[tuple[str, Any]] = [(key, value) for key, value in reversed(list(tree.items()))]
     while pending:
         path, value = pending.pop()

@@ -152,8 +152,8 @@ class Result:
         """
         from tradestudy.results.views.terminal import conclusions_as_json
 
-        found = conclusions_as_json(self.data, self.run_record.get("seconds", {}))
-        return found if directory is None else {**found, "report": str(Path(directory) / "report.html")}
+        conclusions = conclusions_as_json(self.data, self.run_record.get("seconds", {}))
+        return conclusions if directory is None else {**conclusions, "report": str(Path(directory) / "report.html")}
 
     @property
     def figure_names(self) -> list[str]:
@@ -301,12 +301,12 @@ class Result:
         target = Path(directory)
         storage.refuse_foreign(target, storage.RUN_FILES)
         try:
-            made = renderer.compose_files(self.data, storage.read_back(self.run_record), pdf=pdf, progress=progress)
+            composed = renderer.compose_files(self.data, storage.read_back(self.run_record), pdf=pdf, progress=progress)
         finally:  # a report that cannot be made costs no results
             storage.remove_abandoned(target)
             storage.write_finished(storage.encoded(self.data), self.run_record, target, pictures)
             write_parts(self.data, target)
-        renderer.place(made, self.data, target, large_tables=large_tables)
+        renderer.place(composed, self.data, target, large_tables=large_tables)
         return target
 
     def _repr_html_(self) -> str:
@@ -418,8 +418,8 @@ def write_parts(tree: xr.DataTree, directory: Path) -> None:
     from tradestudy.results import storage
 
     written = storage.written(directory)
-    made = [*_write_posteriors(tree, directory), *_write_matchers(tree, directory), *_write_fitted(tree, directory)]
-    storage.remove_earlier(directory, written, ("posteriors/*.nc", "matchers.yaml", "fitted/*.yaml"), made)
+    files = [*_write_posteriors(tree, directory), *_write_matchers(tree, directory), *_write_fitted(tree, directory)]
+    storage.remove_earlier(directory, written, ("posteriors/*.nc", "matchers.yaml", "fitted/*.yaml"), files)
     pictures = directory / storage.PICTURES
     if "pictures" not in tree.children and (pictures / storage.LIST).is_file():
         storage.remove_earlier(pictures, storage.written(pictures) | {storage.LIST}, ("*/*", storage.LIST))

@@ -68,6 +68,7 @@ _COMMON_UNITS = (
 )  # fmt: skip
 _LONGEST_UNIT = 60
 _CELSIUS = re.compile(r"\b(?:degC|celsius|degree_Celsius)\b")
+# "e-" and "ke-", but neither an exponent, as in 1e-3, nor the end of another unit.
 _ELECTRON = re.compile(r"(?<![A-Za-z])(k?)e\^?-(?!\d)")
 _FACTOR = re.compile(r"(?P<name>[A-Za-z][A-Za-z_]*)(?:(?:\^|\*\*)(?P<power>-?\d))?")
 
@@ -156,7 +157,7 @@ def _registry() -> pint.UnitRegistry[float]:
     return pint.UnitRegistry(_DEFINITIONS.strip().splitlines(), cache_folder=None)
 
 
-def _suggestion(name: str) -> str:
+def _suggestion(unit: str) -> str:
     """The most similar common unit, as the end of a message; empty if there is none."""
-    close = nearest(name, _COMMON_UNITS)
+    close = nearest(unit, _COMMON_UNITS)
     return f" (nearest: '{close}')" if close else ""

@@ -329,6 +329,7 @@ def pretty_with_error(value: float, error: float, dimension: Dimension, negligib
     """
     if not shows_error(value, error, dimension, negligible):
         return pretty(value, dimension)
+    # Rounding can carry an error to its next digit: 0.096 is shown as 0.1.
     digit = math.floor(math.log10(float(f"{error:.0e}")))
     unit = display_unit(float(f"{max(abs(round(value, -digit)), error):.2e}"), dimension)
     return f"{' ± '.join(to_digit_of_error((value - unit.zero) / unit.size, error / unit.size))}{unit.label}"
@@ -338,6 +339,7 @@ def to_digit_of_error(value: float, error: float) -> tuple[str, str]:
     """Write a value and its positive error in one unit: the error with one digit, the value as far as that digit."""
     shown = float(f"{error:.0e}")
     decimals = -math.floor(math.log10(shown))
+    # Adding 0 turns −0 into 0.
     number = f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "−")
     return number, significant(shown, 1)
 
@@ -400,7 +402,9 @@ def _dimensions(dimension: Dimension) -> frozenset[tuple[str, object]]:
 
 def _name_of(dimensions: frozenset[tuple[str, object]]) -> str:
     """Name of a combination of base dimensions."""
-    return next((known.name for known in _KNOWN if _dimensions(known) == dimensions), "a quantity of another kind")
+    return next(
+        (dimension.name for dimension in _KNOWN if _dimensions(dimension) == dimensions), "a quantity of another kind"
+    )
 
 
 _KNOWN = (

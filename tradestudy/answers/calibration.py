@@ -61,7 +61,7 @@ def infer_calibrations(
         raise
     posteriors = {key: result.calibration for key, result in inferred.items()}
     calibrated = replace(study, choices=replace(study.choices, posteriors=posteriors))
-    declared = {key: name for name, key in study.definition.posterior_keys.items() if key in requests}
+    declared = {key: camera_name for camera_name, key in study.definition.posterior_keys.items() if key in requests}
     others: dict[str, list[InferredCalibration]] = {}
     for key, result in inferred.items():
         if key not in declared:
@@ -71,7 +71,7 @@ def infer_calibrations(
         for title, calibrations in others.items()
         if (failures := ["; ".join(calibration.failures) for calibration in calibrations if calibration.failures])
     ]
-    return calibrated, {name: inferred[key] for key, name in declared.items()}, "\n".join(failed)
+    return calibrated, {camera_name: inferred[key] for key, camera_name in declared.items()}, "\n".join(failed)
 
 
 Corners = Literal["not fitted", "few views", "all views"]
@@ -232,6 +232,7 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     yield "noise of one corner coordinate, root mean square over views", pretty(fit.explained.noise_px, PIXELS)
     yield "gain in log likelihood from this motion", significant(fit.explained.log_likelihood_gain)
     shared, covariance = fit.explained.shared, fit.covariance
+    # To first order, only errors of the translation along the baseline change its length.
     baseline = float(np.linalg.norm(shared[TRANSLATION]))
     direction = shared[TRANSLATION] / baseline
     deviation = float(np.sqrt(direction @ covariance[TRANSLATION, TRANSLATION] @ direction))

@@ -401,12 +401,12 @@ def _all_of(count: int, *, met: bool) -> str:
     return f"{'under all' if met else 'met under none of the'} {count} readings tried"
 
 
-def _named(names: Sequence[str], among: int, says: Mapping[str, str]) -> str:
+def _named(names: Sequence[str], total: int, says: Mapping[str, str]) -> str:
     """Few readings in words; of many, only how many, and whether the study as declared is one of them."""
     if len(names) <= _MOST_NAMED:
         return listed([f"the reading “{says[name]}”" if name in says else "the study as declared" for name in names])
     declared = ", including the study as declared" if any(name not in says for name in names) else ""
-    return f"{len(names)} of {among} readings{declared}"
+    return f"{len(names)} of {total} readings{declared}"
 
 
 def _the_remaining(names: Sequence[str], says: Mapping[str, str]) -> str:

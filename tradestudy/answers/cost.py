@@ -158,6 +158,7 @@ def _references(camera: DepthCamera, places: FloatArray) -> Iterator[Reference]:
     if law.model != "exact":
         yield Reference(words="every effect", compute=partial(_with_error, camera, places))
         return
+    # No error meets a tolerance of 0, so that all draws are made.
     for draws, growth in _DRAWS:
         drawn = replace(law, tolerance=0.0, max_draws=draws, seed=law.seed + 1, judged=tuple(places.tolist()))
         yield Reference(
@@ -175,8 +176,8 @@ def _with_error(camera: DepthCamera, places: FloatArray) -> tuple[FloatArray, fl
     """
     measured = distribution(camera, places, "both")
     share = np.nan_to_num(variance_shares(camera, places)["noise"], nan=1.0)
-    off = numerical_error_of_disparity_error(camera, places) / disparity_error_at(camera, places)
-    picture = np.sqrt(1.0 + share * ((1.0 + off) ** 2 - 1.0)) - 1.0
+    relative_error = numerical_error_of_disparity_error(camera, places) / disparity_error_at(camera, places)
+    picture = np.sqrt(1.0 + share * ((1.0 + relative_error) ** 2 - 1.0)) - 1.0
     drawn = stdtrit(SCRAMBLES - 1, 0.975) * measured.judged_error / measured.judged
     return measured.judged, max(float(np.nanmax(drawn + picture)), float(np.finfo(np.float64).eps))
 
@@ -255,7 +256,11 @@ def _spot_words(part: LightSpotPart, models: SpotModels) -> str:
         "spectrum": models.monochromatic and len(part.lines) > 1,
     }
     to = "" if models.method == "geometric" else f" to {pretty(models.tolerance, FRACTION, digits=2)}"
-    return short_title(models.method) + to + "".join(f", without {effect}" for effect, off in left_out.items() if off)
+    return (
+        short_title(models.method)
+        + to
+        + "".join(f", without {effect}" for effect, is_left_out in left_out.items() if is_left_out)
+    )
 
 
 def _relative_norm(values: FloatArray, reference: FloatArray) -> float:

@@ -27,8 +27,8 @@ def datasheet_group(study: PreparedStudy) -> xr.Dataset:
     middle = float(places[places.size // 2])
     columns: dict[str, list[FloatArray]] = {}
     single: dict[str, list[float]] = {}
-    for name, camera in case.cameras.items():
-        usable, shared = is_usable(case, name, places), _seen_twice(camera, places)
+    for camera_name, camera in case.cameras.items():
+        usable, shared = is_usable(case, camera_name, places), _seen_twice(camera, places)
         seen, measured = shared > 0.0, 1.0 - distribution(camera, imaged(camera, places), "both").failed_fraction
         left, right, top, bottom = np.transpose([camera.edge_angles(float(place)) for place in places])
         ranges = usable_intervals(camera, case.criteria, case.distance)
@@ -71,9 +71,9 @@ def _seen_twice(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     """Share of the picture that both views, or enough microlenses, see."""
     limits = camera.limits(distance, UsableCriteria())
     shared = np.ones(distance.shape)
-    for name in ("overlap", "availability"):
-        if name in limits:
-            shared = shared * np.clip(limits[name].value, 0.0, 1.0)
+    for limit in ("overlap", "availability"):
+        if limit in limits:
+            shared = shared * np.clip(limits[limit].value, 0.0, 1.0)
     return shared
 
 

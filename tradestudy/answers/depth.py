@@ -105,11 +105,11 @@ def depth_tables(study: PreparedStudy, designs: Sequence[PreparedStudy], steps: 
     """
     labels: dict[tuple[DepthCamera, UsableCriteria], tuple[str, str]] = {}
     for design, label in zip(designs, point_labels(sweep_axes(study)), strict=True):
-        for name, camera in design.case.cameras.items():
-            labels.setdefault((camera, design.case.criteria), (name, label))
+        for camera_name, camera in design.case.cameras.items():
+            labels.setdefault((camera, design.case.criteria), (camera_name, label))
     distance = study.case.distance
     points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
-    words = [f"{name}, {label}" for name, label in labels.values()]
+    words = [f"{camera_name}, {label}" for camera_name, label in labels.values()]
     return dict(zip(labels, steps.map("depth", depth_table, points, words), strict=True))
 
 
@@ -185,11 +185,11 @@ def depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]],
             [
                 np.broadcast_to(
                     np.asarray(
-                        getattr(table.limits[name], attribute) if name in table.limits else absent, dtype=np.float64
+                        getattr(table.limits[limit], attribute) if limit in table.limits else absent, dtype=np.float64
                     ),
                     distance.shape,
                 )
-                for name in LIMIT_NAMES
+                for limit in LIMIT_NAMES
             ]
             for table in tables
         ]

@@ -173,7 +173,7 @@ def measure_loop(
     points: dict[tuple[str, float, float, float], LoopPoint], steps: Steps
 ) -> dict[tuple[str, float, float, float], LoopFinding]:
     """Measure every plane on the workers."""
-    labels = [f"{name} at {distance:g} m" for name, distance, _, _ in points]
+    labels = [f"{camera_name} at {distance:g} m" for camera_name, distance, _, _ in points]
     return dict(zip(points, steps.map(STEP, measure_on_plane, list(points.values()), labels), strict=True))
 
 
@@ -193,6 +193,7 @@ def measure_on_plane(point: LoopPoint) -> LoopFinding:
             depth_map, truth = _depth(camera, small, point)
         measured = _windows(depth_map, truth, point)
         if 0.0 < measured < point.windows:
+            # The number of windows is proportional to the area of the picture.
             side = math.ceil(_PILOT * math.sqrt(_SPARE * point.windows / measured))
             small = _cropped(camera, point.distance, side)
             pictures = math.ceil(side**2 / (small.sensor.rows * small.sensor.columns))
@@ -304,6 +305,7 @@ def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
     """
     sensor = camera.sensor
     shift, shift_down = _shifts_of_middles(camera, distance)
+    # Shifted by this much to either side, the pictures share a strip that is narrower by twice as much.
     widest = sensor.columns - 2 * shift
     across = min(side_px, widest) if widest > 0 else side_px
     down = min(math.ceil(side_px**2 / across), sensor.rows)
@@ -324,13 +326,13 @@ def _shifts_of_middles(camera: DepthCamera, distance: float) -> tuple[int, int]:
     exposures = camera.exposures(distance, {}, None, 0.0)
     if len(exposures) == 1:  # it shares the plane with no other
         return 0, 0
-    seen = []
+    offsets = []
     for exposure in exposures:
         cones, rotation = exposure.cones(np.zeros(1), np.zeros(1)), np.array(exposure.pose.rotation)
         start = rotation @ np.append(cones.start[:, 0], 0.0) + np.array(exposure.pose.centre)
         ray = rotation @ np.append(cones.slope[:, 0], 1.0)
-        seen.append(np.abs(start + (distance - start[2]) / ray[2] * ray)[:2])
-    across, down = np.max(seen, axis=0) * magnification / camera.sensor.pixel_pitch
+        offsets.append(np.abs(start + (distance - start[2]) / ray[2] * ray)[:2])
+    across, down = np.max(offsets, axis=0) * magnification / camera.sensor.pixel_pitch
     return math.ceil(across), math.ceil(down)
 
 
@@ -350,14 +352,16 @@ def depth_loop_group(study: PreparedStudy, part: DepthLoopPart, steps: Steps) ->
     measured = measure_loop(points, steps)
     cameras = list(dict.fromkeys(key[0] for key in points))
     labels = {
-        name: list(dict.fromkeys(key[k] for key in points))
-        for k, name in enumerate(("camera", "distance", "contrast", "electrons"))
+        dimension: list(dict.fromkeys(key[k] for key in points))
+        for k, dimension in enumerate(("camera", "distance", "contrast", "electrons"))
     }
     shape = tuple(map(len, labels.values()))
     findings = list(measured.values())
     fits = {
-        name: _fit([finding for key, finding in measured.items() if key[0] == name and key[1] in part.fitted_at])
-        for name in cameras
+        camera_name: _fit(
+            [finding for key, finding in measured.items() if key[0] == camera_name and key[1] in part.fitted_at]
+        )
+        for camera_name in cameras
     }
     over = [_over_matcher(finding, fits[key[0]]) for key, finding in measured.items()]
 
@@ -376,7 +380,7 @@ def depth_loop_group(study: PreparedStudy, part: DepthLoopPart, steps: Steps) ->
             "over_matcher": arranged([value for value, _ in over]),
             "over_matcher_error": arranged([error for _, error in over]),
             "fitted": [float(distance in part.fitted_at) for distance in labels["distance"]],
-            **_matchers([fits[name] for name in cameras]),
+            **_matchers([fits[camera_name] for camera_name in cameras]),
         },
         labels,
     )
@@ -431,12 +435,12 @@ def matcher_file(data: xr.Dataset, study: str) -> str:
         Name of the study.
     """
     lines = [f"# Fitted by the depth loop of {study}, for cameras with disparity_error: derived.", "cameras:"]
-    for name, matcher, factor in zip(
+    for camera_name, matcher, factor in zip(
         data["camera"].values, data["matcher"].values, data["matcher_factor"].values, strict=True
     ):
         if math.isnan(factor):
-            lines.append(f"  # {name}: {matcher}")
+            lines.append(f"  # {camera_name}: {matcher}")
         else:
             declared, _, errors = str(matcher).partition("  # ")
-            lines += [f"  {name}:", f"    depth:  # {errors}", f"      {declared}"]
+            lines += [f"  {camera_name}:", f"    depth:  # {errors}", f"      {declared}"]
     return "\n".join(lines) + "\n"

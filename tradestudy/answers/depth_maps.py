@@ -263,6 +263,7 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
     truth = camera_reader.reader.truth(point.depths, {name: picture.pure for name, picture in pictures.items()})
     depth = np.asarray(truth.depth, np.float64)
     predicted, shift = predicted_uncertainty(camera_reader.taken.camera, depth, "noise"), np.zeros(depth.shape)
+    # Noise spreads the depths, but the pictures contain a single draw of the calibration errors, which shifts them all.
     if point.has_errors:
         shift = predicted_uncertainty(camera_reader.taken.camera, depth, "calibration")
     scored = score(depth_map, truth, predicted, camera_reader.search.window_px, shift)
@@ -329,7 +330,7 @@ def predicted_availability(camera: Camera, distance: float) -> float:
     if not isinstance(camera, DepthCamera):
         return math.nan
     limits = camera.limits(np.array([distance]), UsableCriteria())
-    shares = [float(np.ravel(limits[name].value)[0]) for name in ("overlap", "availability") if name in limits]
+    shares = [float(np.ravel(limits[limit].value)[0]) for limit in ("overlap", "availability") if limit in limits]
     return math.prod(min(max(share, 0.0), 1.0) for share in shares) if shares else math.nan
 
 
@@ -474,18 +475,18 @@ def _classes(measured: MeasuredDepth) -> dict[str, FloatArray]:
     usable = np.isfinite(measured.found.depth) & measured.truth.measurable
     true = np.asarray(measured.truth.depth[usable], np.float64)
     error, predicted = (measured.found.depth - measured.truth.depth)[usable], measured.predicted[usable]
-    for k, among in enumerate(np.array_split(np.argsort(true, kind="stable"), _CLASSES)):
-        windows = among.size / measured.search.window_px**2
+    for k, members in enumerate(np.array_split(np.argsort(true, kind="stable"), _CLASSES)):
+        windows = members.size / measured.search.window_px**2
         if windows < 2.0:
             continue
-        middle, spread = middle_and_spread(error[among])
+        middle, spread = middle_and_spread(error[members])
         values = (
-            np.median(true[among]),
+            np.median(true[members]),
             middle,
             spread * math.sqrt(math.pi / 2.0 / windows),  # for the median of normal errors
             spread,
             spread * math.sqrt(VARIANCE_OF_SPREAD / windows),
-            np.median(predicted[among]),
+            np.median(predicted[members]),
         )
         for column, value in zip(names, values, strict=True):
             columns[f"class_{column}"][k] = value

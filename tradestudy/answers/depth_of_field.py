@@ -106,10 +106,10 @@ def criteria_group(study: PreparedStudy) -> xr.Dataset:
     """/criteria over (camera, criterion), each value with its basis; sharpness as in the chosen models."""
     case = study.case
     cameras, relief = case.all_cameras, Relief.of(case)
-    others = list(dict.fromkeys(name for part in case.attributes.values() for name in part.others))
+    others = list(dict.fromkeys(other for part in case.attributes.values() for other in part.others))
     names = [*(criterion.name for criterion in CRITERIA), *others]
     rows = [[criterion_of(case, camera, name) for name in names] for camera in cameras]
-    units = [criterion_dimension(name, case.attributes.values()) for name in others]
+    units = [criterion_dimension(other, case.attributes.values()) for other in others]
     paths = [*(criterion.path for criterion in CRITERIA), *(f"attributes.others.{other}" for other in others)]
     basis = [
         [attribute.basis or _basis(study, camera_name, path) for attribute, path in zip(row, paths, strict=True)]

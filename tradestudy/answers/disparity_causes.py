@@ -52,13 +52,13 @@ def disparity_causes_group(study: PreparedStudy) -> xr.Dataset | None:
         distances_without_decision(study.case.distance) if decision is None else np.array(sorted(set(decision.at)))
     )
     names = list(derived)
-    seen = [_electrons(camera, law, distance) for camera, law in derived.values()]
-    electrons = np.stack([n for n, _ in seen])
-    brightest = _brightest(electrons, np.stack([share for _, share in seen]))
-    lacked = [_light_deficit(electrons, k, brightest) for k in range(len(names))]
+    light = [_electrons(camera, law, distance) for camera, law in derived.values()]
+    electrons = np.stack([n for n, _ in light])
+    brightest = _brightest(electrons, np.stack([share for _, share in light]))
+    deficits = [_light_deficit(electrons, k, brightest) for k in range(len(names))]
     causes = [
         error_causes(camera.picture_geometry(distance), law.settings, law.models, ratio)
-        for (camera, law), ratio in zip(derived.values(), lacked, strict=True)
+        for (camera, law), ratio in zip(derived.values(), deficits, strict=True)
     ]
     return dataset(
         "disparity_causes",
@@ -103,8 +103,8 @@ def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatA
     """Mean electrons per pixel, and how full the brightest one is (1: full well); NaN where there is no picture."""
     geometry = camera.picture_geometry(distance)
     imaged = np.isfinite(geometry.magnification)
-    seen = (picture_electrons(geometry, law.settings, law.models), filled_share(geometry, law.settings, law.models))
-    return np.where(imaged, seen[0], math.nan), np.where(imaged, seen[1], math.nan)
+    light = (picture_electrons(geometry, law.settings, law.models), filled_share(geometry, law.settings, law.models))
+    return np.where(imaged, light[0], math.nan), np.where(imaged, light[1], math.nan)
 
 
 def _brightest(electrons: FloatArray, filled: FloatArray) -> list[int]:

@@ -24,7 +24,7 @@ from tradestudy.units import significant
 from tradestudy.wording import listed
 
 POSTERIOR: Final = "posterior"
-WORDS: Final = (*(one.word for one in FORMATS if one.write is not None), POSTERIOR)
+WORDS: Final = (*(file_format.word for file_format in FORMATS if file_format.write is not None), POSTERIOR)
 """The formats that can be requested."""
 SUFFIXES: Final = ("*.yaml", "*.yml", "*.cameramodel", f"{POSTERIOR}.nc")
 """Patterns of what follows the camera's name and a hyphen in the names of the files."""
@@ -57,7 +57,7 @@ class Export:
     left_out: tuple[str, ...]
 
 
-def export(study: PreparedStudy, name: str, words: Sequence[str], *, lossy: bool) -> Export:
+def export(study: PreparedStudy, camera_name: str, words: Sequence[str], *, lossy: bool) -> Export:
     """Export a camera in the given formats, or in all if none is given.
 
     Lengths are in metres. Calibrations from corners and targets are fitted first, and the files contain the fit.
@@ -66,7 +66,7 @@ def export(study: PreparedStudy, name: str, words: Sequence[str], *, lossy: bool
     ----------
     study
         The study.
-    name
+    camera_name
         Name of the camera.
     words
         Formats, from `WORDS`.
@@ -78,15 +78,15 @@ def export(study: PreparedStudy, name: str, words: Sequence[str], *, lossy: bool
     ExportError
         There is no such camera, or a format cannot represent it.
     """
-    camera = study.case.all_cameras.get(name)
+    camera = study.case.all_cameras.get(camera_name)
     if not isinstance(camera, DepthCamera):
         measuring = [key for key, other in study.case.all_cameras.items() if isinstance(other, DepthCamera)]
         problem = "no camera of the study has this name" if camera is None else "this camera measures no depth"
-        raise ExportError(problem, value=name, limit=", ".join(measuring), remedy="name one of these")
+        raise ExportError(problem, value=camera_name, limit=", ".join(measuring), remedy="name one of these")
     if unknown := [word for word in words if word not in WORDS]:
         raise ExportError("unknown format", value=", ".join(unknown), limit=", ".join(WORDS), remedy="use one of these")
     requested = words or WORDS
-    posterior = _inferred(study, name)
+    posterior = _inferred(study, camera_name)
     texts: dict[str, str] = {}
     left_out: list[str] = []
     refused: list[str] = []
@@ -101,24 +101,24 @@ def export(study: PreparedStudy, name: str, words: Sequence[str], *, lossy: bool
         formats = []
     for file_format in formats:
         assert rig is not None
-        for written, missing in _written(file_format, rig, name):
+        for written, missing in _written(file_format, rig, camera_name):
             texts |= written
             refused += missing
     if POSTERIOR in requested:
         session = [group.name for group in camera.calibration.groups if group.error_class is ErrorClass.SESSION]
         refused += [f"a posterior cannot contain {error}: this error arose after the calibration" for error in session]
-        posterior = posterior or _declared(study, camera, name)
+        posterior = posterior or _declared(study, camera, camera_name)
         if posterior is None:
             left_out.append("posterior: no parameter of the camera is declared uncertain")
     exported = Export(
         texts=texts, posterior=posterior if POSTERIOR in requested else None, left_out=(*left_out, *refused)
     )
     if not texts and exported.posterior is None:
-        others = [] if rig is None else _whole(rig, name)
+        others = [] if rig is None else _whole(rig, camera_name)
         remedy = f"choose --format {' or '.join(others)}; nothing was written" if others else "nothing was written"
         raise ExportError("\n".join(exported.left_out), remedy=remedy)
     if refused and not lossy:
-        others = [] if rig is None else _whole(rig, name)
+        others = [] if rig is None else _whole(rig, camera_name)
         choice = f", or choose --format {' or '.join(others)}" if others else ""
         remedy = f"give --lossy (in Python, lossy=True) to leave it out{choice}; nothing was written"
         raise ExportError("\n".join(refused), remedy=remedy)
@@ -148,14 +148,14 @@ def _written(file_format: Format, rig: ImportedRig, stem: str) -> Iterator[tuple
                 yield {}, [*missing, f"{file_format.name} cannot represent {listed(list(error.names))}"]
                 return
             moved = max(_largest_shift(rig.left, smaller.left), _largest_shift(rig.right, smaller.right))
-            lost = f"{listed(list(error.names))}, without which points move by up to {significant(moved, 2)} px"
-            missing, rig = [*missing, f"{file_format.name} cannot represent {lost}"], smaller
+            omission = f"{listed(list(error.names))}, without which points move by up to {significant(moved, 2)} px"
+            missing, rig = [*missing, f"{file_format.name} cannot represent {omission}"], smaller
         else:
             return
 
 
 def _without(camera: ImportedCamera, names: Sequence[str]) -> ImportedCamera:
-    kept = {name: value for name, value in camera.coefficients.items() if name not in names}
+    kept = {coefficient: value for coefficient, value in camera.coefficients.items() if coefficient not in names}
     return replace(camera, coefficients=kept)
 
 
@@ -167,15 +167,15 @@ def _largest_shift(camera: ImportedCamera, smaller: ImportedCamera) -> float:
     size, focal, centre = (np.array(vector) for vector in (camera.pixels, camera.focal_lengths, camera.centre))
     last = size - 1.0 if camera.pixels is not None else 2.0 * centre
     places = np.stack(np.meshgrid(*(np.linspace(0.0, end, _PLACES) for end in last)), axis=-1)
-    whole, rest = (FAMILIES[imported.lens_model](**imported.coefficients) for imported in (camera, smaller))
+    whole, reduced = (FAMILIES[imported.lens_model](**imported.coefficients) for imported in (camera, smaller))
     image = (places - centre) / focal
-    shift = (rest.project(whole.unproject(image)) - image) * focal
+    shift = (reduced.project(whole.unproject(image)) - image) * focal
     return float(np.nanmax(np.linalg.norm(shift, axis=-1)))
 
 
-def _inferred(study: PreparedStudy, name: str) -> CalibrationDraws | None:
+def _inferred(study: PreparedStudy, camera_name: str) -> CalibrationDraws | None:
     """The posterior of a calibration from corners or a target; None for other calibrations."""
-    key = study.definition.posterior_keys.get(name)
+    key = study.definition.posterior_keys.get(camera_name)
     if key is None:
         return None
     from tradestudy.calibration.posteriors import infer
@@ -183,31 +183,31 @@ def _inferred(study: PreparedStudy, name: str) -> CalibrationDraws | None:
     return infer(study.definition.calibrations_to_infer()[key]).posterior
 
 
-def _declared(study: PreparedStudy, camera: DepthCamera, name: str) -> CalibrationDraws | None:
+def _declared(study: PreparedStudy, camera: DepthCamera, camera_name: str) -> CalibrationDraws | None:
     """Draws of the declared errors, or of a posterior that the study reads from a file."""
     groups = tuple(group for group in camera.calibration.groups if group.error_class is ErrorClass.RIG)
     if not groups:
         return None
     sources = Sources(groups=groups)
-    rng = point_generator(seed=study.file.propagation.seed, point=f"export/{name}", replicate=0)
+    rng = point_generator(seed=study.file.propagation.seed, point=f"export/{camera_name}", replicate=0)
     drawn = sources.draw(rng.standard_normal((sources.dimensions, _DRAWS)))
     names = tuple(drawn)
     columns = np.concatenate([np.broadcast_to(drawn[parameter], (_DRAWS, 1)) for parameter in names], axis=1)
     return CalibrationDraws(names=names, draws=columns, reference=np.zeros(len(names)))
 
 
-def write_export(exported: Export, folder: Path, name: str) -> list[Path]:
+def write_export(exported: Export, folder: Path, camera_name: str) -> list[Path]:
     """Write the files of an export to a folder and return their paths."""
     from tradestudy.calibration.posterior_file import write_posterior
     from tradestudy.results.storage import list_written, replace_file, replacing
 
-    list_written(folder, [*exported.texts, *(() if exported.posterior is None else (f"{name}-posterior.nc",))])
+    list_written(folder, [*exported.texts, *(() if exported.posterior is None else (f"{camera_name}-posterior.nc",))])
     written = []
     for file, text in exported.texts.items():
         replace_file(folder / file, text.encode())
         written.append(folder / file)
     if exported.posterior is not None:
-        path = folder / f"{name}-posterior.nc"
+        path = folder / f"{camera_name}-posterior.nc"
         with replacing(path) as temporary:
             write_posterior(temporary, exported.posterior)
         written.append(path)

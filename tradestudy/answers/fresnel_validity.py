@@ -53,15 +53,15 @@ def fresnel_validity_group(part: FresnelValidityPart, steps: Steps, seconds: Sec
     attributes: dict[str, Any] = {"error_limit": part.error_limit}
     if part.off_axis is not None:
         attributes |= {"field_angle": part.off_axis.field_angle, "field_wavelength": part.off_axis.wavelength}
-        aside, waves = part.off_axis.field_angle, (part.off_axis.wavelength,)
+        angle, waves = part.off_axis.field_angle, (part.off_axis.wavelength,)
         with timed(seconds, _OFF_AXIS_STEP):
             compared = [(*f_numbers, element.f_number) for element in elements]
             differences = _differences_at(
-                part, compared, steps, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves
+                part, compared, steps, step=_OFF_AXIS_STEP, field_angle=angle, wavelengths=waves
             )
         swept, used = np.split(differences, [len(f_numbers)], axis=2)
         off_axis = _laid_out(part, swept, "off_axis_error") | _of_one_f_number(part, used, "off_axis_camera_error")
-        values |= {name: errors[:, :, 0] for name, errors in off_axis.items()}
+        values |= {variable: errors[:, :, 0] for variable, errors in off_axis.items()}
     result = dataset(
         "fresnel_validity",
         {**_declared(elements), **values, "limit_f_number": limits, **_criteria(part, elements)},
@@ -78,14 +78,14 @@ def fresnel_validity_group(part: FresnelValidityPart, steps: Steps, seconds: Sec
         },
         attributes=attributes,
     )
-    for name, units, long_name in (
+    for coordinate, units, long_name in (
         ("wavelength", "m", "wavelength"),
         ("f_number", "1", "focal length divided by pupil diameter"),
         ("window", "1", "radius of the window, in Airy radii"),
         ("quarter_wave", "1", "growth of a + b in λ/4 since a jump"),
         ("path_error", "wave", "allowed length of the neglected path"),
     ):
-        result[name].attrs = {"units": units, "long_name": long_name}
+        result[coordinate].attrs = {"units": units, "long_name": long_name}
     return result
 
 
@@ -166,10 +166,10 @@ def _differences_at(
     return differences.reshape(shape)
 
 
-def _laid_out(part: FresnelValidityPart, differences: _Differences, name: str) -> dict[str, FloatArray]:
+def _laid_out(part: FresnelValidityPart, differences: _Differences, variable: str) -> dict[str, FloatArray]:
     """Errors and their numerical errors, shape (element, lens phase, wavelength, f-number, metric, window)."""
     return {
-        name + label: np.moveaxis(
+        variable + label: np.moveaxis(
             np.array(
                 [[[_stacked(part, difference, suffix) for difference in row] for row in rows] for rows in differences]
             ),
@@ -180,9 +180,9 @@ def _laid_out(part: FresnelValidityPart, differences: _Differences, name: str) -
     }
 
 
-def _of_one_f_number(part: FresnelValidityPart, differences: _Differences, name: str) -> dict[str, FloatArray]:
+def _of_one_f_number(part: FresnelValidityPart, differences: _Differences, variable: str) -> dict[str, FloatArray]:
     """Like `_laid_out`, without the dimension of f-numbers."""
-    return {name: values[:, :, :, 0] for name, values in _laid_out(part, differences, name).items()}
+    return {variable: values[:, :, :, 0] for variable, values in _laid_out(part, differences, variable).items()}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ def hard_cases_group(part: HardCasesPart, progress: Progress) -> xr.Dataset:
     fields = ("family", "law", "naive_answer", "our_answer", "naive_error", "our_error", "bound", "condition_number")
     return dataset(
         "hard_cases",
-        {name: [getattr(verdict, name) for verdict in verdicts] for name in (*fields, "met")}
+        {field: [getattr(verdict, field) for verdict in verdicts] for field in (*fields, "met")}
         | {
             "family_title": [family.title for family, _ in cases],
             "expected": [verdict.reference for verdict in verdicts],

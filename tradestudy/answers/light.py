@@ -151,8 +151,8 @@ def _against_geometric(methods: list[MethodName], images: FloatArray, of_sum: Fl
 
 
 def _published(part: LightSpotPart, methods: list[MethodName]) -> Mapping[str, Any]:
-    stated = {published.method: published for published in part.published_times}
-    shown = [stated.get(method) for method in methods]
+    by_method = {published.method: published for published in part.published_times}
+    shown = [by_method.get(method) for method in methods]
     return {
         "published_seconds": [
             math.nan if published is None or published.takes is None else published.takes for published in shown
@@ -200,7 +200,7 @@ def point_spread_group(part: PointSpreadPart, steps: Steps, seconds: Seconds, mo
     varied = varied_values(part)
     longest = max(map(len, varied.values()))
     shape = (len(elements), len(METHODS), len(varied), longest)
-    values = {name + suffix: np.full(shape, np.nan) for name in MEASURES for suffix in ("", "_error")}
+    values = {measure + suffix: np.full(shape, np.nan) for measure in MEASURES for suffix in ("", "_error")}
     parameters = list(varied.items())
     places = [place for place in itertools.product(*map(range, shape)) if place[3] < len(parameters[place[2]][1])]
     points, labels = [], []

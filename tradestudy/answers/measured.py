@@ -225,7 +225,7 @@ def _of_calibration(bias: FloatArray, declared: FloatArray, fits: Mapping[str, F
     if (declared > 0.0).all():
         return CONSISTENT if np.median(np.abs(bias) / declared) <= _CALIBRATED else INCONSISTENT
     # Biases that are all zero are fitted by rounding errors alone, which would exclude 0.
-    shown = bias.any() and any(fits[name].excludes(0.0) for name in ("offset_px", "scale"))
+    shown = bias.any() and any(fits[parameter].excludes(0.0) for parameter in ("offset_px", "scale"))
     return INCONSISTENT if shown else CONSISTENT
 
 
@@ -249,8 +249,8 @@ def measurements_group(study: PreparedStudy) -> xr.Dataset:
     }
     for quantity in QUANTITIES:
         values[quantity] = np.concatenate([getattr(table.measured, quantity) for table in tables])
-    for name in (field.name for field in fields(Predicted)):
-        values[f"predicted_{name}"] = np.concatenate([getattr(table.predicted, name) for table in tables])
+    for variable in (field.name for field in fields(Predicted)):
+        values[f"predicted_{variable}"] = np.concatenate([getattr(table.predicted, variable) for table in tables])
     values["error_px"] = np.concatenate([table.implied.errors_px for table in tables])
     values |= {
         "camera_of": [table.part.camera for table in tables],
@@ -269,12 +269,12 @@ def measurements_group(study: PreparedStudy) -> xr.Dataset:
         "fitted_camera": [table.fitted_camera(study) for table in tables],
     }
     curves = [table.curve(study) for table in tables]
-    values |= {f"curve_{name}": [curve[name] for curve in curves] for name in curves[0]}
-    for name in FITS:
-        fits = [table.implied.fits[name] for table in tables]
-        values[name] = [fit.value for fit in fits]
-        values[f"{name}_error"] = [fit.error for fit in fits]
-        values[f"{name}_interval"] = [(fit.low, fit.high) for fit in fits]
+    values |= {f"curve_{variable}": [curve[variable] for curve in curves] for variable in curves[0]}
+    for variable in FITS:
+        fits = [table.implied.fits[variable] for table in tables]
+        values[variable] = [fit.value for fit in fits]
+        values[f"{variable}_error"] = [fit.error for fit in fits]
+        values[f"{variable}_interval"] = [(fit.low, fit.high) for fit in fits]
     labels = {"table": list(by_name), "quantity": list(QUANTITIES), "statistic": ["median", "smallest", "largest"]}
     return dataset("measurements", values, {**labels, "end": ["low", "high"]})
 

@@ -96,12 +96,12 @@ def solve(study: PreparedStudy, question: SolvePart) -> Solved:
     answer = _answer(study, question, solutions, is_counted=varying.is_counted)
     if ratios.plans > 1:
         answer += f"; mean over {ratios.plans} arrangements of the calibration views"
-    rests, share = NamedInput(), math.nan
+    rests_on, share = NamedInput(), math.nan
     if question.errors == "calibration" and question.equal is None:
         answer += _larger_noise(study.with_values(varying.changes(solutions[0].value)), question)
-        rests, share = _corner_noise(ratios.changed(math.log(solutions[0].value)), question)
+        rests_on, share = _corner_noise(ratios.changed(math.log(solutions[0].value)), question)
     return Solved(
-        solutions=tuple(solutions), dimension=dimension, answer=answer, tried=tried, rests_on=rests, share=share
+        solutions=tuple(solutions), dimension=dimension, answer=answer, tried=tried, rests_on=rests_on, share=share
     )
 
 
@@ -198,7 +198,7 @@ def _log_ratios(study: PreparedStudy, question: SolvePart) -> FloatArray:
     """Logarithm of the ratio of the uncertainty to its target; (scrambles,)."""
     cameras = study.case.cameras
     if question.equal is not None:
-        first, second = (_widths(cameras[name], question) for name in question.equal)
+        first, second = (_widths(cameras[camera_name], question) for camera_name in question.equal)
     else:
         assert question.camera is not None  # the schema ensures it
         first, second = _widths(cameras[question.camera], question), np.array([question.goal])

@@ -88,7 +88,7 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_so
 
 def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance: FloatArray) -> Model:
     """The depth measurement of one of two cameras, whose own parameters have a prefix."""
-    names = [name for group in groups for name in group.parameters]
+    names = [parameter for group in groups for parameter in group.parameters]
     alone = outcome_model(camera, distance)
 
     def evaluate(values: Mapping[str, FloatArray]) -> Outcome:

@@ -34,7 +34,7 @@ _ASKED: Final = (("distances",), ("image",))
 def cameras_group(study: PreparedStudy) -> xr.Dataset:
     """/cameras: titles, kinds, notes and derived properties."""
     parts, cameras = study.file.cameras, study.case.all_cameras
-    properties = [(name, *item) for name, camera in cameras.items() for item in camera.properties()]
+    properties = [(camera_name, *item) for camera_name, camera in cameras.items() for item in camera.properties()]
     is_off = study.file.effects.forced().get("calibration") == OFF
     return dataset(
         "cameras",
@@ -47,7 +47,7 @@ def cameras_group(study: PreparedStudy) -> xr.Dataset:
                 json.dumps(asdict(camera.method), ensure_ascii=False) if isinstance(camera, DepthCamera) else ""
                 for camera in cameras.values()
             ],
-            "note": [_note(study, name) for name in parts],
+            "note": [_note(study, camera_name) for camera_name in parts],
             "catalogue": [part.read_as.get(CATALOGUE, "") for part in parts.values()],
             "perfect_calibration": [
                 float(
@@ -65,7 +65,7 @@ def cameras_group(study: PreparedStudy) -> xr.Dataset:
             "pixels_down": [float(camera.sensor.rows) for camera in cameras.values()],
             "pixel_pitch": [camera.sensor.pixel_pitch for camera in cameras.values()],
             "field_of_view": [sum(camera.edge_angles(math.inf)[:2]) for camera in cameras.values()],
-            "left_out": [_left_out(part, cameras[name]) for name, part in parts.items()],
+            "left_out": [_left_out(part, cameras[camera_name]) for camera_name, part in parts.items()],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
             "property_value": [
@@ -149,9 +149,9 @@ def _without_basis(document: Document) -> Iterator[Path]:
 def _defaults(study: PreparedStudy) -> Iterator[dict[str, str | None]]:
     """Defaults of values that the study does not declare, listed once for all cameras that rely on them."""
     left_out: dict[tuple[tuple[str, ...], str], list[str]] = {}
-    for name, part in study.file.cameras.items():
+    for camera_name, part in study.file.cameras.items():
         for path, text in part.assumed():
-            left_out.setdefault((path, text), []).append(name)
+            left_out.setdefault((path, text), []).append(camera_name)
     if study.file.scene is not None and study.file.scene.picture is not None:
         for path, text in study.file.scene.picture.assumed():
             left_out[("scene", "picture", *path), text] = []
@@ -165,13 +165,13 @@ def _defaults(study: PreparedStudy) -> Iterator[dict[str, str | None]]:
         }
 
 
-def _note(study: PreparedStudy, name: str) -> str:
+def _note(study: PreparedStudy, camera_name: str) -> str:
     """The note declared under a camera; it may no longer be true of values that this run sets."""
-    note = study.file.cameras[name].note or ""
+    note = study.file.cameras[camera_name].note or ""
     overridden = {
         tail
         for camera, tail in (_camera_and_tail(override.path) for override in study.document.overrides)
-        if camera == name
+        if camera == camera_name
     }
     changed = overridden - {("note",), ("title",)}
     return (

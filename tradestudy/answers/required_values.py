@@ -170,8 +170,9 @@ def _beside_the_nearest(answers: Mapping[float, RequirementAnswer]) -> list[floa
     if any(answer.met is not False for answer in answers.values()) or _alike(margins):
         return []
     nearest = int(np.argmax(margins))
-    beside = {max(nearest - 1, 0), min(nearest + 1, len(values) - 1)} - {nearest}
-    return [math.sqrt(values[nearest] * values[k]) for k in beside]
+    neighbours = {max(nearest - 1, 0), min(nearest + 1, len(values) - 1)} - {nearest}
+    # Halfway on a logarithmic scale, on which the first values are evenly spaced.
+    return [math.sqrt(values[nearest] * values[k]) for k in neighbours]
 
 
 def _alike(margins: Sequence[float]) -> bool:

@@ -122,66 +122,68 @@ _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # relative allowance for rounding of dist
 _LEAST_MISS: Final = 1e-9  # share of a range: a miss within rounding is still a miss
 
 
-def check_criterion(required: CriterionPart, case: Case, name: str) -> RequirementAnswer:
+def check_criterion(required: CriterionPart, case: Case, camera_name: str) -> RequirementAnswer:
     """Check a bound on a criterion of one camera; undecided if the camera has no number for it."""
     dimension = criterion_dimension(required.name, case.attributes.values())
     assert dimension is not None  # in a valid study
-    bound, criterion = parse(required.bound, dimension), criterion_of(case, name, required.name)
+    bound, criterion = parse(required.bound, dimension), criterion_of(case, camera_name, required.name)
     if math.isnan(criterion.number):
-        return RequirementAnswer.unknown(name, bound, f"{required.name}: {criterion.text}")
+        return RequirementAnswer.unknown(camera_name, bound, f"{required.name}: {criterion.text}")
     value = criterion.number
-    return _bounded(name, value, bound, f"{required.name} {pretty(value, dimension)}", above=required.side == "above")
+    return _bounded(
+        camera_name, value, bound, f"{required.name} {pretty(value, dimension)}", above=required.side == "above"
+    )
 
 
 def _bounded(
-    name: str, value: float, bound: float, reason: str, *, above: bool, place: float = math.nan
+    camera_name: str, value: float, bound: float, reason: str, *, above: bool, place: float = math.nan
 ) -> RequirementAnswer:
     """An exact answer from a value, which must stay below its bound, or reach it if ``above``."""
     kept = value >= bound if above else value < bound
     small, large = (bound, value) if above else (value, bound)
     ratio = large / small if small > 0.0 else math.copysign(math.inf, 1.0 if kept else -1.0)
-    return _exact(name, kept=kept, value=value, bound=bound, margin=ratio - 1.0, reason=reason, place=place)
+    return _exact(camera_name, kept=kept, value=value, bound=bound, margin=ratio - 1.0, reason=reason, place=place)
 
 
-def check_refocusable(required: RefocusablePart, case: Case, name: str) -> RequirementAnswer:
+def check_refocusable(required: RefocusablePart, case: Case, camera_name: str) -> RequirementAnswer:
     """Check on which distances one camera can refocus, or its number of distinct planes."""
-    camera, blur = case.all_cameras[name].refocusing, largest_blur(case)
+    camera, blur = case.all_cameras[camera_name].refocusing, largest_blur(case)
     if required.planes is not None:
         count = len(camera.planes(blur))
-        return _bounded(name, count, required.planes, counted(count, "distinct plane"), above=True)
+        return _bounded(camera_name, count, required.planes, counted(count, "distinct plane"), above=True)
     near, far = camera.reach(blur)
     limits = DepthOfField(near=np.asarray(near), far=np.asarray(far))
-    return _check_range(sharp_range(("refocused",), [limits]), required.distances, name, "refocusable")
+    return _check_range(sharp_range(("refocused",), [limits]), required.distances, camera_name, "refocusable")
 
 
-def check_refocused_depth(required: RefocusedDepthOfFieldPart, case: Case, name: str) -> RequirementAnswer:
+def check_refocused_depth(required: RefocusedDepthOfFieldPart, case: Case, camera_name: str) -> RequirementAnswer:
     """Check the depth of field of a picture that is refocused on a distance; undecided where it cannot be."""
-    camera, blur = case.all_cameras[name].refocusing, largest_blur(case)
+    camera, blur = case.all_cameras[camera_name].refocusing, largest_blur(case)
     near, far = camera.reach(blur)
     if not near * _LESS <= required.at <= far * _MORE:
         reach = f"{pretty(near, LENGTH)} to {pretty(far, LENGTH)}"
         where = range_words(required.at, required.at)
-        return RequirementAnswer.unknown(name, required.bound, f"cannot refocus {where}, only from {reach}")
+        return RequirementAnswer.unknown(camera_name, required.bound, f"cannot refocus {where}, only from {reach}")
     shift = camera.shift(required.at)
     limits = camera.blur_limits(shift, blur) if required.limits == "blur" else camera.ray_limits(shift)
     depth, by = float(limits.extent), "blur" if required.limits == "blur" else "rays"
     reason = f"depth of field by {by} {pretty(depth, LENGTH)} {range_words(required.at, required.at)}"
-    return _bounded(name, depth, required.bound, reason, above=required.above is not None, place=required.at)
+    return _bounded(camera_name, depth, required.bound, reason, above=required.above is not None, place=required.at)
 
 
-def check_sharp(required: SharpPart, case: Case, name: str) -> RequirementAnswer:
+def check_sharp(required: SharpPart, case: Case, camera_name: str) -> RequirementAnswer:
     """Check a requirement on the sharp range of one camera, all its slices together, by a blur criterion."""
     criterion = required.criterion or next(iter(case.sharp))
-    sharp = case.all_cameras[name].focus.sharp_range(case.sharp[criterion])
+    sharp = case.all_cameras[camera_name].focus.sharp_range(case.sharp[criterion])
     if required.above is not None:
         depth = sharp.extent
         reason = f"depth of field {pretty(depth, LENGTH)}" if depth > 0.0 else f"nothing is sharp: {sharp.reason}"
         kept, margin = depth >= required.above, depth / required.above - 1.0
-        return _exact(name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
-    return _check_range(sharp, required.distances, name, "sharp")
+        return _exact(camera_name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
+    return _check_range(sharp, required.distances, camera_name, "sharp")
 
 
-def _check_range(sharp: SharpRange, over: tuple[float, ...], name: str, word: str) -> RequirementAnswer:
+def _check_range(sharp: SharpRange, over: tuple[float, ...], camera_name: str, word: str) -> RequirementAnswer:
     """How far the sharp range extends beyond the required one, at its tighter end, or by how much it falls short."""
     near, far = over
     around = [row for row in sharp.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
@@ -192,7 +194,7 @@ def _check_range(sharp: SharpRange, over: tuple[float, ...], name: str, word: st
         reason = f"{word} {range_words(first, last)}"
         # Ends that coincide within rounding count as met.
         margin = max(margin, 0.0)
-        return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
+        return _exact(camera_name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
     clipped = np.clip(sharp.union.covered, near, far)
     sharp_share = float(np.sum(np.log(clipped[:, 1] / clipped[:, 0])))
     unsharp = 1.0 - (sharp_share / math.log(far / near) if near < far else 0.0)
@@ -201,7 +203,7 @@ def _check_range(sharp: SharpRange, over: tuple[float, ...], name: str, word: st
     why = f": {sharp.reason}" if sharp.extent == 0.0 and sharp.reason else ""
     reason = f"not {word} {listed([range_words(*gap, math.floor, math.ceil) for gap in gaps])}{why}"
     margin = -max(unsharp, _LEAST_MISS)
-    miss = _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
+    miss = _exact(camera_name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
     return replace(miss, limit="focus") if word == "sharp" else miss
 
 
@@ -213,11 +215,11 @@ def _gaps(covered: FloatArray, near: float, far: float) -> list[tuple[float, flo
 
 
 def _exact(
-    name: str, *, kept: bool, value: float, bound: float, margin: float, reason: str, place: float = math.nan
+    camera_name: str, *, kept: bool, value: float, bound: float, margin: float, reason: str, place: float = math.nan
 ) -> RequirementAnswer:
     """An answer from closed forms and declared values, exact up to rounding."""
     return RequirementAnswer(
-        camera=name,
+        camera=camera_name,
         met=kept,
         value=value,
         bound=bound,

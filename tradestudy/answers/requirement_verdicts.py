@@ -282,14 +282,14 @@ class _Stretch:
 
 
 def _stretches(
-    study: PreparedStudy, name: str, axis: SweepAxis, column: Sequence[_Answers], judge: Judge
+    study: PreparedStudy, requirement_name: str, axis: SweepAxis, column: Sequence[_Answers], judge: Judge
 ) -> list[_Stretch]:
     """Intervals of one parameter in which a requirement is met, with ends located between designs.
 
     Where any camera may meet it, those of each camera by itself.
     """
     places = [float(label) for label in axis.labels]
-    concerned = study.file.requirements[name].camera
+    concerned = study.file.requirements[requirement_name].camera
     runs = [
         (camera, numbers)
         for camera in (column[0][1] if concerned == ANY else (concerned,))
@@ -300,7 +300,7 @@ def _stretches(
     for camera, numbers in runs:
         first, last = numbers[0], numbers[-1]
         (low, low_error), (high, high_error) = (
-            _root(study, name, axis, (places[end], places[neighbour]), camera, judge)
+            _root(study, requirement_name, axis, (places[end], places[neighbour]), camera, judge)
             if 0 <= neighbour < len(column)
             else (places[end], 0.0)
             for end, neighbour in ((first, first - 1), (last, last + 1))
@@ -324,7 +324,7 @@ def _is_met_by(camera: str, answers: _Answers) -> bool:
 
 def _root(
     study: PreparedStudy,
-    name: str,
+    requirement_name: str,
     axis: SweepAxis,
     ends: tuple[float, float],
     camera: str,
@@ -343,7 +343,7 @@ def _root(
             changed = planned(study.with_values(varying.changes(value)))
         except TradestudyError:  # no valid study lies between, or no plan of its calibration
             return None
-        requirement = changed.file.requirements[name]
+        requirement = changed.file.requirements[requirement_name]
         return _is_met_by(camera, judge.answer(requirement, changed.case))
 
     close = _ROOT_TO * study.file.accuracy.asked().tolerances["depth_uncertainty"]

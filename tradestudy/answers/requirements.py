@@ -66,7 +66,7 @@ _Key = tuple[RequirementPart, DepthCamera, UsableCriteria, float, tuple[float, .
 
 
 def check_requirement(
-    requirement: RequirementPart, case: Case, name: str, known: Sequence[Interval] | None = None
+    requirement: RequirementPart, case: Case, camera_name: str, known: Sequence[Interval] | None = None
 ) -> RequirementAnswer:
     """Check a requirement against one camera, which must measure depth if the requirement asks for depth.
 
@@ -75,28 +75,28 @@ def check_requirement(
     """
     match requirement.required:
         case CriterionPart() as criterion:
-            return check_criterion(criterion, case, name)
+            return check_criterion(criterion, case, camera_name)
         case SharpPart() as sharp:
-            return check_sharp(sharp, case, name)
+            return check_sharp(sharp, case, camera_name)
         case RefocusablePart() as refocusable:
-            return check_refocusable(refocusable, case, name)
+            return check_refocusable(refocusable, case, camera_name)
         case RefocusedDepthOfFieldPart() as refocused:
-            return check_refocused_depth(refocused, case, name)
+            return check_refocused_depth(refocused, case, camera_name)
         case UsablePart() as usable:
-            return _check_use(usable, _intervals(case, name, usable.distances, known), case, name)
+            return _check_use(usable, _intervals(case, camera_name, usable.distances, known), case, camera_name)
         case measured:
-            intervals = _intervals(case, name, measured.distances, known)
-            return _check_measured(requirement, measured, case, name, intervals)
+            intervals = _intervals(case, camera_name, measured.distances, known)
+            return _check_measured(requirement, measured, case, camera_name, intervals)
 
 
 def _check_measured(
-    requirement: RequirementPart, required: MeasuredPart, case: Case, name: str, intervals: Sequence[Interval]
+    requirement: RequirementPart, required: MeasuredPart, case: Case, camera_name: str, intervals: Sequence[Interval]
 ) -> RequirementAnswer:
     above = isinstance(required, ShareAbovePart)
     bound, dimension = _bound(required)
 
     def measured(points: FloatArray, field: FieldPosition = 0.0) -> FloatArray:
-        return _values(requirement, case, name, points, field) / _scale(required, points)
+        return _values(requirement, case, camera_name, points, field) / _scale(required, points)
 
     def broken_by(points: FloatArray, field: FieldPosition) -> FloatArray:
         """Severity of the values; unknown ones are the worst."""
@@ -104,37 +104,38 @@ def _check_measured(
         return np.where(np.isnan(values), np.inf, -values if above else values)
 
     if requirement.quantity == "overlap" and np.isnan(measured(np.array(required.distances))).all():
-        return RequirementAnswer.unknown(name, bound, _ABSENT)
-    features = narrow_features(case.cameras[name]) if name in case.cameras else ()
+        return RequirementAnswer.unknown(camera_name, bound, _ABSENT)
+    features = narrow_features(case.cameras[camera_name]) if camera_name in case.cameras else ()
     place, field = _worst_place(broken_by, required.distances, _fields(requirement, case), features)
     at = np.array([place])
     value = float(measured(at, field)[0])
-    error = float((_errors(requirement, case, name, at, field) / _scale(required, at))[0])
+    error = float((_errors(requirement, case, camera_name, at, field) / _scale(required, at))[0])
     unusable, gaps = _unusable(intervals, required.distances)
+    # The ratio of bound and value, whichever should be larger, says by which share the value could still worsen.
     small, large = (bound, value) if above else (value, bound)
     margin = (large / small if small > 0.0 else math.inf) - 1.0
     margin = -1.0 if math.isnan(margin) else margin
     kept = value >= bound if above else value < bound
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
-    among = "" if required.at is not None and len(_fields(requirement, case)) == 1 else "worst "
-    worst = "no value" if math.isnan(value) else among + _distinguished(bound, value, dimension)
+    superlative = "" if required.at is not None and len(_fields(requirement, case)) == 1 else "worst "
+    worst = "no value" if math.isnan(value) else superlative + _distinguished(bound, value, dimension)
     says_place = requirement.varies_over_picture and (field != 0.0 or requirement.field is not None)
     where = f", {place_words(field)}" if says_place else ""
     reason, limit = f"{worst} {range_words(place, place)}{where}", ""
     if requirement.quantity == _RESOLUTION and math.isfinite(value):
-        reason += f", by {_coarsest_part(case, name, place)}"
+        reason += f", by {_coarsest_part(case, camera_name, place)}"
     kept = bool(kept and abs(bound - value) >= guard)
     if unusable > 0.0:
-        broken = [_limit_of(intervals, gap, case, name) for gap in gaps]
-        derived = requirement.quantity in _BLUR_COUNTED and _derives_its_error(case, name)
+        broken = [_limit_of(intervals, gap, case, camera_name) for gap in gaps]
+        derived = requirement.quantity in _BLUR_COUNTED and _derives_its_error(case, camera_name)
         reason = f"{_not_usable(gaps, broken, derived=derived)}; {reason}"
         # The smaller margin decides: that of the usable range or that of the value.
         limit = broken[0] if -unusable <= margin else ""
         reach = "throughout" if required.at is None else "there"
-        if kept and (only := _declared_limits_alone(case, name, gaps)):
+        if kept and (only := _declared_limits_alone(case, camera_name, gaps)):
             reason += f"; meets {pretty(bound, dimension)} {reach}, and only {only} it out"
     return RequirementAnswer(
-        camera=name,
+        camera=camera_name,
         met=kept and unusable == 0.0,
         value=value,
         bound=bound,
@@ -160,8 +161,8 @@ class _Alone:
 
 
 def _check_alone(point: _Alone) -> RequirementAnswer:
-    (name,) = point.case.cameras
-    return check_requirement(point.requirement, point.case, name, point.known)
+    (camera_name,) = point.case.cameras
+    return check_requirement(point.requirement, point.case, camera_name, point.known)
 
 
 class Judge:
@@ -181,12 +182,12 @@ class Judge:
         """Check the requirements of several designs in one step, before their answers are needed."""
         points: dict[_Key, _Alone] = {}
         for requirement, case in requirements:
-            for name in _names(requirement, case):
-                key = _key(requirement, case, name)
+            for camera_name in _names(requirement, case):
+                key = _key(requirement, case, camera_name)
                 if key is not None and key not in self._known and key not in points:
                     alone = Case(
-                        cameras={name: key[1]},
-                        all_cameras={name: key[1]},
+                        cameras={camera_name: key[1]},
+                        all_cameras={camera_name: key[1]},
                         criteria=case.criteria,
                         distance=case.distance,
                         wavelength=case.wavelength,
@@ -208,7 +209,7 @@ class Judge:
         nowhere in the required range comes last.
         """
         names = _names(requirement, case)
-        answers = {name: self._answer_of(requirement, case, name) for name in names}
+        answers = {camera_name: self._answer_of(requirement, case, camera_name) for camera_name in names}
         decided = [answer for answer in answers.values() if answer.met is not None]
         silent = [answer for answer in answers.values() if answer.met is None]
         settled = any(answer.met is not (requirement.camera == ALL) for answer in decided)
@@ -218,13 +219,13 @@ class Judge:
         above = isinstance(requirement.required, ShareAbovePart)
         return deciding(decided, key=lambda answer: _closeness(answer, above=above)), answers
 
-    def _answer_of(self, requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
-        key = _key(requirement, case, name)
+    def _answer_of(self, requirement: RequirementPart, case: Case, camera_name: str) -> RequirementAnswer:
+        key = _key(requirement, case, camera_name)
         if key is None:  # closed forms that depend on more than the camera
-            return check_requirement(requirement, case, name)
+            return check_requirement(requirement, case, camera_name)
         if key not in self._known:
-            self._known[key] = check_requirement(requirement, case, name, self._usable.get(key[1:3]))
-        return replace(self._known[key], camera=name)
+            self._known[key] = check_requirement(requirement, case, camera_name, self._usable.get(key[1:3]))
+        return replace(self._known[key], camera=camera_name)
 
 
 def is_kept(requirement: RequirementPart, case: Case) -> bool | None:
@@ -234,11 +235,11 @@ def is_kept(requirement: RequirementPart, case: Case) -> bool | None:
     """
     # One camera that meets an "any", or that misses an "all", settles it.
     settling, is_undecided = requirement.camera != ALL, False
-    for name in _names(requirement, case):
+    for camera_name in _names(requirement, case):
         if requirement.needs_usable_range:
-            met = _is_kept_by(requirement, case, name, _spaced(requirement.over, _COARSE))
+            met = _is_kept_by(requirement, case, camera_name, _spaced(requirement.over, _COARSE))
         else:
-            met = check_requirement(requirement, case, name).met
+            met = check_requirement(requirement, case, camera_name).met
         if met is settling:
             return settling
         is_undecided |= met is None
@@ -254,25 +255,25 @@ def _names(requirement: RequirementPart, case: Case) -> list[str]:
     return list(case.cameras if requirement.asks_for_depth else case.all_cameras)
 
 
-def _key(requirement: RequirementPart, case: Case, name: str) -> _Key | None:
+def _key(requirement: RequirementPart, case: Case, camera_name: str) -> _Key | None:
     """What an answer depends on; None if it is cheap and depends on more."""
-    if not requirement.needs_usable_range or name not in case.cameras:
+    if not requirement.needs_usable_range or camera_name not in case.cameras:
         return None
-    return requirement, case.cameras[name], case.criteria, case.wavelength, case.fields
+    return requirement, case.cameras[camera_name], case.criteria, case.wavelength, case.fields
 
 
-def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> bool | None:
+def _is_kept_by(requirement: RequirementPart, case: Case, camera_name: str, points: FloatArray) -> bool | None:
     required = requirement.required
     if isinstance(required, MeasuredPart):
         bound, _ = _bound(required)
         for field in _fields(requirement, case):
-            values = _values(requirement, case, name, points, field, distribution) / _scale(required, points)
+            values = _values(requirement, case, camera_name, points, field, distribution) / _scale(required, points)
             if requirement.quantity == "overlap" and np.isnan(values).all():
                 return None
             kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
             if not kept.all():
                 return False
-    return name not in case.cameras or bool(is_usable(case, name, points, distribution).all())
+    return camera_name not in case.cameras or bool(is_usable(case, camera_name, points, distribution).all())
 
 
 def _distinguished(bound: float, value: float, dimension: Dimension) -> str:
@@ -290,7 +291,7 @@ def _closeness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, bool, f
     return bool(answer.met), not answer.unusable >= 1.0, -math.inf if math.isnan(margin) else margin, value
 
 
-def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, name: str) -> RequirementAnswer:
+def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, camera_name: str) -> RequirementAnswer:
     """How far the usable range extends beyond the required range, at the end where it extends least."""
     near, far = required.distances
     unusable, gaps = _unusable(intervals, required.distances)
@@ -303,11 +304,11 @@ def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, 
         if limit == END_OF_STUDY:
             words, limit = f"{words}, the end of the study's range", ""
     else:
-        broken = [_limit_of(intervals, gap, case, name) for gap in gaps]
+        broken = [_limit_of(intervals, gap, case, camera_name) for gap in gaps]
         place, limit = gaps[0][0], broken[0]
-        margin, words = -unusable, _not_usable(gaps, broken, derived=_derives_its_error(case, name))
+        margin, words = -unusable, _not_usable(gaps, broken, derived=_derives_its_error(case, camera_name))
     return RequirementAnswer(
-        camera=name,
+        camera=camera_name,
         met=unusable == 0.0,
         value=1.0 - unusable,
         bound=1.0,
@@ -322,15 +323,17 @@ def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, 
     )
 
 
-def _intervals(case: Case, name: str, over: tuple[float, ...], known: Sequence[Interval] | None) -> Sequence[Interval]:
+def _intervals(
+    case: Case, camera_name: str, over: tuple[float, ...], known: Sequence[Interval] | None
+) -> Sequence[Interval]:
     """Usable intervals of a camera over the distances of the study, extended to those of the requirement if needed."""
-    if name not in case.cameras:
+    if camera_name not in case.cameras:
         return [Interval(near=over[0], far=over[1], near_limit=END_OF_STUDY, far_limit=END_OF_STUDY)]
     inside = case.distance[0] * _LESS <= over[0] and over[1] <= case.distance[-1] * _MORE
     if known is not None and inside:
         return known
     grid = case.distance if inside else np.union1d(case.distance, _spaced(over, _POINTS))
-    return usable_intervals(case.cameras[name], case.criteria, grid)
+    return usable_intervals(case.cameras[camera_name], case.criteria, grid)
 
 
 def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[float, list[tuple[float, float]]]:
@@ -351,7 +354,7 @@ def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[f
 def _is_gap(last: float, first: float, over: tuple[float, ...]) -> bool:
     """Whether a part of a range lies between the end of one interval and the beginning of the next."""
     near, far = over
-    if near == far:
+    if near == far:  # a single distance is covered by an interval that comes within rounding of it
         return last * _MORE < near and far * _MORE < first
     return min(first, far) > max(last, near) * _MORE
 
@@ -384,7 +387,7 @@ def _shift_to_decide(intervals: Sequence[Interval], over: tuple[float, ...]) -> 
     return min((shift for shift, limit in ends if limit != END_OF_STUDY), default=math.inf)
 
 
-def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Case, name: str) -> str:
+def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Case, camera_name: str) -> str:
     """The limit at the nearest end of a usable interval; without any interval, the one violated in most of the gap."""
     place = gap[0]
     before = sorted((interval for interval in intervals if interval.far <= place), key=lambda interval: -interval.far)
@@ -393,9 +396,9 @@ def _limit_of(intervals: Sequence[Interval], gap: tuple[float, float], case: Cas
     causes = [limit for limit in limits if limit != END_OF_STUDY]
     if causes:
         return causes[0].partition(", ")[0]
-    evaluated = evaluate_limits(case.cameras[name], case.criteria, np.geomspace(place * _MORE, gap[1], _POINTS))
-    broken = {name: int(np.sum(~limit.met)) for name, limit in evaluated.items() if not limit.met.all()}
-    return max(broken, key=lambda name: broken[name], default="")
+    evaluated = evaluate_limits(case.cameras[camera_name], case.criteria, np.geomspace(place * _MORE, gap[1], _POINTS))
+    broken = {limit_name: int(np.sum(~limit.met)) for limit_name, limit in evaluated.items() if not limit.met.all()}
+    return max(broken, key=lambda limit_name: broken[limit_name], default="")
 
 
 def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str], *, derived: bool) -> str:
@@ -412,21 +415,21 @@ def _not_usable(gaps: Sequence[tuple[float, float]], limits: Sequence[str], *, d
     return f"not usable {'; '.join(parts)}"
 
 
-def _derives_its_error(case: Case, name: str) -> bool:
-    return not isinstance(case.cameras[name].disparity_error_px, float | int)
+def _derives_its_error(case: Case, camera_name: str) -> bool:
+    return not isinstance(case.cameras[camera_name].disparity_error_px, float | int)
 
 
-def _declared_limits_alone(case: Case, name: str, gaps: Sequence[tuple[float, float]]) -> str:
+def _declared_limits_alone(case: Case, camera_name: str, gaps: Sequence[tuple[float, float]]) -> str:
     """The limits of the study that alone rule out a camera in gaps, with their verb.
 
     Empty where something else prevents the measurement, such as a search range or saturated pixels.
     """
     inside = np.concatenate([np.geomspace(near, far, _POINTS + 2)[1:-1] for near, far in gaps])
-    camera = case.cameras[name]
+    camera = case.cameras[camera_name]
     if not all(limit.met.all() for limit in evaluate_limits(camera, UsableCriteria(), inside).values()):
         return ""
     evaluated = evaluate_limits(camera, case.criteria, inside, _DECLARED)
-    broken = {_DECLARED[name]: limit.bound for name, limit in evaluated.items() if not limit.met.all()}
+    broken = {_DECLARED[limit_name]: limit.bound for limit_name, limit in evaluated.items() if not limit.met.all()}
     words = [f"{key}: {pretty(bound, dimension)}" for (key, dimension), bound in broken.items()]
     if not words:
         return ""
@@ -455,8 +458,8 @@ def _worst_place(
     largest value.
     """
     if len(fields) > 1:
-        few = _spaced(over, _COARSE)
-        worst_at = np.argmax([broken_by(few, field) for field in fields], axis=0)
+        coarse = _spaced(over, _COARSE)
+        worst_at = np.argmax([broken_by(coarse, field) for field in fields], axis=0)
         fields = [fields[k] for k in dict.fromkeys(worst_at.tolist())]
     points = np.union1d(_spaced(over, _POINTS), [feature for feature in features if over[0] < feature < over[1]])
     severity = np.array([broken_by(points, field) for field in fields])
@@ -492,33 +495,33 @@ def _overlap(camera: DepthCamera, distance: FloatArray, field: FieldPosition, de
     return limits["overlap"].value if "overlap" in limits else np.full(distance.shape, np.nan)
 
 
-def _coarsest_part(case: Case, name: str, place: float) -> str:
+def _coarsest_part(case: Case, camera_name: str, place: float) -> str:
     """Which part of the lateral resolution is the largest at a distance [m]."""
-    resolution = case.all_cameras[name].focus.lateral_resolution(place, case.wavelength)
+    resolution = case.all_cameras[camera_name].focus.lateral_resolution(place, case.wavelength)
     return max(("sampling", "blur", "diffraction"), key=lambda part: float(getattr(resolution, part)))
 
 
 def _values(
     requirement: RequirementPart,
     case: Case,
-    name: str,
+    camera_name: str,
     points: FloatArray,
     field: FieldPosition,
     depth: Reading = distribution_between,
 ) -> FloatArray:
     """The required quantity at each distance [m] and one place of the picture, in SI."""
     if requirement.quantity == _RESOLUTION:
-        return case.all_cameras[name].focus.lateral_resolution(points, case.wavelength).size
-    return _MEASURED[requirement.quantity](case.cameras[name], points, field, depth)
+        return case.all_cameras[camera_name].focus.lateral_resolution(points, case.wavelength).size
+    return _MEASURED[requirement.quantity](case.cameras[camera_name], points, field, depth)
 
 
 def _errors(
-    requirement: RequirementPart, case: Case, name: str, points: FloatArray, field: FieldPosition
+    requirement: RequirementPart, case: Case, camera_name: str, points: FloatArray, field: FieldPosition
 ) -> FloatArray:
     """The numerical error of the required quantity; closed forms are exact."""
     if requirement.quantity not in _ERRORS:
         return np.zeros(points.shape)
-    return _ERRORS[requirement.quantity](case.cameras[name], points, field)
+    return _ERRORS[requirement.quantity](case.cameras[camera_name], points, field)
 
 
 _MEASURED: Final[Mapping[str, Callable[[DepthCamera, FloatArray, FieldPosition, Reading], FloatArray]]] = {

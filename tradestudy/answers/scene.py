@@ -76,7 +76,7 @@ class TakenScene:
 def files_of_pictures(study: PreparedStudy) -> list[str]:
     """Patterns of the files that `take_scene` writes."""
     names = study.case.all_cameras
-    return [f"{escape(name)}/*.{ending}" for name in names for ending in ("png", "tiff", "npy", "json")]
+    return [f"{escape(camera_name)}/*.{ending}" for camera_name in names for ending in ("png", "tiff", "npy", "json")]
 
 
 def take_scene(study: PreparedStudy, directory: Path | None, steps: Steps, *, depth: bool) -> TakenScene:
@@ -122,7 +122,7 @@ _DETAIL: Final = 96  # pixels
 def pictures_group(taken: TakenScene) -> xr.Dataset:
     """/pictures over pictures with their rows and columns, and over the cameras that measured depth in them."""
     pictures = taken.rendering.pictures
-    reduced = [_reduced(one) for one in pictures]
+    reduced = [_reduced(picture) for picture in pictures]
     rows, columns = (max(brightness.shape[k] for brightness, _ in reduced) for k in (0, 1))
     values: dict[str, Any] = {
         "brightness": [padded(brightness, (rows, columns)) for brightness, _ in reduced],
@@ -236,7 +236,7 @@ def _problems_of_loop(study: PreparedStudy) -> Iterator[Problem]:
         yield study.document.locate(where).problem(where, str(error))
 
 
-def _saturated(name: str, camera: object, recording: Recording, distance: float) -> str:
+def _saturated(camera_name: str, camera: object, recording: Recording, distance: float) -> str:
     """Why depth cannot be measured in pictures of which more than half of the pixels saturate; empty if it can."""
     if not isinstance(camera, DepthCamera):
         return ""
@@ -245,6 +245,6 @@ def _saturated(name: str, camera: object, recording: Recording, distance: float)
     if not mean >= recording.saturation_electrons:
         return ""
     return (
-        f"the pictures of {name} would be saturated: {pretty(mean, ELECTRONS)} on the axis, of which a pixel holds "
-        f"{pretty(recording.saturation_electrons, ELECTRONS)}; reduce the light, or measure no depth in them"
+        f"the pictures of {camera_name} would be saturated: {pretty(mean, ELECTRONS)} on the axis, of which a pixel "
+        f"holds {pretty(recording.saturation_electrons, ELECTRONS)}; reduce the light, or measure no depth in them"
     )

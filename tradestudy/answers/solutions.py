@@ -95,7 +95,7 @@ def varied_calibrations(study: PreparedStudy, varying: Varying) -> set[str]:
     """Keys of the inferred calibrations that a question varies."""
     definition, keys = study.definition, study.definition.posterior_keys
     ends = [definition.with_values(varying.changes(end)).posterior_keys for end in (varying.low, varying.high)]
-    return {keys[name] for name in keys if any(end.get(name) != keys[name] for end in ends)}
+    return {keys[camera_name] for camera_name in keys if any(end.get(camera_name) != keys[camera_name] for end in ends)}
 
 
 def plans(study: PreparedStudy) -> range:

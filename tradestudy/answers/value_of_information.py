@@ -95,7 +95,7 @@ def _between(study: PreparedStudy, part: AssumptionPart) -> str:
     """The range of an assumption, in words."""
     if part.readings is None:
         return f"{part.low} to {part.high}"
-    return "; ".join(["as declared", *(study.file.readings[name].says for name in part.readings)])
+    return "; ".join(["as declared", *(study.file.readings[reading].says for reading in part.readings)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +113,7 @@ class _Outcome:
 def _outcome(
     case: Case, names: Sequence[str], places: FloatArray, part: ValueOfInformationPart, study: PreparedStudy
 ) -> _Outcome:
-    loss = np.array([_loss(case, name, places, part.unusable) for name in names])
+    loss = np.array([_loss(case, camera_name, places, part.unusable) for camera_name in names])
     best = np.zeros(loss.shape)
     usable = loss.min(axis=0) < part.unusable
     best[np.argmin(loss, axis=0)[usable], np.flatnonzero(usable)] = 1.0
@@ -122,9 +122,9 @@ def _outcome(
     return _Outcome(utility=-loss.mean(axis=1), best=best, met=met)
 
 
-def _loss(case: Case, name: str, places: FloatArray, unusable: float) -> FloatArray:
+def _loss(case: Case, camera_name: str, places: FloatArray, unusable: float) -> FloatArray:
     """Relative depth uncertainty over distance, capped at the loss that the study assigns to an unusable camera."""
-    camera = case.cameras[name]
+    camera = case.cameras[camera_name]
     relative = judged_at(camera, places) / places
-    counted = is_usable(case, name, places, distribution) & np.isfinite(relative)
+    counted = is_usable(case, camera_name, places, distribution) & np.isfinite(relative)
     return np.where(counted, np.minimum(relative, unusable), unusable)

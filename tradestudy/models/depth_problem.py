@@ -108,7 +108,7 @@ class DepthProblem(SimulationProblem):
         if models["calibration"] == "exact":
             return {}
         drawn = [variant for variant in self._variants if variant in self._drawn]  # in the order of the study
-        return {name: {**models, "calibration": "exact"} for variant in drawn for name in variant.only_in}
+        return {reading: {**models, "calibration": "exact"} for variant in drawn for reading in variant.only_in}
 
     def unasked(self, models: Models) -> Changes:
         """The change of the uncertainty from noise alone, where it has no tolerance."""
@@ -122,7 +122,7 @@ class DepthProblem(SimulationProblem):
         if (
             self._exact_paths is None
             and self._pictured
-            and any(models[name] != "kirchhoff" for name in self._free_lenses)
+            and any(models[lens] != "kirchhoff" for lens in self._free_lenses)
         ):
             worst = max(self._pictured, key=lambda variant: float(np.nanmax(np.sum(variant.by_exact_paths, axis=0))))
             of_error, of_depth = worst.tried_by_exact_paths()
@@ -139,11 +139,11 @@ class DepthProblem(SimulationProblem):
     @property
     def _free_lenses(self) -> list[SlotName]:
         """Lenses whose model of diffraction the study leaves open."""
-        return [name for name in LENSES if self._is_free(name)]
+        return [lens for lens in LENSES if self._is_free(lens)]
 
-    def _is_free(self, name: SlotName) -> bool:
+    def _is_free(self, effect: SlotName) -> bool:
         """Whether the study leaves the model of an effect open."""
-        return any(slot.name == name and len(slot.models) > 1 for slot in self.slots)
+        return any(slot.name == effect and len(slot.models) > 1 for slot in self.slots)
 
     def _changes_of(self, variant: DepthVariant, models: Models) -> Changes:
         """Changes of the total uncertainty and of the ends of usable ranges, for one form of the camera."""
@@ -159,8 +159,10 @@ class DepthProblem(SimulationProblem):
         evidence = self._evidence(left_out, drawn=line.relative > 0.0)
         whole = _largest(variant, moved.uncertainty, computed.uncertainty, evidence, line)
         if variant.fields:
-            aside = variant.moved_of_field(models) + line.relative
-            whole = whole if aside <= whole.relative else replace(whole, relative=aside, least=aside, at=math.nan)
+            off_axis = variant.moved_of_field(models) + line.relative
+            whole = (
+                whole if off_axis <= whole.relative else replace(whole, relative=off_axis, least=off_axis, at=math.nan)
+            )
         return {
             "depth_uncertainty": whole,
             "usable_range": Change(
@@ -217,7 +219,7 @@ class DepthProblem(SimulationProblem):
         if variant.law is None:
             return None
         of_lens = dict(zip(LENSES, variant.by_exact_paths, strict=True))
-        parts = [of_lens[name] for name in self._free_lenses if models[name] != "kirchhoff"]
+        parts = [of_lens[lens] for lens in self._free_lenses if models[lens] != "kirchhoff"]
         if not parts:
             return None
         left_out = np.minimum(np.nan_to_num(np.sum(parts, axis=0), nan=0.0, posinf=1.0), _ALL)
@@ -405,11 +407,13 @@ def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models)
         applied |= applicable(form, forced)
     why = _why_no_picture(camera, pictured=bool(pictured))
     slots = []
-    for name in (*_SAVING, *_OTHERS):
-        models, reason = models_of(name, "depth"), ""
-        if name != "calibration" and (reason := _absent(camera, pictured, name) or why):
+    for effect in (*_SAVING, *_OTHERS):
+        models, reason = models_of(effect, "depth"), ""
+        if effect != "calibration" and (reason := _absent(camera, pictured, effect) or why):
             models = (OFF,)
-        slot = Slot(name=name, models=models, saves_time=name in _SAVING, costly=_COSTLY.get(name, 0), reason=reason)
+        slot = Slot(
+            name=effect, models=models, saves_time=effect in _SAVING, costly=_COSTLY.get(effect, 0), reason=reason
+        )
         slots.append(slot if slot.reason else slot.under(applied))
     return tuple(slots)
 

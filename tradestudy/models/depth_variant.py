@@ -177,6 +177,7 @@ class DepthVariant:
         numbers = np.arange(self.distance.size)
         fine = np.interp(np.arange(0, self.distance.size - 1, 1.0 / _FINE), numbers, self.distance)
         fine = fine[self.reference.images(fine)]
+        # Minima: infinite blur around the ends lets an end be one, and of equal neighbours the first is one.
         blur = np.pad(self.reference.picture_geometry(fine).blur_px, 1, constant_values=np.inf)
         sharpest = fine[(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
         if not self.usable.any():
@@ -245,16 +246,17 @@ class DepthVariant:
             ratio = self.disparity_error_px(models) / self.disparity_error_px({})
         return np.where(np.isnan(ratio), 1.0, ratio)
 
-    def _half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
+    def _half_width(self, factor: FloatArray, calibration_over_noise: FloatArray) -> FloatArray:
         """Half widths of depth everywhere, or radii about the truth if larger; kept, as many models give the same.
 
-        `factor` multiplies the bound of the disparity error; `beside` is the standard deviation by calibration over
-        that by noise.
+        `factor` multiplies the bound of the disparity error; `calibration_over_noise` is the standard deviation by
+        calibration over that by noise.
         """
-        key = factor.tobytes(), beside.tobytes()
+        key = factor.tobytes(), calibration_over_noise.tobytes()
         if key not in self._half_widths:
+            # Models change the bound of the error; the error of a real matcher follows it only in part.
             noise = factor if self.law is None else self.law.matcher.change(self.disparity_error_px({}), factor)
-            scale, false_matches = np.hypot(noise, beside), false_match_share(self.reference)
+            scale, false_matches = np.hypot(noise, calibration_over_noise), false_match_share(self.reference)
             scaled = scaled_noise(self.reference, self._everywhere, 0.0, scale, false_matches)
             self._half_widths[key] = scaled.judged
         return self._half_widths[key]
@@ -293,15 +295,15 @@ class DepthVariant:
         missed
             A further relative error of the uncertainty, in either direction, which moves ends of usable ranges.
         """
-        factor, off = self._factor(models), models.get("calibration") == OFF
-        beside = np.zeros(factor.shape) if off else self._calibration_over_noise
-        new = self._half_width(factor, beside)
+        factor, calibration_off = self._factor(models), models.get("calibration") == OFF
+        calibration_over_noise = np.zeros(factor.shape) if calibration_off else self._calibration_over_noise
+        new = self._half_width(factor, calibration_over_noise)
         if np.any(more_noise):
             factor = factor * np.where(new >= self._whole, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
-            new = self._half_width(factor, beside)
+            new = self._half_width(factor, calibration_over_noise)
         return Moved(
             uncertainty=self._split(_relative(new, self._whole))[0],
-            ends=self._shift_of_ends(factor, new, missed, off=off),
+            ends=self._shift_of_ends(factor, new, missed, calibration_off=calibration_off),
         )
 
     def moved_noise(self, models: Models, more_noise: float | FloatArray = 0.0) -> FloatArray:
@@ -311,7 +313,7 @@ class DepthVariant:
         return self._split(_relative(self._half_width(factor, none), self._by_noise))[0]
 
     def _compared(
-        self, factor: FloatArray, half_width: FloatArray, missed: float, *, off: bool
+        self, factor: FloatArray, half_width: FloatArray, missed: float, *, calibration_off: bool
     ) -> dict[str, _Compared]:
         """The limits that a set of models can change, by name."""
         by_depth, by_matching = self._decided_by
@@ -329,15 +331,17 @@ class DepthVariant:
             with np.errstate(invalid="ignore"):  # 0 · ∞: without a picture, no model makes matching possible
                 new = error * factor
             compared["matching"] = _Compared(old=error, new=new, bound=LARGEST_ERROR_PX, sets_end=by_matching)
-        if off and (bound := self._failed_at_most) is not None:
+        if calibration_off and (bound := self._failed_at_most) is not None:
             old, new = self._failed
             near = _near(self._split(old)[2][:, 1], bound, _SET_BY_FAILURES)
             compared["failed_fraction"] = _Compared(old=old, new=new, bound=bound, sets_end=near)
         return compared
 
-    def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray, missed: float, *, off: bool) -> float:
+    def _shift_of_ends(
+        self, factor: FloatArray, half_width: FloatArray, missed: float, *, calibration_off: bool
+    ) -> float:
         """The largest relative shift, to first order, of an end; infinite where a range appears or vanishes."""
-        compared, largest = self._compared(factor, half_width, missed, off=off), 0.0
+        compared, largest = self._compared(factor, half_width, missed, calibration_off=calibration_off), 0.0
         for quantity in compared.values():
             with np.errstate(invalid="ignore", divide="ignore"):
                 # An end moves until its limit is back at the bound: by the change over the slope, both logarithmic.
@@ -451,12 +455,12 @@ class DepthVariant:
                 return np.inf
         if not self.ends.size:
             return 0.0
-        beside = _failed_fraction(camera, _beside(self.ends).ravel()).reshape(-1, 3)
-        near = _near(beside[:, 1], bound, _SET_BY_FAILURES)
+        fractions = _failed_fraction(camera, _beside(self.ends).ravel()).reshape(-1, 3)
+        near = _near(fractions[:, 1], bound, _SET_BY_FAILURES)
         if not near.any():
             return 0.0
-        slope = np.abs(_slope(beside[near]))
-        shift = np.log1p(np.nan_to_num(error(self.ends[near])) / beside[near, 1])
+        slope = np.abs(_slope(fractions[near]))
+        shift = np.log1p(np.nan_to_num(error(self.ends[near])) / fractions[near, 1])
         # Where the fraction does not change along the distance, nothing limits the shift.
         return float(np.max(shift / np.where(np.isfinite(slope) & (slope > 0.0), slope, _TINY)))
 
@@ -544,10 +548,10 @@ def _beside(ends: FloatArray) -> FloatArray:
     return np.asarray(ends[:, np.newaxis] * (1.0 + _BESIDE_AN_END * np.array([-1.0, 0.0, 1.0])))
 
 
-def _slope(beside: FloatArray) -> FloatArray:
+def _slope(values: FloatArray) -> FloatArray:
     """Slope d ln(value)/d ln(distance) at the ends, from values at `_beside`."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.log(beside[:, 2] / beside[:, 0]) / (2.0 * _BESIDE_AN_END))
+        return np.asarray(np.log(values[:, 2] / values[:, 0]) / (2.0 * _BESIDE_AN_END))
 
 
 def _relative(new: FloatArray, old: FloatArray) -> FloatArray:

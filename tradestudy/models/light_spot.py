@@ -86,7 +86,7 @@ def _of_lens(
     by_paths, other = np.zeros(error.shape), np.flatnonzero(aberrated.blur_diameter != stage.blur_diameter)
     with np.errstate(invalid="ignore", divide="ignore"):
         by_diffraction = np.minimum(1.0, np.abs(without_diffraction / error - 1.0))
-        if other.size:
+        if other.size:  # only where aberration changes the blur is a picture needed
             on_main = lens == "main_lens"
             moved = replace(geometry, main_lens=aberrated) if on_main else replace(geometry, microlens=aberrated)
             moved = moved.at(other)
@@ -150,7 +150,7 @@ def tried_change(geometry: PictureGeometry, settings: PictureSettings, models: P
         wavelengths, weights = np.array(settings.spectrum).T
         settings = replace(settings, wavelength=float(np.average(wavelengths, weights=weights)))
     fresnel = replace(models, spectrum=OFF)
-    exact = with_models(fresnel, {name: "kirchhoff" for name in LENSES if getattr(models, name) != OFF})
+    exact = with_models(fresnel, {lens: "kirchhoff" for lens in LENSES if getattr(models, lens) != OFF})
     picture = WeighedPicture(geometry=geometry, settings=settings, interpolated=False)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(picture.bound_px(exact) / picture.bound_px(fresnel) - 1.0))
@@ -240,7 +240,7 @@ class LightSpotProblem(SimulationProblem):
         if complete is None:
             raise OutOfRangeError(
                 "forced models of the light spot cannot be combined",
-                value=", ".join(f"{name}: {model}" for name, model in self._forced.items()),
+                value=", ".join(f"{slot}: {model}" for slot, model in self._forced.items()),
                 limit="rays on both legs with integrated pixels, or waves on both legs",
                 remedy="set both legs to 'off', or both to a wave law",
             )
@@ -386,8 +386,8 @@ def extent_rule(path: LightPath, source: DiscSource, wavelength: float) -> float
     depth = path.image_at_array(source.centre)[2]
     airy = 2.44 * wavelength * array / width
     geometric = width * (array - depth) / abs(depth) if depth != 0.0 else math.inf
-    seen = min(2.0 * path.main_lens.radius, geometric + airy)
-    return (math.pi * source.diameter * seen / (wavelength * source.distance)) ** 2 / 16.0
+    accepted = min(2.0 * path.main_lens.radius, geometric + airy)
+    return (math.pi * source.diameter * accepted / (wavelength * source.distance)) ** 2 / 16.0
 
 
 def spot_models(models: Models) -> SpotModels:

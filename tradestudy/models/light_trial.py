@@ -129,8 +129,8 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
         places = {index: [lit[index].at(*corner) for corner in corners] for index in _typical(path.microlenses, lit)}
     located = []
     for index, points in places.items():
-        apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
-        nearest = [int(neighbour) for neighbour in np.argsort(apart, kind="stable")[:_SENT_TO]]
+        distances = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
+        nearest = [int(neighbour) for neighbour in np.argsort(distances, kind="stable")[:_SENT_TO]]
         around = microlenses_alone(path, nearest, owner)
         alone = _in_parts(replace(around, microlenses=path.microlenses.only(index)))
         pair = _in_parts(microlenses_alone(path, nearest[:2], owner))
@@ -183,13 +183,13 @@ def _lit_part(path: LightPath, middle: PointSource, radius: float, index: int) -
     centre = np.array([middle.x, middle.y])
     towards = -magnified * path.microlenses.centres[index] - centre
     reach = magnified * max(blur_radius(path, middle), path.microlenses.aperture_width / 2.0)
-    apart = float(np.linalg.norm(towards))
-    axis = towards / apart if apart > 0.0 else np.array([1.0, 0.0])
-    first, last = max(-radius, apart - reach), min(radius, apart + reach)
+    distance = float(np.linalg.norm(towards))
+    axis = towards / distance if distance > 0.0 else np.array([1.0, 0.0])
+    first, last = max(-radius, distance - reach), min(radius, distance + reach)
     if first >= last:
         return _LitPart(middle=centre, axis=axis, along=radius, across=radius, lit=False)
     place = (first + last) / 2.0
-    across = math.sqrt(max(0.0, min(radius**2 - place**2, reach**2 - (place - apart) ** 2)))  # 0 where circles touch
+    across = math.sqrt(max(0.0, min(radius**2 - place**2, reach**2 - (place - distance) ** 2)))  # 0 where circles touch
     return _LitPart(middle=centre + place * axis, axis=axis, along=(last - first) / 2.0, across=across, lit=True)
 
 

@@ -152,8 +152,8 @@ def plan_lines(
     if verbose:
         steps = max(len(part.step) for part in work)
         for part in work:
-            name = f"{part.problem}, " if part.problem else ""
-            yield f"{'':<{width}}    {part.step:<{steps}}  {magnitude(part.seconds):>7}  {name}{part.amount}"
+            problem = f"{part.problem}, " if part.problem else ""
+            yield f"{'':<{width}}    {part.step:<{steps}}  {magnitude(part.seconds):>7}  {problem}{part.amount}"
 
 
 def _slow(work: Sequence[Work]) -> str:

@@ -201,9 +201,9 @@ def refuse_long_waves(part: FresnelValidityPart) -> None:
 def every_case(part: PointSpreadPart) -> list[LensAndPoint]:
     """All cases of a study, lens by lens, with one parameter varied at a time."""
     return [
-        case_of(part, element, {name: value})
+        case_of(part, element, {parameter: value})
         for element in part.elements.values()
-        for name, values in varied_values(part).items()
+        for parameter, values in varied_values(part).items()
         for value in values
     ]
 
@@ -290,7 +290,7 @@ def spread_measures(
         ),
         "neighbour_share": lambda: share_on_neighbouring_pixels(psf, pitch=pixel_pitch, centre=centre),
     }
-    return {name: _or_nan(measures[name]) for name in MEASURES}
+    return {measure: _or_nan(measures[measure]) for measure in MEASURES}
 
 
 def _or_nan(measure: Callable[[], Measured]) -> tuple[float, float]:

@@ -146,24 +146,24 @@ def _problem(study: PreparedStudy, path: tuple[str | int, ...], message: str) ->
 
 def _cameras(study: PreparedStudy, image: SceneImagePart, picture: PicturePart, middle: float, rig: Rig) -> list[Taken]:
     taken = []
-    for name, camera in study.case.all_cameras.items():
-        if image.cameras is not None and name not in image.cameras:
+    for camera_name, camera in study.case.all_cameras.items():
+        if image.cameras is not None and camera_name not in image.cameras:
             continue
         errors: Mapping[str, FloatArray] = {}
         environment = None
         if rig == "drawn" and isinstance(camera, DepthCamera):
             if camera.calibration.vocabulary is not None or not camera.calibration.inferred:
                 message = (
-                    f"errors cannot be drawn for the pictures of {name}, because it is an imported or fitted rig; "
-                    "write rig: as-designed, or leave it out of scene.image.cameras"
+                    f"errors cannot be drawn for the pictures of {camera_name}, because it is an imported or fitted "
+                    "rig; write rig: as-designed, or leave it out of scene.image.cameras"
                 )
                 raise StudyError([_problem(study, ("scene", "image", "rig"), message)])
-            errors = drawn_errors(camera, name, study.file.propagation.seed)
+            errors = drawn_errors(camera, camera_name, study.file.propagation.seed)
             environment = camera.calibration.environment
         exposures = camera.exposures(middle, errors, environment, picture.stop_separation)
         taken.append(
             Taken(
-                name=name,
+                name=camera_name,
                 camera=camera,
                 errors=errors,
                 exposures=exposures,
@@ -241,6 +241,7 @@ def pattern_of_scene(
     finest, widest = math.inf, 0.0
     for exposure in exposures:
         sensor = exposure.sensor
+        # The middle and the corners of the sensor, and five depths, stand for all others.
         x = np.array([0.0, -0.5, 0.5, -0.5, 0.5]) * sensor.width
         y = np.array([0.0, -0.5, -0.5, 0.5, 0.5]) * sensor.height
         cones = exposure.cones(x, y)

@@ -97,9 +97,9 @@ def _depth(study: PreparedStudy) -> Iterator[Work]:
         yield _work("pictures", "Kirchhoff diffraction at a defocus", len(lattice), amount)
     axes = sweep_axes(study)
     places = len(CORNERS) * len(file.propagation.field_places)
-    for name, camera in case.cameras.items():
+    for camera_name, camera in case.cameras.items():
         exact = "exact" if camera.propagation.model == "exact" else "linear"
-        designs = math.prod(len(axis.values) for axis in axes if axis.path.partition(".")[0] == name)
+        designs = math.prod(len(axis.values) for axis in axes if axis.path.partition(".")[0] == camera_name)
         for step, count, noun in (
             ("depth", designs, "design"),
             ("depth off the axis", places, "place"),
@@ -107,7 +107,7 @@ def _depth(study: PreparedStudy) -> Iterator[Work]:
             if count:
                 amount = f"{counted(count, noun)} at {counted(case.distance.size, 'distance')}"
                 unit = f"depth at a distance, {exact}"
-                yield _work(step, unit, count * case.distance.size, amount, name)
+                yield _work(step, unit, count * case.distance.size, amount, camera_name)
     if file.sensitivity is not None:
         fields = file.propagation.axis_and_places
         count = len(case.cameras) * len(fields)
@@ -141,13 +141,13 @@ def _pictures(study: PreparedStudy) -> Iterator[Work]:
 
         _, cameras = set_up(study, rig="as-designed", texture_side=TRIAL_TEXTURE)
         for taken in cameras:
-            name = name_of(taken.name)
+            problem = name_of(taken.name)
             pixels = sum(exposure.sensor.columns * exposure.sensor.rows for exposure in taken.exposures)
-            by_waves = study.choices.models.get(name, {}).get("main_lens_diffraction", OFF) != OFF
+            by_waves = study.choices.models.get(problem, {}).get("main_lens_diffraction", OFF) != OFF
             amount = f"{pixels / 1e6:.3g} million pixels"
-            yield _work("rendering", "rendered pixel" + " by waves" * by_waves, pixels, amount, name)
+            yield _work("rendering", "rendered pixel" + " by waves" * by_waves, pixels, amount, problem)
             if file.scene.image.depth_maps:
-                yield _work("depth maps", "depth of a pixel", pixels, amount, name)
+                yield _work("depth maps", "depth of a pixel", pixels, amount, problem)
     if (loop := file.depth_loop) is not None:
         cameras_of_loop = loop.cameras or study.case.cameras
         varied = max(1, len(loop.contrasts or ())) * max(1, len(loop.electrons or ()))

@@ -68,7 +68,7 @@ def legs(method: MethodName) -> Legs:
     """Law of each leg."""
     if method == "exact-rays":
         return EXACT_RAYS
-    to_array, to_detector = (_LEGS[name] for name in legs_of(method))
+    to_array, to_detector = (_LEGS[law] for law in legs_of(method))
     return Legs(to_array=to_array, to_detector=to_detector)
 
 
@@ -300,7 +300,7 @@ def _refined(sampled: Callable[[ChainAccuracy], ChainImage], tolerance: float) -
             best = image
         if best.numerical_error <= tolerance or not gained:
             break
-        accuracy = _finer(accuracy, {name: error / tolerance for name, error in image.error_terms.items()})
+        accuracy = _finer(accuracy, {term: error / tolerance for term, error in image.error_terms.items()})
     if best is None:
         assert failure is not None
         raise failure
@@ -309,8 +309,8 @@ def _refined(sampled: Callable[[ChainAccuracy], ChainImage], tolerance: float) -
 
 def _finer(accuracy: ChainAccuracy, terms: Mapping[str, float]) -> ChainAccuracy:
     """Refine what contributes most of the error; `terms` are relative to the tolerance."""
-    points = math.hypot(*(error for name, error in terms.items() if name.startswith("source")))
-    others = math.hypot(*(error for name, error in terms.items() if not name.startswith("source")))
+    points = math.hypot(*(error for term, error in terms.items() if term.startswith("source")))
+    others = math.hypot(*(error for term, error in terms.items() if not term.startswith("source")))
     return replace(
         accuracy,
         source_sampling=accuracy.source_sampling * (_MORE_POINTS if points > 0.5 else 1.0),
