@@ -313,6 +313,7 @@ class Result:
         if "decision" not in self.data.children:
             return f"<h3>{escape(str(self.data.attrs['title']))}</h3><p>{escape(', '.join(self.data.children))}</p>"
         best = self.data["decision"].to_dataset()["best_camera"].sel(error_source="both").to_series()
+        # Neighbouring distances with the same best camera share a row.
         runs = best.groupby((best != best.shift()).cumsum())
         rows = "".join(
             f"<tr><td>{run.index[0]:.3g} – {run.index[-1]:.3g} m</td><td>{escape(str(run.iloc[0])) or '—'}</td></tr>"

@@ -82,6 +82,7 @@ class _AtPlaces:
         sensor = self.camera.sensor
         half = np.array([sensor.columns, sensor.rows])
         radius = np.hypot(self.places.across * half[0], self.places.down * half[1]) / np.hypot(*half)
+        # At each distance, noise depends on the radius alone, so a few radii give it at every place.
         radii, noise = np.linspace(0.0, 1.0, _RADII), np.empty_like(z)
         for plane in np.unique(z):
             at_radii = [float(self.camera.noise(np.array([plane]), float(share))[0]) for share in radii]
@@ -121,6 +122,7 @@ def depth_map(camera: DepthCamera, distance: FloatArray) -> UncertaintyMap | Non
         if with_calibration
         else noise_distribution(at_places, z, 0.0, false)
     )
+    # The map is linear whichever model the study propagates errors by, and so is the error to be stated.
     linear = replace(camera, propagation=replace(camera.propagation, model="linear"))
     missed = [model_error(linear, distance, "both", field) for field in _MODEL_PLACES]
     shape = len(distance), DOWN, ACROSS

@@ -109,6 +109,7 @@ def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatA
 
 def _brightest(electrons: FloatArray, filled: FloatArray) -> list[int]:
     """Index of the unsaturated camera with the most light at each distance; −1 where only one forms a picture."""
+    # Saturated cameras get fewer electrons than any other can have.
     fit = np.where(filled <= 1.0, electrons, -1.0)
     several = np.count_nonzero(np.isfinite(electrons), axis=0) > 1
     exists = several & (fit.max(axis=0) > 0.0)

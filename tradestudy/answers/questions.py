@@ -69,12 +69,14 @@ def solve(study: PreparedStudy, question: SolvePart) -> Solved:
     dimension, low, high = varying.dimension, varying.low, varying.high
     ratios = _Ratios(to_be_planned(study, varying), question, varying)
     places = [math.log(varying.possible(math.exp(log))) for log in np.linspace(math.log(low), math.log(high), _PLACES)]
+    # Whole numbers may be fewer than the places, which then coincide.
     places = list(dict.fromkeys(places))
     means = np.array([ratios.mean(log) for log in places])
     tried: tuple[tuple[float, float], ...] = ()
     if question.equal is None:
         widths = np.where(means >= _LOG_OF_UNBOUNDED, np.inf, question.goal * np.exp(means))
         tried = tuple(zip(map(math.exp, places), widths.tolist(), strict=True))
+    # An input without effect would make every value a crossing.
     if np.all(np.abs(means) <= _ROUNDING):
         throughout = "equal throughout" if question.equal is not None else f"exactly {_goal_words(question)} throughout"
         answer = f"{throughout}, from {pretty(low, dimension)} to {pretty(high, dimension)}"
@@ -204,6 +206,7 @@ def _log_ratios(study: PreparedStudy, question: SolvePart) -> FloatArray:
         first, second = _widths(cameras[question.camera], question), np.array([question.goal])
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
         log_ratios = np.log(first) - np.log(second)
+    # Infinite logarithms would make means and interpolated zeros NaN.
     return np.asarray(np.clip(log_ratios, -_LOG_OF_UNBOUNDED, _LOG_OF_UNBOUNDED))
 
 

@@ -141,6 +141,7 @@ def _without_basis(document: Document) -> Iterator[Path]:
         camera, tail = _camera_and_tail(path)
         is_input = tail[0] not in _NO_INPUTS if camera and tail else tail[:1] == ("scene",) and tail[1:2] not in _ASKED
         is_value = isinstance(entry, ListEntry) or (isinstance(entry, ScalarEntry) and entry.value is not None)
+        # Elements are shown with their list.
         in_list = any(isinstance(step, int) for step in path)
         if is_input and is_value and not in_list and tail[-1] != "file":
             yield path

@@ -93,6 +93,7 @@ def requirements_group(
     if study.readings:
         coordinates["reading"] = list(study.readings)
     if axes:
+        # In one step on the workers, so that the judge can look up the answers below.
         judge.check(
             [(requirement, design.case) for design in designs for requirement in design.file.requirements.values()],
             steps,
@@ -165,6 +166,7 @@ def _rests_on(study: PreparedStudy, deciding: Sequence[RequirementAnswer]) -> di
         if answer.limit:
             which = "sharp" if requirement.quantity == "depth_of_field" else "usable"
             limit = f"the {which} range of {study.file.cameras[answer.camera].title} ({limit_words(answer.limit)})"
+        # Errors decide where their limit ends the usable range, or where no limit does and the value depends on them.
         uncertain = requirement.quantity in _OF_ERRORS and answer.value > 0.0
         if math.isfinite(answer.place) and (answer.limit in _OF_ERRORS or (uncertain and not answer.limit)):
             cause = largest_cause(study.case.cameras[answer.camera], np.array([answer.place]), answer.field)
@@ -297,6 +299,7 @@ def _stretches(
         if is_met
     ]
     stretches = []
+    # At an end of the sweep, the interval ends with the last design, since none beyond it was asked for.
     for camera, numbers in runs:
         first, last = numbers[0], numbers[-1]
         (low, low_error), (high, high_error) = (

@@ -41,7 +41,7 @@ def bracketed(
     """
     while abs(outside - inside) > close * max(abs(inside), abs(outside)):
         middle = possible((inside + outside) / 2.0)
-        if middle in (inside, outside):
+        if middle in (inside, outside):  # no permitted value lies between them
             break
         kept = holds(middle)
         if kept is None:

@@ -141,6 +141,7 @@ def _data_volume(camera: Camera, part: AttributesPart, relief: Relief) -> Attrib
 def _depth_map_samples(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     """Number of independent lateral samples in one all-in-focus image at the middle of the scene."""
     lens = camera.gathering_lens
+    # The inverse of the magnification, by Newton's equation.
     object_scale = (float(camera.from_pupil(relief.middle)) - lens.front_focus) / lens.focal_length
     resolved = float(camera.focus.lateral_resolution(relief.middle, relief.sharp.wavelength).size)
     field = camera.sensor.width * camera.sensor.height * object_scale**2

@@ -165,6 +165,7 @@ def refuse_comparison(part: FresnelValidityPart) -> None:
 def _refuse_large(case: LensAndPoint, *, window: float, count: int, tolerance: float) -> None:
     """Refuse either integral on `count` targets in a square about the chief ray, of half side `window` [Airy radii]."""
     half, middle = window * case.airy_radius, -case.image_distance / case.source.distance * case.source.x
+    # Two corners suffice: the number of nodes depends on the outline of the targets alone.
     box = TargetPoints(
         x=middle + half * np.array([-1.0, 1.0]), y=half * np.array([-1.0, 1.0]), distance=case.image_distance
     )

@@ -162,6 +162,7 @@ def _wave_optics(study: PreparedStudy) -> Iterator[Work]:
     file = study.file
     if (fresnel := file.fresnel_validity) is not None:
         numbers, elements = len(listed(fresnel.f_numbers)), len(fresnel.elements)
+        # The peak is the same in every window; the other two metrics have a limit in each.
         limits = len(fresnel.lens_phases) * (1 + 2 * len(fresnel.windows))
         pairs = elements * len(fresnel.wavelengths) * (numbers + limits)
         step = "Fresnel against Kirchhoff, on axis"
