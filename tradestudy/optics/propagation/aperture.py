@@ -75,17 +75,17 @@ def geometric_field(
     field, intensity = np.empty(size, dtype=np.complex128), np.empty(size)
     for start in range(0, size, _TARGETS_AT_ONCE):
         part = slice(start, start + _TARGETS_AT_ONCE)
-        each = rays_to(part)[1]
+        ray_field = rays_to(part)[1]
         with np.errstate(invalid="ignore"):  # infinite field on a caustic: the sum over rays is infinite too
-            field[part], intensity[part] = each.sum(axis=0), squared_magnitude(each).sum(axis=0)
-        spent, done = time.perf_counter() - started, min(start + _TARGETS_AT_ONCE, size)
-        check_time(spent=spent, needed=spent * (size / done - 1), limits=limits, what="tracing the rays")
+            field[part], intensity[part] = ray_field.sum(axis=0), squared_magnitude(ray_field).sum(axis=0)
+        spent, finished = time.perf_counter() - started, min(start + _TARGETS_AT_ONCE, size)
+        check_time(spent=spent, needed=spent * (size / finished - 1), limits=limits, what="tracing the rays")
     seconds = time.perf_counter() - started
     started = time.perf_counter()
     rng = np.random.default_rng(accuracy.seed)
     index = rng.choice(size, size=min(accuracy.check_targets, size), replace=False)
-    rays, each = rays_to(index)
-    error, checked = _traced(wave, rays.u, rays.v, each, x[index], y[index], z[index])
+    rays, ray_field = rays_to(index)
+    error, checked = _traced(wave, rays.u, rays.v, ray_field, x[index], y[index], z[index])
     if error > accuracy.tolerance:
         raise NotConvergedError(
             "traced and computed ray intensities differ",
@@ -115,14 +115,14 @@ def geometric_field(
 
 
 def _traced(
-    wave: LensWave, u: FloatArray, v: FloatArray, each: np.ndarray, x: FloatArray, y: FloatArray, z: FloatArray
+    wave: LensWave, u: FloatArray, v: FloatArray, ray_field: np.ndarray, x: FloatArray, y: FloatArray, z: FloatArray
 ) -> tuple[float, int]:
     """Largest relative error of single rays' intensities, from tracing their neighbours, and the number of rays."""
-    lit = np.isfinite(each) & (np.abs(each) > 0)
+    lit = np.isfinite(ray_field) & (np.abs(ray_field) > 0)
     if not lit.any():
         return 0.0, 0
     x, y, z = (np.broadcast_to(c, lit.shape)[lit] for c in (x, y, z))
-    u, v, intensity = u[lit], v[lit], squared_magnitude(each[lit])
+    u, v, intensity = u[lit], v[lit], squared_magnitude(ray_field[lit])
     step = 1e-3 * wave.lens.radius
     derivatives = []
     for a, b in ((step, 0.0), (0.0, step)):

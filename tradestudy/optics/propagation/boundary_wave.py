@@ -81,10 +81,10 @@ def find_rays(wave: LensWave, x: FloatArray, y: FloatArray, z: FloatArray, *, al
     start_u, start_v = _starts(wave.lens.radius, all_branches)
     u = np.broadcast_to(start_u[:, None], (start_u.size, x.size)).copy()
     v = np.broadcast_to(start_v[:, None], u.shape).copy()
-    found = _newton(paths, u, v, x, y, z, wave.lens.radius)
+    converged = _newton(paths, u, v, x, y, z, wave.lens.radius)
     if all_branches:
-        found = _distinct(u, v, found, wave.lens.radius)
-    return _with_curvature(paths, u, v, x, y, z, found)
+        converged = _distinct(u, v, converged, wave.lens.radius)
+    return _with_curvature(paths, u, v, x, y, z, converged)
 
 
 def ray_fields(wave: LensWave, kernel: Kernel, rays: Rays, x: FloatArray, y: FloatArray, z: FloatArray) -> ComplexArray:
@@ -159,8 +159,8 @@ def within_rim(wave: LensWave, x: FloatArray, y: FloatArray, z: FloatArray) -> B
     """Whether targets lie within the curve where the rays from the rim land: winding number by quadrant angles."""
     angle = 2 * np.pi * np.arange(129) / 128
     rim_x, rim_y = land(wave, wave.lens.radius * np.cos(angle), wave.lens.radius * np.sin(angle), z[:, None])
-    seen = np.arctan2(rim_y - y[:, None], rim_x - x[:, None])
-    turn = np.diff(seen, axis=1)
+    bearing = np.arctan2(rim_y - y[:, None], rim_x - x[:, None])
+    turn = np.diff(bearing, axis=1)
     return np.asarray(np.abs(np.sum(turn - 2 * np.pi * np.round(turn / (2 * np.pi)), axis=1)) > np.pi)
 
 
@@ -194,12 +194,12 @@ def _starts(radius: float, all_branches: bool) -> tuple[FloatArray, FloatArray]:
 def _newton(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array, radius: float) -> BoolArray:
     """Newton's method in place on the gradient of the path; True where it converged."""
     active = np.ones(u.shape, dtype=bool)
-    found = np.zeros(u.shape, dtype=bool)
+    converged = np.zeros(u.shape, dtype=bool)
     target = np.broadcast_to(np.arange(x.size), u.shape)
     for step_number in range(_MAX_STEPS):
-        at = target[active]
+        index = target[active]
         here_u, here_v = u[active], v[active]
-        step_u, step_v = _step(paths, here_u, here_v, x[at], y[at], z[at])
+        step_u, step_v = _step(paths, here_u, here_v, x[index], y[index], z[index])
         length = np.hypot(step_u, step_v)
         # The first step is the paraxial ray and may be long; later ones are limited to a third of the radius.
         longest = 50 * radius if step_number == 0 else radius / 3
@@ -209,13 +209,13 @@ def _newton(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array, ra
             # The next step would be about the square of this one, and the path changes by the square of that.
             done = length < 1e-4 * radius
             lost = ~np.isfinite(length) | (np.hypot(u[active], v[active]) > 60 * radius)
-        found[active] = done
+        converged[active] = done
         going = np.zeros_like(active)
         going[active] = ~done & ~lost
         active = going
         if not active.any():
             break
-    return found
+    return converged
 
 
 def _step(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
@@ -241,13 +241,13 @@ def _derivatives(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Arra
     )
 
 
-def _distinct(u: Array, v: Array, found: BoolArray, radius: float) -> BoolArray:
+def _distinct(u: Array, v: Array, converged: BoolArray, radius: float) -> BoolArray:
     """Keep one of the starts that ended at the same ray."""
-    kept = np.zeros_like(found)
+    kept = np.zeros_like(converged)
     for i in range(u.shape[0]):
         with np.errstate(invalid="ignore"):
             same = np.hypot(u[:i] - u[i], v[:i] - v[i]) < 1e-6 * radius
-        kept[i] = found[i] & ~(same & kept[:i]).any(axis=0)
+        kept[i] = converged[i] & ~(same & kept[:i]).any(axis=0)
     return kept
 
 
@@ -332,11 +332,11 @@ def _trapezoid(
     outward = p_x * cos + p_y * sin
     strength = wave.field(u, v) * (0.5 * radius / angle.size)  # (1/4π) · R · 2π/n
     # p·S, (p × S)·t and −2 P·q, with S = P − q and t = (−sin, cos, 0), are linear in (x, y, z, 1): one product.
-    nothing, one = np.zeros_like(u), np.ones_like(u)
+    zeros, ones = np.zeros_like(u), np.ones_like(u)
     linear = [
         [p_x, p_y, p_z, -radius * outward],
         [p_z * cos, p_z * sin, -outward, -radius * p_z],
-        [-2 * u, -2 * v, nothing, radius**2 * one],
+        [-2 * u, -2 * v, zeros, radius**2 * ones],
     ]
     targets = np.stack([x, y, z, np.ones_like(x)], axis=1)
     along, weight, s = (targets @ np.asarray(rows) for rows in linear)
@@ -347,6 +347,7 @@ def _trapezoid(
     along *= s
     weight /= along
     weight = -weight * _obliquity_ratio(kernel, p_z, s, z[:, None])  # complex with the near term
+    # The path from the centre is left out of the many sines, which may be in single precision, and added at the end.
     s -= centre
     terms = _turned(weight, s, k, tolerance)
     total = np.einsum("ij,j->i", terms, strength)  # without threads for a small product
@@ -435,11 +436,11 @@ def _edge_point(wave: LensWave, angle: ComplexArray, x: Array, y: Array, z: Arra
     )
 
 
-def _residue(wave: LensWave, kernel: KirchhoffKernel, at: _EdgePoint, z: Array) -> ComplexArray:
+def _residue(wave: LensWave, kernel: KirchhoffKernel, pole: _EdgePoint, z: Array) -> ComplexArray:
     """Residue of the integrand over the angle at a zero of its denominator."""
-    strength = wave.amplitude(at.u, at.v) * np.exp(1j * wave.wavenumber * at.path)
-    ratio = _obliquity_ratio(kernel, at.p_z, at.s, z)
-    return np.asarray(strength * (wave.lens.radius / (4 * math.pi)) * at.across / at.s * ratio / at.slope)
+    strength = wave.amplitude(pole.u, pole.v) * np.exp(1j * wave.wavenumber * pole.path)
+    ratio = _obliquity_ratio(kernel, pole.p_z, pole.s, z)
+    return np.asarray(strength * (wave.lens.radius / (4 * math.pi)) * pole.across / pole.s * ratio / pole.slope)
 
 
 def _pole_terms(
@@ -470,10 +471,10 @@ def _pole_terms(
     start_angle = np.arctan2(rays.v[0, near], rays.u[0, near]) + 1j * np.maximum(depth[near], _LEAST_DEPTH)
     angle, above, converged = _find_poles(wave, start_angle, x, y, z)
     total = np.zeros(near.size, dtype=np.complex128)
-    for at, pole, sign in ((above, angle, 1), (above.conjugate(), angle.conj(), -1)):
+    for point, pole, sign in ((above, angle, 1), (above.conjugate(), angle.conj(), -1)):
         decay = np.exp(-sign * 1j * count * (pole - start[near]))
         # Above: 1/(1 − decay). Below: 1/(decay − 1).
-        total += 2j * math.pi * _residue(wave, kernel, at, z) / (sign * (1 - decay))
+        total += 2j * math.pi * _residue(wave, kernel, point, z) / (sign * (1 - decay))
     correction[near] = np.where(converged, total, 0.0)
     failed[near] = ~converged | (depth[near] < _LEAST_DEPTH)
     return correction, failed
@@ -483,13 +484,13 @@ def _find_poles(
     wave: LensWave, angle: ComplexArray, x: Array, y: Array, z: Array
 ) -> tuple[ComplexArray, _EdgePoint, BoolArray]:
     """Zeros of the denominator next to starting angles, above or on the real axis, by Newton's method."""
-    at = _edge_point(wave, angle, x, y, z)
+    point = _edge_point(wave, angle, x, y, z)
     for _ in range(_POLE_STEPS):
-        step = np.where(at.slope == 0, 0.0, at.denominator / np.where(at.slope == 0, 1.0, at.slope))
+        step = np.where(point.slope == 0, 0.0, point.denominator / np.where(point.slope == 0, 1.0, point.slope))
         size = np.abs(step)
         angle = angle - step * np.minimum(1.0, 0.3 / np.maximum(size, 0.3))
-        at = _edge_point(wave, angle, x, y, z)
+        point = _edge_point(wave, angle, x, y, z)
         # The convergence is quadratic relative to the distance between the two poles.
         if np.max(size / np.maximum(np.abs(angle.imag), _LEAST_DEPTH)) < 1e-4:
             break
-    return angle, at, np.asarray((size < 1e-3) & (angle.imag > 0))
+    return angle, point, np.asarray((size < 1e-3) & (angle.imag > 0))

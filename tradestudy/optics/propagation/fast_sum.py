@@ -76,6 +76,7 @@ def slow_factor(
         return SlowFactor(node=node, coefficients=coefficients, error=0.0)
     rng = np.random.default_rng(0)  # fixed: the same request gives the same digits
     shuffled = rng.permutation(count)
+    # The error is measured between random targets and, where there are enough nodes, nodes that are not fitted.
     fit, held = shuffled[:_SAMPLE_NODES], shuffled[-_SAMPLE_NODES // 2 :]
     probes = tuple(c.min() + np.ptp(c) * rng.random(32) for c in box)
     exact = _slow(problem, base, fit, probes)
@@ -119,6 +120,7 @@ def _slow(
     rest, spreading = _beyond_linear(problem, base, rows, targets)
     centre = np.zeros(1)
     away = _away(base, targets)
+    # What is common to all nodes may vary fast; the callers apply it to the sums, as a phasor for each target.
     rest -= problem.kernel.beyond_linear(centre, centre, np.ones(1), base, *away)[0]
     rest *= problem.kernel.wavenumber
     return scaled_phasor(rest, spreading)
@@ -284,9 +286,11 @@ def _grid_tiles(problem: SumProblem, grid: TargetGrid) -> FastField:
         columns = cut if along_x else grid.x_count
         shapes = [(-1, columns), (-1, count - cut if along_x else columns)]
         axis = 1 if along_x else 0
-        field = np.concatenate([one.field.reshape(shape) for one, shape in zip(parts, shapes, strict=True)], axis=axis)
+        field = np.concatenate(
+            [part.field.reshape(shape) for part, shape in zip(parts, shapes, strict=True)], axis=axis
+        )
         doubt = np.concatenate(
-            [one.doubts().reshape(shape) for one, shape in zip(parts, shapes, strict=True)], axis=axis
+            [part.doubts().reshape(shape) for part, shape in zip(parts, shapes, strict=True)], axis=axis
         )
         return _merged(field.ravel(), doubt.ravel(), parts)
 
@@ -353,6 +357,7 @@ def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
         distance=grid.distance,
     )
     total, rank, error = _grid_without_common_phase(problem, coarse, middle)
+    # The phasors along x come before the rows in between are interpolated, while there are fewer values.
     if columns:
         total = columns.apply(total.T).T
     along_x, along_y = _common_paths(problem.kernel, x, y, z, middle)
@@ -380,14 +385,14 @@ def _axis_plans(
     """Oversampled axes along x and y for the field without the common paths."""
     kernel, centre = problem.kernel, problem.samples.nodes.centre
     u, v, _ = problem.samples.local()
-    here, z = np.zeros(1), grid.distance
+    origin, z = np.zeros(1), grid.distance
     # The direction cosines from the nodes, minus the slopes of the common paths, at the corners of the grid bound the
     # band.
     widest = np.zeros(2)
     for x, y in product(grid.x_axis[[0, -1]] - centre[0], grid.y_axis[[0, -1]] - centre[1]):
         to = kernel.slope_at_target(u, v, x, y, z)
-        common_x, _, _ = kernel.slope_at_target(here, here, x, float(middle[1]), z)
-        _, common_y, _ = kernel.slope_at_target(here, here, float(middle[0]), y, z)
+        common_x, _, _ = kernel.slope_at_target(origin, origin, x, float(middle[1]), z)
+        _, common_y, _ = kernel.slope_at_target(origin, origin, float(middle[0]), y, z)
         widest = np.maximum(widest, [np.abs(to[0] - common_x).max(), np.abs(to[1] - common_y).max()])
     oversampling = np.pi / (kernel.wavenumber * np.asarray([grid.x_pitch, grid.y_pitch]) * widest)
     plans = [
@@ -485,9 +490,9 @@ def _node_side(
     u, v, strength = problem.samples.local()
     kernel = problem.kernel
     to_base, _ = kernel.path_and_spreading(u, v, problem.samples.axial_cosine, *(np.asarray(c) for c in base))
-    here = np.zeros(1)
+    origin = np.zeros(1)
     along_x, along_y, _ = kernel.slope_at_target(u, v, *base)
-    centre_x, centre_y, _ = kernel.slope_at_target(here, here, *base)
+    centre_x, centre_y, _ = kernel.slope_at_target(origin, origin, *base)
     carrier = -1j / kernel.wavelength * strength * unit_phasor(kernel.wavenumber * to_base)
     return np.ascontiguousarray(factor.node.T * carrier), (along_x - centre_x, along_y - centre_y)
 

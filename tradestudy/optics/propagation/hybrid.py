@@ -163,27 +163,29 @@ def hybrid_field(
         started = time.perf_counter()
         check_time(spent=started - begun, needed=2 * last, limits=limits)
         result = _evaluate(wave, kernel, targets, edge, accuracy)
-        left = time_left(limits, time.perf_counter() - begun)
+        remaining = time_left(limits, time.perf_counter() - begun)
         if result.singular.all():
-            area = _area_integral(wave, kernel, targets, accuracy, left)
+            area = _area_integral(wave, kernel, targets, accuracy, remaining)
             effort = replace(area.effort, seconds=time.perf_counter() - begun - area.effort.check_seconds)
             return replace(area, effort=effort, method="boundary_wave", handed_over=1.0)
-        field, share = _filled(result, wave, kernel, targets, accuracy, left)
+        field, share = _filled(result, wave, kernel, targets, accuracy, remaining)
         intensity = squared_magnitude(field)
         checked = time.perf_counter()
         last = checked - started
         seconds += last
-        left = time_left(limits, checked - begun)
+        remaining = time_left(limits, checked - begun)
+        # The area integral does not depend on the nodes of the edge: one reference serves all rounds.
         if reference is None:
             # Squared errors to suspect at targets that are not handed over, up to a factor: larger for fewer zones.
             suspected = np.where(result.singular, 0.0, 1 / np.maximum(result.zones, _LEAST_DOUBTED) ** 2)
             doubt = np.asarray(suspected) if result.singular.any() else None
-            reference = _reference(wave, kernel, targets, intensity, doubt, accuracy, left)
+            reference = _reference(wave, kernel, targets, intensity, doubt, accuracy, remaining)
         check = _check(wave, kernel, field, reference, edge, accuracy)
         error = stated_error(intensity, check, largest=reference.largest, rounding=reference.rounding)
         check_seconds += time.perf_counter() - checked
         if error.intensity <= accuracy.tolerance or edge_nodes is not None:
             break
+        # More nodes help only where they cause much of the error; the rest is that of the leading term.
         if check.nodes < 0.3 * check.total or rounds == _MAX_ROUNDS:
             raise NotConvergedError(
                 "rays and boundary wave do not reach the tolerance: they are the leading term for many Fresnel zones",
@@ -232,7 +234,7 @@ def _edge_nodes(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accur
 
 @dataclass(frozen=True, kw_only=True)
 class _Reference:
-    at: CheckTargets
+    probes: CheckTargets
     field: ComplexArray
     largest: float
     rounding: float
@@ -250,11 +252,11 @@ def _reference(
     """Direct quadrature of the area integral at the check targets, on 1.5 times the nodes needed each way."""
     finer = nodes_for(wave, kernel, targets, accuracy).scaled(1.5)
     check_affordable(finer, targets=0, check_targets=accuracy.check_targets, limits=limits)
-    at = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
+    probes = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
     samples = sample_wave(wave, finer)
-    exact = direct_sum(samples, kernel, at.x, at.y, at.z)
+    exact = direct_sum(samples, kernel, probes.x, probes.y, probes.z)
     return _Reference(
-        at=at,
+        probes=probes,
         field=exact,
         largest=largest_field(samples, kernel, targets),
         rounding=rounding_error(samples, kernel, targets),
@@ -270,19 +272,19 @@ def _check(
     accuracy: FieldAccuracy,
 ) -> CheckErrors:
     """Compare with the area integral, and with twice as many nodes on the edge."""
-    at = reference.at
-    here = field[at.index]
-    points = TargetPoints(x=at.x, y=at.y, distance=at.z)
+    probes = reference.probes
+    computed = field[probes.index]
+    points = TargetPoints(x=probes.x, y=probes.y, distance=probes.z)
     finer = _evaluate(wave, kernel, points, 2 * edge, accuracy)
-    field_share, intensity_share = at.shares(reference.field, here)
+    field_share, intensity_share = probes.shares(reference.field, computed)
     return CheckErrors(
-        nodes=at.norm(np.where(finer.singular, 0.0, here - finer.field)),
+        nodes=probes.norm(np.where(finer.singular, 0.0, computed - finer.field)),
         sums=0.0,
-        total=at.norm(here - reference.field),
-        intensity=at.intensity_norm(here - reference.field, reference.field),
+        total=probes.norm(computed - reference.field),
+        intensity=probes.intensity_norm(computed - reference.field, reference.field),
         field_share=field_share,
         intensity_share=intensity_share,
-        targets=at.index.size,
+        targets=probes.index.size,
     )
 
 
@@ -298,6 +300,7 @@ def _evaluate(
     if not one_ray_per_target(wave, z):
         return nothing
     tolerance = _SHARE * accuracy.tolerance
+    # In a plane near a focus, Kirchhoff's integral computes some targets anyway, and all where that is faster.
     if z.min() == z.max() and fewest_zones(wave, float(z[0])) < LEAST_ZONES:
         if x.size * (edge + _RAY) > _AREA_NODE * nodes_for(wave, kernel, targets, accuracy).total:
             return nothing
@@ -319,6 +322,7 @@ def _interpolated(
     for fine grids, Chebyshev points of the rectangle do.
     """
     centre, z = wave.lens.centre, grid.distance
+    # Without the path from the centre, light from the rim varies fastest over the targets, by k times its sine.
     rim = wave.wavenumber * wave.lens.radius / math.hypot(wave.lens.radius, z)
     coarse = chebyshev_grid(grid, wavenumber=rim, tolerance=tolerance)
 
@@ -364,7 +368,7 @@ def _rays_and_edge(
     part = np.flatnonzero(~singular)
     field = np.zeros(x.size, dtype=np.complex128)
     if part.size:
-        kept = replace(
+        regular = replace(
             rays,
             u=rays.u[:, part],
             v=rays.v[:, part],
@@ -375,14 +379,14 @@ def _rays_and_edge(
         from_edge, failed = edge_field(
             wave=wave,
             kernel=kernel,
-            rays=kept,
+            rays=regular,
             x=x[part],
             y=y[part],
             z=z[part],
             count=edge,
             tolerance=tolerance,
         )
-        field[part] = ray_fields(wave, kernel, kept, x[part], y[part], z[part])[0] + from_edge
+        field[part] = ray_fields(wave, kernel, regular, x[part], y[part], z[part])[0] + from_edge
         singular[part] |= failed
     return _Evaluation(field=field, singular=singular, zones=zones)
 
@@ -425,8 +429,8 @@ def _filled(
         return _area_integral(wave, kernel, targets, accuracy, limits).field.ravel(), 1.0
     x, y, z = (c[result.singular] for c in targets.coordinates())
     field = result.field.copy()
-    left = TargetPoints(x=x, y=y, distance=z)
-    field[result.singular] = _area_integral(wave, kernel, left, accuracy, limits).field
+    handed_over = TargetPoints(x=x, y=y, distance=z)
+    field[result.singular] = _area_integral(wave, kernel, handed_over, accuracy, limits).field
     return field, float(result.singular.mean())
 
 

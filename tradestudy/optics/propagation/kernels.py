@@ -423,8 +423,8 @@ class ApertureSamples:
     axial_cosine: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        given = (self.field,) if self.axial_cosine is None else (self.field, self.axial_cosine)
-        for array in given:
+        arrays = (self.field,) if self.axial_cosine is None else (self.field, self.axial_cosine)
+        for array in arrays:
             if array.shape != self.nodes.x.shape:
                 raise OutOfRangeError(
                     "samples on an aperture",
@@ -490,11 +490,13 @@ def direct_sum(samples: ApertureSamples, kernel: Kernel, x: FloatArray, y: Float
     columns = min(u.size, _PAIRS_AT_ONCE)
     field = np.zeros(x.size, dtype=np.complex128)
     for i in range(0, x.size, rows):
-        at = slice(i, i + rows)
+        block = slice(i, i + rows)
         for j in range(0, u.size, columns):
             part = slice(j, j + columns)
             cosine = None if samples.axial_cosine is None else samples.axial_cosine[part]
-            path, spreading = kernel.path_and_spreading(u[part], v[part], cosine, x[at, None], y[at, None], z[at, None])
+            path, spreading = kernel.path_and_spreading(
+                u[part], v[part], cosine, x[block, None], y[block, None], z[block, None]
+            )
             path *= kernel.wavenumber
-            field[at] += phasor_sum(path, spreading, strength[part])
+            field[block] += phasor_sum(path, spreading, strength[part])
     return field * (-1j / kernel.wavelength * np.exp(1j * kernel.wavenumber * kernel.path(x, y, z)))

@@ -186,7 +186,7 @@ class CircularLens:
             raise OutOfRangeError(
                 "radius of the lens", value=f"{self.radius:g} m", limit="> 0, finite", remedy="give it in metres"
             )
-        if not all(math.isfinite(one) for one in self.centre):
+        if not all(math.isfinite(coordinate) for coordinate in self.centre):
             raise OutOfRangeError(
                 "centre of the lens", value=str(self.centre), limit="finite", remedy="give (x, y) in metres"
             )
@@ -544,14 +544,14 @@ class FocalLengths:
         return float(np.interp(field_angle, self.field_angles, over_angle))
 
 
-def focal_length_for(given: float | FocalLengths, source: PointSource, wavelength: float) -> float:
+def focal_length_for(focal_length: float | FocalLengths, source: PointSource, wavelength: float) -> float:
     """Focal length of a lens for a source and a wavelength [m]."""
-    if not isinstance(given, FocalLengths):
-        return given
+    if not isinstance(focal_length, FocalLengths):
+        return focal_length
     angle = math.atan2(math.hypot(source.x, source.y), abs(source.distance))
-    return given.at(field_angle=angle, wavelength=wavelength)
+    return focal_length.at(field_angle=angle, wavelength=wavelength)
 
 
-def reference_focal_length(given: float | FocalLengths) -> float:
+def reference_focal_length(focal_length: float | FocalLengths) -> float:
     """Focal length at which a camera is focused [m]."""
-    return given.reference if isinstance(given, FocalLengths) else given
+    return focal_length.reference if isinstance(focal_length, FocalLengths) else focal_length

@@ -137,15 +137,15 @@ class ZernikePath:
     def _derivative(self, along_p: int, along_q: int) -> Array:
         """Coefficients of a derivative, in an array as large as that of the polynomial [1/mⁿ]."""
         size = self._polynomial.shape[0]
-        found = polyder(polyder(self._polynomial, along_p, axis=0), along_q, axis=1)[:size, :size]
-        padded = np.pad(found, [(0, size - n) for n in found.shape])
+        derivative = polyder(polyder(self._polynomial, along_p, axis=0), along_q, axis=1)[:size, :size]
+        padded = np.pad(derivative, [(0, size - n) for n in derivative.shape])
         return np.asarray(padded / self.radius ** (along_p + along_q))
 
     def _at(self, polynomial: Array, x: Array, y: Array) -> Array:
         """Value of a polynomial at (x, y); real at real positions."""
         x, y = np.broadcast_arrays(x, y)
-        found = np.asarray(polyval2d((x + 1j * y) / self.radius, (x - 1j * y) / self.radius, polynomial))
-        return found if np.iscomplexobj(x) or np.iscomplexobj(y) else found.real
+        value = np.asarray(polyval2d((x + 1j * y) / self.radius, (x - 1j * y) / self.radius, polynomial))
+        return value if np.iscomplexobj(x) or np.iscomplexobj(y) else value.real
 
 
 PupilMap = Callable[[FloatArray, FloatArray], FloatArray] | FloatArray
@@ -226,7 +226,7 @@ class Pupil:
                     remedy="give it in metres, or in waves to Pupil.from_waves",
                 )
         # Numbers of Python: NumPy's in single precision would round the path.
-        object.__setattr__(self, "zernikes", {int(index): float(one) for index, one in self.zernikes.items()})
+        object.__setattr__(self, "zernikes", {int(index): float(value) for index, value in self.zernikes.items()})
         if not 0 <= self.obscuration < 1:
             raise OutOfRangeError(
                 "obscuration of the pupil",
@@ -235,17 +235,17 @@ class Pupil:
                 remedy="give it relative to the radius",
             )
         for name in ("path", "amplitude"):
-            given = getattr(self, name)
-            if given is None or callable(given):
+            pupil_map = getattr(self, name)
+            if pupil_map is None or callable(pupil_map):
                 continue
-            if given.ndim != 2 or given.shape[0] != given.shape[1] or given.shape[0] < _LEAST_SAMPLES:
+            if pupil_map.ndim != 2 or pupil_map.shape[0] != pupil_map.shape[1] or pupil_map.shape[0] < _LEAST_SAMPLES:
                 raise OutOfRangeError(
                     f"{name} of the pupil",
-                    value=f"shape {given.shape}",
+                    value=f"shape {pupil_map.shape}",
                     limit=f"(n, n), n ≥ {_LEAST_SAMPLES}",
                     remedy="sample the square around the aperture, or give a function",
                 )
-            if not np.isfinite(given).all():
+            if not np.isfinite(pupil_map).all():
                 raise OutOfRangeError(
                     f"{name} of the pupil",
                     value="not finite",
@@ -364,21 +364,21 @@ class Pupil:
         return None if self.amplitude is None else pupil_function(self.amplitude)
 
 
-def scaled(given: PupilMap, factor: float) -> PupilMap:
+def scaled(pupil_map: PupilMap, factor: float) -> PupilMap:
     """Return a map times a factor."""
-    if callable(given):
-        return lambda x, y: factor * np.asarray(given(x, y))
-    return np.asarray(factor * given)
+    if callable(pupil_map):
+        return lambda x, y: factor * np.asarray(pupil_map(x, y))
+    return np.asarray(factor * pupil_map)
 
 
-def pupil_function(given: PupilMap) -> Callable[[FloatArray, FloatArray], FloatArray]:
+def pupil_function(pupil_map: PupilMap) -> Callable[[FloatArray, FloatArray], FloatArray]:
     """A map as a function of relative positions: the function itself, or the quintic spline through the array."""
-    if callable(given):
-        return given
-    axis = np.linspace(-1.0, 1.0, given.shape[0])
+    if callable(pupil_map):
+        return pupil_map
+    axis = np.linspace(-1.0, 1.0, pupil_map.shape[0])
     from scipy.interpolate import RectBivariateSpline  # loads more slowly than most fields are computed
 
-    spline = RectBivariateSpline(axis, axis, given, kx=5, ky=5)
+    spline = RectBivariateSpline(axis, axis, pupil_map, kx=5, ky=5)
     return lambda x, y: np.asarray(spline(y, x, grid=False))
 
 
@@ -453,22 +453,22 @@ class MapPath:
         )
 
 
-def checked_map(given: object, x: Array, name: str) -> FloatArray:
+def checked_map(returned: object, x: Array, name: str) -> FloatArray:
     """Values of a pupil's function, refused unless there is one finite real number for each position."""
-    found = np.asarray(given)
-    if found.dtype.kind not in "buif":
+    values = np.asarray(returned)
+    if values.dtype.kind not in "buif":
         raise OutOfRangeError(
             f"{name} of the pupil",
-            value=f"values of type {found.dtype}",
+            value=f"values of type {values.dtype}",
             limit="real numbers",
             remedy="give the phase of a complex amplitude as a path [m], and its magnitude as the amplitude",
         )
-    if found.shape not in ((), x.shape) or not np.isfinite(found).all():
+    if values.shape not in ((), x.shape) or not np.isfinite(values).all():
         raise OutOfRangeError(
             f"{name} of the pupil",
-            value=f"shape {found.shape} for positions of shape {x.shape}"
-            + ("" if np.isfinite(found).all() else ", not finite"),
+            value=f"shape {values.shape} for positions of shape {x.shape}"
+            + ("" if np.isfinite(values).all() else ", not finite"),
             limit="one finite number for each position",
             remedy="return an array of the shape of x and y",
         )
-    return np.broadcast_to(found.astype(np.float64, copy=False), x.shape)
+    return np.broadcast_to(values.astype(np.float64, copy=False), x.shape)

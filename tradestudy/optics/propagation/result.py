@@ -176,9 +176,9 @@ class ApertureField:
 def squared_magnitude(field: ComplexArray) -> FloatArray:
     """Intensity of a complex field."""
     real, imaginary = field.real, field.imag
-    found = np.asarray(real * real)  # ``**`` is slow on every other number of an array
-    found += imaginary * imaginary
-    return found
+    squared = np.asarray(real * real)  # ``**`` is slow on every other number of an array
+    squared += imaginary * imaginary
+    return squared
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,8 +216,8 @@ class CheckTargets:
     def shares(self, finer: ComplexArray, field: ComplexArray) -> tuple[float, float]:
         """Norm of the finer field relative to that of the result, and the same for the intensities, each at most 1."""
         sizes = []
-        for one in (finer, field):
-            intensity = squared_magnitude(one)[~self.corner]
+        for checked in (finer, field):
+            intensity = squared_magnitude(checked)[~self.corner]
             weight = self.weight[~self.corner]
             sizes.append(np.sqrt([np.mean(weight * intensity), np.mean(weight * intensity**2)]))
         less, more = sizes
@@ -279,12 +279,12 @@ def choose_check_targets(
         total = float(favour.sum())
         favoured = (1 - _UNIFORM_SHARE) / total if total > 0.0 else 0.0
         uniform = (_UNIFORM_SHARE if total > 0.0 else 1.0) / size
-        left = count - bright.size
-        drawn = _draw(favour, favoured, uniform, np.random.default_rng(seed).random(left))
+        by_chance = count - bright.size
+        drawn = _draw(favour, favoured, uniform, np.random.default_rng(seed).random(by_chance))
         corners = targets.corners()
         index = np.concatenate([bright, drawn, corners])
         corner = np.arange(index.size) >= count
-        expected = left * (uniform + favoured * favour[drawn])
+        expected = by_chance * (uniform + favoured * favour[drawn])
         represented = np.where(np.isin(drawn, bright), 0.0, 1.0 / expected)  # a bright target stands for itself alone
         weight = np.concatenate([np.ones(bright.size), represented, np.zeros(corners.size)]) * (count / size)
     x, y, z = targets.at(index)
@@ -306,21 +306,21 @@ def _bright(favour: FloatArray, count: int) -> npt.NDArray[np.intp]:
     return brightest[: int(np.argmin(expected))]
 
 
-def _draw(favour: FloatArray, favoured: float, uniform: float, at: FloatArray) -> npt.NDArray[np.intp]:
-    """Indices drawn with probability favoured · favour + uniform, where `at` lies between the sums up to them.
+def _draw(favour: FloatArray, favoured: float, uniform: float, position: FloatArray) -> npt.NDArray[np.intp]:
+    """Indices drawn with probability favoured · favour + uniform, where `position` lies between the sums up to them.
 
     A block of targets is drawn first, then one target in it: cumulative sums over all targets would take longer.
     """
     starts = np.arange(0, favour.size, _BLOCK)
     lengths = np.minimum(_BLOCK, favour.size - starts)
     before = np.cumsum(favoured * np.add.reduceat(favour, starts) + uniform * lengths)
-    at = before[-1] * at
-    block = np.minimum(np.searchsorted(before, at, side="right"), starts.size - 1)
+    position = before[-1] * position
+    block = np.minimum(np.searchsorted(before, position, side="right"), starts.size - 1)
     drawn = []
-    for one, rest in zip(block, at - np.concatenate([[0.0], before])[block], strict=True):
-        inside = favoured * favour[starts[one] : starts[one] + _BLOCK] + uniform
+    for index, rest in zip(block, position - np.concatenate([[0.0], before])[block], strict=True):
+        inside = favoured * favour[starts[index] : starts[index] + _BLOCK] + uniform
         place = np.searchsorted(np.cumsum(inside), rest, side="right")
-        drawn.append(starts[one] + min(place, lengths[one] - 1))
+        drawn.append(starts[index] + min(place, lengths[index] - 1))
     return np.asarray(drawn, dtype=np.intp)
 
 

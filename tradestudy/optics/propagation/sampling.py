@@ -200,6 +200,8 @@ def net_phase(
     radial = slope_x * np.cos(angle) + slope_y * np.sin(angle)
     tangential = slope_y * np.cos(angle) - slope_x * np.sin(angle)
     turns = wavenumber * radius * float(np.max(np.abs(tangential) * (ring / radius)[:, None]))
+    # Towards the centre, the derivative of a tilt with respect to the squared radius grows without limit; its value at
+    # half the radius gives half the range of the tilt.
     relative = np.maximum(ring / radius, 0.5)[:, None]
     return wavenumber * radius * float(np.max(np.abs(radial) / (4 * relative))), turns
 

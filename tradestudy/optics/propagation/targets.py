@@ -529,14 +529,14 @@ def polar_field(
     reach = 1 + 1 / steps
     half = math.ceil((reach * turns + bessel_margin(reach * turns, tolerance)) / 2) + 1
     rings = reach * radius * np.cos(np.pi * (np.arange(half) + 0.5) / (2 * half))
-    known = _harmonics(field, centre, rings, _TAIL * tolerance, most)
-    if known is None:
+    coefficients = _harmonics(field, centre, rings, _TAIL * tolerance, most)
+    if coefficients is None:
         return None
-    harmonics = np.arange(known.shape[1]) - known.shape[1] // 2
+    harmonics = np.arange(coefficients.shape[1]) - coefficients.shape[1] // 2
     # The radius −r is the radius r at the opposite angle: odd harmonics change sign.
     onto = lagrange(np.arange(-1, steps + 2) / steps, 2 * half, np.array([-reach, reach]))
     sign = np.where(harmonics % 2 == 0, 1.0, -1.0)
-    table = apply_along_rows(onto, np.concatenate([known, known[::-1] * sign]))
+    table = apply_along_rows(onto, np.concatenate([coefficients, coefficients[::-1] * sign]))
     return PolarField(centre=centre, radius=radius, harmonics=harmonics.astype(float), table=table)
 
 
@@ -555,11 +555,12 @@ def _harmonics(
         flat = field(x.ravel(), y.ravel())
         if flat is None:
             return None
-        found: ComplexArray = flat.reshape(x.shape)
-        values = np.stack([values, found], axis=2).reshape(radii.size, angles) if values.size else found
+        added: ComplexArray = flat.reshape(x.shape)
+        values = np.stack([values, added], axis=2).reshape(radii.size, angles) if values.size else added
         coefficients = np.fft.fft(values, axis=1) / angles
         size = np.abs(coefficients).max(axis=0)
         half = angles // 2
+        # These three are the highest harmonics; harmonics beyond them would be aliased onto these first.
         if size[[half - 1, half, half + 1]].max() <= tolerance * size.max():
             return np.asarray(np.roll(coefficients, half - 1, axis=1)[:, : 2 * half - 1])
         angles *= 2

@@ -307,9 +307,11 @@ def _refined(
         )
         check_seconds += time.perf_counter() - checked
         last = time.perf_counter() - begun - spent
+        # On fixed nodes, only the sums can become more accurate, and rounding ends that too.
         good = error.intensity <= accuracy.tolerance
         if good or (fixed_nodes and (check.nodes > check.sums or share < 1e-13)):
             break
+        # Refine what limits the result; an error too large to tell comes from the nodes.
         if not check.nodes <= check.sums or math.isinf(error.intensity):
             counts = counts.scaled(1.3)
         else:
@@ -389,19 +391,19 @@ def _check(
 ) -> CheckErrors:
     """Compare with direct quadrature on the same nodes and on twice as many in each direction."""
     doubt = fast.doubt if fast.doubt.any() and fast.tiles > 1 else None
-    at = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
-    same = direct_sum(samples, kernel, at.x, at.y, at.z)
-    best = same if finer is None else direct_sum(finer, kernel, at.x, at.y, at.z)
-    here = fast.field[at.index]
-    field_share, intensity_share = at.shares(best, here)
+    probes = choose_check_targets(targets, intensity, count=accuracy.check_targets, seed=accuracy.seed, doubt=doubt)
+    same_nodes = direct_sum(samples, kernel, probes.x, probes.y, probes.z)
+    best = same_nodes if finer is None else direct_sum(finer, kernel, probes.x, probes.y, probes.z)
+    computed = fast.field[probes.index]
+    field_share, intensity_share = probes.shares(best, computed)
     return CheckErrors(
-        nodes=at.norm(same - best) if finer is not None else math.nan,
-        sums=at.norm(here - same),
-        total=at.norm(here - best),
-        intensity=at.intensity_norm(here - best, best),
+        nodes=probes.norm(same_nodes - best) if finer is not None else math.nan,
+        sums=probes.norm(computed - same_nodes),
+        total=probes.norm(computed - best),
+        intensity=probes.intensity_norm(computed - best, best),
         field_share=field_share,
         intensity_share=intensity_share,
-        targets=at.index.size,
+        targets=probes.index.size,
     )
 
 
