@@ -84,8 +84,8 @@ def _joined(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
     return result
 
 
-def lagrange_weights(nodes: FloatArray, at: FloatArray) -> FloatArray:
-    """Weights of the polynomial through values at nodes, at any places; shape (…, nodes), summing to 1."""
-    others = ~np.eye(nodes.size, dtype=bool)
-    apart = np.where(others, nodes[:, None] - nodes, 1.0)
-    return np.asarray(np.where(others, (at[..., None, None] - nodes) / apart, 1.0).prod(axis=-1))
+def lagrange_weights(nodes: FloatArray, positions: FloatArray) -> FloatArray:
+    """Weights of the polynomial through values at nodes, at any positions; shape (…, nodes), summing to 1."""
+    off_diagonal = ~np.eye(nodes.size, dtype=bool)
+    apart = np.where(off_diagonal, nodes[:, None] - nodes, 1.0)
+    return np.asarray(np.where(off_diagonal, (positions[..., None, None] - nodes) / apart, 1.0).prod(axis=-1))

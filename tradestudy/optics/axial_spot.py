@@ -93,18 +93,19 @@ def axial_kirchhoff_spot(
         v = _summed(amplitude, (sine * real + cosine * imaginary) / square)
         return np.asarray(np.pi * (b * rim / wavelength) ** 2 * (1.0 + (rim / object_distance) ** 2) * (u**2 + v**2))
 
-    found, off = [], []
+    blocks, changes = [], []
     for r in _blocks(radius):
         rho = rim * np.sin(_ANGLES)
         m, X = _ring_paths(rho, r[[0, -1]], b)
         steps = np.abs(np.diff(path_behind_lens(rho)[:, np.newaxis] + m, axis=0)) + np.diff(X, axis=0)
         nodes = _node_count(k * float(np.max(steps)) / _ANGLES[1])
-        found.append(intensity(r, nodes))
-        off.append(intensity(r[::_CHECKED], nodes + _STEP) - found[-1][::_CHECKED])
-    checked = np.concatenate([block[::_CHECKED] for block in found])
-    quadrature = float(np.linalg.norm(np.concatenate(off)) / np.linalg.norm(checked))
+        blocks.append(intensity(r, nodes))
+        changes.append(intensity(r[::_CHECKED], nodes + _STEP) - blocks[-1][::_CHECKED])
+    checked = np.concatenate([block[::_CHECKED] for block in blocks])
+    quadrature = float(np.linalg.norm(np.concatenate(changes)) / np.linalg.norm(checked))
+    # The omitted terms of the field, at most 40 η⁴, count twice in the intensity.
     m, X = _ring_paths(np.array([rim]), radius, b)
-    return np.concatenate(found), quadrature + 80.0 * float(np.max(X / (2.0 * m))) ** 4
+    return np.concatenate(blocks), quadrature + 80.0 * float(np.max(X / (2.0 * m))) ** 4
 
 
 def axial_fresnel_spot(
@@ -118,13 +119,13 @@ def axial_fresnel_spot(
 
     scale = math.pi * aperture_diameter / (wavelength * plane_distance)
     of_defocus = 2.0 * np.pi * abs(defocus_waves) * np.sin(2.0 * _ANGLES)
-    found = []
+    blocks = []
     for r in _blocks(radius):
         t, weight = gauss_legendre(_node_count(float(np.max(of_defocus + scale * r[-1] * np.cos(_ANGLES)))))
         bessel = j0(np.sqrt(t)[:, np.newaxis] * (scale * r))
         phase = 2.0 * np.pi * defocus_waves * t
-        found.append(_summed(weight * np.cos(phase), bessel) ** 2 + _summed(weight * np.sin(phase), bessel) ** 2)
-    return np.asarray(scale**2 / (4.0 * np.pi) * np.concatenate(found))
+        blocks.append(_summed(weight * np.cos(phase), bessel) ** 2 + _summed(weight * np.sin(phase), bessel) ** 2)
+    return np.asarray(scale**2 / (4.0 * np.pi) * np.concatenate(blocks))
 
 
 def _summed(weight: FloatArray, values: FloatArray) -> FloatArray:

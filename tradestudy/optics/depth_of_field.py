@@ -207,6 +207,7 @@ def depth_of_field(
         For a focus inside the focal length, or for lengths that are not positive.
     """
     a0, f, A, c = as_floats(focus_distance, focal_length, pupil_diameter, blur_diameter)
+    # NaN, where diffraction leaves no blur, makes the limits NaN, but `hyperfocal_distance` would refuse it.
     unlimited = np.where(np.isnan(c), 0.0, c)
     hyperfocal = hyperfocal_distance(f, A, unlimited)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")

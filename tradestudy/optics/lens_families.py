@@ -237,10 +237,10 @@ class KannalaBrandt(LensModel):
                 angle = angle - step
                 if not np.any(np.abs(step) > _SETTLED):
                     break
-            found = (np.abs(step) <= 4.0 * _SETTLED) & (slope > 0.0) & (angle >= 0.0) & (angle <= np.pi)
+            valid = (np.abs(step) <= 4.0 * _SETTLED) & (slope > 0.0) & (angle >= 0.0) & (angle <= np.pi)
             scale = np.where(radius > 0.0, np.sin(angle) / np.where(radius > 0.0, radius, 1.0), 1.0)
             x, y, z = u * scale, v * scale, np.cos(angle)
-        return self._kept(x, y, z, found)
+        return self._kept(x, y, z, valid)
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:

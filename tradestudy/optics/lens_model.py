@@ -110,8 +110,8 @@ class LensModel(ABC):
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         with np.errstate(all="ignore"):  # points outside the domain of the law become NaN
             u, v = self.image(x, y, z)
-        seen = self.sees(x, y, z)
-        return np.stack(np.broadcast_arrays(np.where(seen, u, np.nan), np.where(seen, v, np.nan)), axis=-1)
+        visible = self.sees(x, y, z)
+        return np.stack(np.broadcast_arrays(np.where(visible, u, np.nan), np.where(visible, v, np.nan)), axis=-1)
 
     def sees(self, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
         """Whether directions lie in the valid field."""
@@ -137,7 +137,7 @@ class LensModel(ABC):
         moved = [self.image(x + step, y, z), self.image(x, y + step, z), self.image(x, y, z + step)]
         changed = [replace(self, **{name: getattr(self, name) + step}).image(x, y, z) for name in names]
         by_points, by_coefficients = (
-            np.stack([np.stack([np.imag(one) for one in pair], axis=-1) for pair in pairs], axis=-1) / _STEP
+            np.stack([np.stack([np.imag(component) for component in pair], axis=-1) for pair in pairs], axis=-1) / _STEP
             if pairs
             else np.zeros((*x.shape, 2, 0))
             for pairs in (moved, changed)
@@ -169,6 +169,8 @@ class LensModel(ABC):
         end, azimuth = self._end_of_field(angles, around)
         if end == angles[-1]:
             return np.asarray(widest)
+        # Between the azimuths the field may end sooner: look closely around the one where it ended, at angles that
+        # become denser towards that end.
         if not self.symmetric:
             near = azimuth + np.linspace(-1.0, 1.0, _AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
             end, _ = self._end_of_field(end * (1.0 - np.geomspace(1.0, _ROUNDING, _NEARER)), near)
@@ -188,6 +190,7 @@ class LensModel(ABC):
             return float(angles[-1]), float(azimuths[0])
         first = int(np.argmin(np.all(good, axis=0)))
         low, high = angles[start + first - 1 : start + first + 1]
+        # Up to the next angle, all other azimuths are well imaged: only these can end the field within the step.
         azimuths = azimuths[~good[:, first]]
         if high - low <= 2.0 * np.spacing(high):
             return float(low), float(azimuths[0])
@@ -222,8 +225,8 @@ class LensModel(ABC):
         self, x: FloatArray, y: FloatArray, z: FloatArray, solved: BoolArray | bool = True
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rays found by an inverse; NaN where it did not solve or the ray lies outside the valid field."""
-        found = solved & self._inside(x, y, z)
-        return np.where(found, x, np.nan), np.where(found, y, np.nan), np.where(found, z, np.nan)
+        valid = solved & self._inside(x, y, z)
+        return np.where(valid, x, np.nan), np.where(valid, y, np.nan), np.where(valid, z, np.nan)
 
     def _inside(self, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
         """Whether rays found by an inverse lie in the valid field; for draws, the inverse itself decides."""
@@ -234,8 +237,8 @@ class LensModel(ABC):
     def _require(self, name: str, *, above: float = -np.inf, low: float = -np.inf, high: float = np.inf) -> None:
         """Refuse a coefficient outside its range, or one that is not finite."""
         value = np.real(getattr(self, name))
-        kept = (value > above) & (value >= low) & (value <= high) & (abs(value) < np.inf)
-        if kept is not True and not np.all(kept):  # numpy is slow at plain numbers
+        allowed = (value > above) & (value >= low) & (value <= high) & (abs(value) < np.inf)
+        if allowed is not True and not np.all(allowed):  # numpy is slow at plain numbers
             ends = [f"above {above:g}"] if np.isfinite(above) else []
             ends += [f"at least {low:g}"] if np.isfinite(low) else []
             ends += [f"at most {high:g}"] if np.isfinite(high) else []
@@ -415,12 +418,12 @@ class Rational(LensModel):
         with np.errstate(all="ignore"):  # positions without an inverse become NaN
             if self._tilted:
                 a, b = self._before_tilt(a, b)
-            scale, found = self._radial_inverse(a, b)
+            scale, valid = self._radial_inverse(a, b)
             x, y = a * scale, b * scale
             if self._oblique:
-                x, y, found = self._oblique_inverse(x, y, a, b)
-            found &= self._inside(x, y, np.ones(()))
-        return np.where(found, x, np.nan), np.where(found, y, np.nan), np.ones(())
+                x, y, valid = self._oblique_inverse(x, y, a, b)
+            valid &= self._inside(x, y, np.ones(()))
+        return np.where(valid, x, np.nan), np.where(valid, y, np.nan), np.ones(())
 
     def _radial_inverse(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Scale r/r_d of positions before the tilt, by radial distortion alone, and whether it is on the rising branch.
@@ -434,19 +437,20 @@ class Rational(LensModel):
             distorted = np.sqrt(square)
             held = square > 0.0
             scale = np.where(held, np.interp(distorted, picture, radius) / np.where(held, distorted, 1.0), 1)
-        found = np.ones((), dtype=bool)
+        rising = np.ones((), dtype=bool)
         step, settled = np.zeros(()), np.zeros(())
         for _ in range(_NEWTON_STEPS):
             inner = scale * scale * square
             g, rise = self._factor(inner)
             slope = g + 2.0 * inner * rise
-            found = found & (slope > 0.0)
+            # An iterate on a falling part of the curve may lead to a position beyond the fold.
+            rising = rising & (slope > 0.0)
             step = (scale * g - 1.0) / np.where(slope > 0.0, slope, 1.0)
             scale = np.clip(scale - step, 0.0, _LARGEST_SCALE if not self._single else np.inf)
             settled = (_SETTLED + _RELATIVE_ROUNDING / np.where(slope > 0.0, slope, np.inf)) * scale
             if not np.any(np.abs(step) > settled):
                 break
-        return scale, found & (np.abs(step) <= settled)
+        return scale, rising & (np.abs(step) <= settled)
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:

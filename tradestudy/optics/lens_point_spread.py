@@ -384,6 +384,8 @@ def point_spread(
     """
     nominal = reference_focal_length(focal_length)
     _check_numbers(nominal, f_number, wavelength, window)
+    # Pupil and image plane are those of the nominal focal length; light is bent by that for its angle and wavelength.
+    # The lens equation would give NaN for an infinite focus distance: that of a source at infinity replaces it.
     focus = source.distance if focus_distance is None else min(focus_distance, AS_AT_INFINITY)
     image = finite_image_distance(focus, nominal)
     if not image > 0:
@@ -402,6 +404,7 @@ def point_spread(
     )
     centre = -image / source.distance * source.x + 0.0, -image / source.distance * source.y + 0.0  # never −0
     airy = FIRST_DARK_RING * wavelength * image / (2 * lens.radius)
+    # A whole number of samples in each quarter, because the metrics compare all samples with every fourth.
     quarter = samples_in_quarter(window)
     field = aperture_field(
         source=source,
@@ -461,6 +464,7 @@ def _of_field(
 ) -> LensPointSpread:
     """Intensity as a fraction of the light through the pupil, with the data of the lens."""
     samples = as_point_spread(field)
+    # The reference peak is that of the same pupil without aberrations, seen through the same law.
     flat = replace(lens, pupil=replace(lens.pupil, zernikes={}, path=None)) if lens.pupil else lens
     paraxial = field.method == "fresnel"
     wave = lens_wave(source=source, lens=flat, wavelength=wavelength, paraxial=paraxial, obliquity=obliquity)
@@ -484,9 +488,11 @@ def _of_field(
     )
 
 
-def _peak_in_phase(wave: LensWave, kernel: Kernel, at: tuple[float, float, float]) -> float:
+def _peak_in_phase(wave: LensWave, kernel: Kernel, point: tuple[float, float, float]) -> float:
     """Intensity at a point if the light of the whole pupil arrived there in phase."""
-    nodes = wave.power_nodes(min(abs(wave.source.distance), at[2]))
+    nodes = wave.power_nodes(min(abs(wave.source.distance), point[2]))
     cosine = wave.axial_cosine(nodes.x, nodes.y) if wave.obliquity == "textbook" else None
-    strength = wave.amplitude(nodes.x, nodes.y) * kernel.amplitude(nodes.x, nodes.y, cosine, *(np.array(c) for c in at))
+    strength = wave.amplitude(nodes.x, nodes.y) * kernel.amplitude(
+        nodes.x, nodes.y, cosine, *(np.array(c) for c in point)
+    )
     return float(nodes.weights @ np.abs(strength)) ** 2

@@ -233,12 +233,12 @@ class MicrolensCamera:
         UnaffordableError
             If these are more than 100 000.
         """
-        chief, known = np.array(path.chief_point(source)), path.microlenses
-        reach = float(np.linalg.norm(known.centres - chief, axis=1).max()) + _NEXT_LENSES * self.microlens_pitch
+        chief, present = np.array(path.chief_point(source)), path.microlenses
+        reach = float(np.linalg.norm(present.centres - chief, axis=1).max()) + _NEXT_LENSES * self.microlens_pitch
         self._refuse_too_many(reach)
         centres, types = self._lattice(chief, reach)
-        new = cKDTree(known.centres).query(centres)[0] > self.microlens_pitch / 2
-        return replace(known, centres=centres[new], focal_lengths=self._types[types[new]])
+        new = cKDTree(present.centres).query(centres)[0] > self.microlens_pitch / 2
+        return replace(present, centres=centres[new], focal_lengths=self._types[types[new]])
 
     def _refuse_too_many(self, reach: float) -> None:
         """Refuse light on more microlenses or pixels than any camera has, before they are listed."""
@@ -260,17 +260,17 @@ class MicrolensCamera:
             return focal_length_for(self.focal_length, source, wavelength)
         away = math.hypot(source.x, source.y)
         radii = (away, max(away - source.diameter / 2, 0.0), away + source.diameter / 2)
-        found = [
+        focal_lengths = [
             focal_length_for(self.focal_length, PointSource(x=r, distance=source.distance), wavelength) for r in radii
         ]
-        if max(found) != min(found):
+        if max(focal_lengths) != min(focal_lengths):
             raise OutOfRangeError(
                 "field curvature over a disc",
-                value=f"focal lengths from {min(found):g} to {max(found):g} m",
+                value=f"focal lengths from {min(focal_lengths):g} to {max(focal_lengths):g} m",
                 limit="one focal length",
                 remedy="use point sources, or a table with a single field angle",
             )
-        return found[0]
+        return focal_lengths[0]
 
     def _lattice(self, about: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
         """Centres and types of the microlenses within reach of a point on the array."""
@@ -283,8 +283,10 @@ class MicrolensCamera:
         first, second = np.concatenate(columns), np.repeat(rows, 2 * span + 1)
         centres = self.microlens_pitch * np.column_stack([first + skew * second, rise * second])
         distance = np.linalg.norm(centres - about, axis=1)
-        kept = distance <= max(reach, float(distance.min()))
-        return centres[kept], np.asarray((first - second)[kept].astype(int) % self._types.size)
+        # At least the nearest microlens. Neighbours differ by 1 or 2 in `first − second`: of three types, no two equal
+        # ones touch.
+        within = distance <= max(reach, float(distance.min()))
+        return centres[within], np.asarray((first - second)[within].astype(int) % self._types.size)
 
     def _microlenses(self, centres: FloatArray, types: FloatArray, depth: float) -> Microlenses:
         return Microlenses(
@@ -404,12 +406,12 @@ def microlens_image(
         raise OutOfRangeError("seed", value=str(seed), limit="≥ 0", remedy="give another")
     wavelengths = np.atleast_1d(np.asarray(wavelength, dtype=np.float64))
     shares = spectral_shares(wavelengths, np.ones_like(wavelengths) if weights is None else weights)
-    paths = [camera.light_path(source, wavelength=float(one)) for one in wavelengths]
+    paths = [camera.light_path(source, wavelength=float(value)) for value in wavelengths]
     widest = max((path.pixels for path in paths), key=lambda grid: grid.shape)
     lenses = max((path.microlenses for path in paths), key=lambda array: array.count)
     parts = [
-        _refined(camera, replace(path, pixels=widest, microlenses=lenses), source, float(one), legs, tolerance, seed)
-        for one, path in zip(wavelengths, paths, strict=True)
+        _refined(camera, replace(path, pixels=widest, microlenses=lenses), source, float(value), legs, tolerance, seed)
+        for value, path in zip(wavelengths, paths, strict=True)
     ]
     return parts[0] if len(parts) == 1 else mean_image(parts, wavelengths, shares)
 
@@ -441,6 +443,7 @@ def _refined(
         if error <= tolerance:
             refuse_following_microlenses(image, path, source, legs, tolerance, sampled)
             return replace(image, numerical_error=error, error_terms=terms, tolerance=tolerance)
+        # Both errors add in quadrature: whichever exceeds half the tolerance is reduced.
         if terms["microlenses left out"] > tolerance / 2:
             path = replace(path, microlenses=_joined(path.microlenses, around.microlenses, missing, tolerance / 4))
         if image.numerical_error > tolerance / 2:
@@ -460,17 +463,18 @@ def _missing(
     """Relative L2 change of the image by each microlens around it: of a disc, by the point that changes it most."""
     coherent = source.diameter / 2 if isinstance(source, DiscSource) and source.coherent else 0.0
     points = source_points(source)[: 1 if coherent else None]
-    waves = [point_wave(around, one, wavelength=wavelength, legs=legs, coherent_radius=coherent) for one in points]
+    waves = [point_wave(around, point, wavelength=wavelength, legs=legs, coherent_radius=coherent) for point in points]
     changes = [missing_light(wave.reference, around, pixels) for wave in waves if isinstance(wave, PupilWave)]
     return np.asarray(np.max(changes, axis=0))
 
 
-def _joined(known: Microlenses, others: Microlenses, missing: FloatArray, allowed: float) -> Microlenses:
+def _joined(present: Microlenses, around: Microlenses, missing: FloatArray, allowed: float) -> Microlenses:
     """Known microlenses and those of the others without which the error would exceed what is allowed."""
+    # From the faintest on, as many are left out as their light in quadrature allows.
     order = np.argsort(missing)
     added = order[np.sqrt(np.cumsum(missing[order] ** 2)) > allowed]
     return replace(
-        known,
-        centres=np.concatenate([known.centres, others.centres[added]]),
-        focal_lengths=np.concatenate([known.focal_lengths, others.focal_lengths[added]]),
+        present,
+        centres=np.concatenate([present.centres, around.centres[added]]),
+        focal_lengths=np.concatenate([present.focal_lengths, around.focal_lengths[added]]),
     )

@@ -56,8 +56,8 @@ class Lattice:
         i, j = (index.ravel() for index in np.mgrid[-2 * span : 2 * span + 1, -span : span + 1])
         positions = np.stack((i + j * self.second_vector[0], j * self.second_vector[1]), axis=-1)
         squared = np.sum(positions**2, axis=-1)
-        kept = (squared > 0) & (squared <= reach**2)
-        return np.asarray(positions[kept])
+        within = (squared > 0) & (squared <= reach**2)
+        return np.asarray(positions[within])
 
 
 LATTICES: Final[dict[Layout, Lattice]] = {
@@ -196,6 +196,7 @@ def lit_radius_over_pitch(
     """
     R, r = np.asarray(radius_over_pitch, dtype=np.float64), lens_radius_over_pitch
     least = least_share * math.pi * np.square(np.minimum(R, r))
+    # The common area falls from that of the smaller disc to 0 between these distances.
     low, high = np.abs(R - r), R + r
     for _ in range(_HALVINGS):
         middle = (low + high) / 2.0

@@ -107,7 +107,7 @@ def fresnel_psf_difference(
     airy = float(airy_radius(b, pupil, wavelength))
     offset = math.tan(field_angle)
     annuli = _annuli(windows, symmetric=offset == 0.0)
-    x, y = (np.concatenate(axis) for axis in zip(*(one.positions(airy) for one in annuli), strict=True))
+    x, y = (np.concatenate(axis) for axis in zip(*(annulus.positions(airy) for annulus in annuli), strict=True))
     targets = TargetPoints(x=x - b * offset, y=y, distance=b)
 
     def psf(method: Method, lens_phase: LensPhase) -> ApertureField:
@@ -131,7 +131,7 @@ def fresnel_psf_difference(
 
 def compared_points(windows: Sequence[float], *, symmetric: bool) -> int:
     """Points at which `fresnel_psf_difference` computes each pattern; a point on the axis has a symmetric one."""
-    return sum(math.prod(one.shape) for one in _annuli(windows, symmetric=symmetric))
+    return sum(math.prod(annulus.shape) for annulus in _annuli(windows, symmetric=symmetric))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,17 +200,17 @@ def _refinement(*, coarse: bool) -> int:
 
 def _annuli(windows: Sequence[float], *, symmetric: bool) -> list[_Annulus]:
     """One annulus for each window, starting at the previous window."""
-    found = []
+    annuli = []
     for inner, outer in itertools.pairwise((0.0, *windows)):
         # An intensity contains no period shorter than λ N_w; the outermost ring gets two angles for each such period.
         periods = 2 * math.pi * FIRST_DARK_RING * outer
-        found.append(
+        annuli.append(
             _Annulus(
                 edges=np.linspace(inner, outer, math.ceil(outer - inner - 1e-9) + 1),
                 angles=1 if symmetric else 2 * math.ceil(_ANGLE_MARGIN * periods + 8),
             )
         )
-    return found
+    return annuli
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,10 +225,12 @@ class _Sums:
     @classmethod
     def of(cls, annuli: list[_Annulus], fresnel: FloatArray, kirchhoff: FloatArray, *, coarse: bool) -> _Sums:
         parts = []
-        split = np.cumsum([math.prod(one.shape) for one in annuli])[:-1]
-        for annulus, other, exact in zip(annuli, np.split(fresnel, split), np.split(kirchhoff, split), strict=True):
+        split = np.cumsum([math.prod(annulus.shape) for annulus in annuli])[:-1]
+        for annulus, approximate, exact in zip(
+            annuli, np.split(fresnel, split), np.split(kirchhoff, split), strict=True
+        ):
             weights = annulus.weights(coarse=coarse)
-            difference = np.abs(annulus.refined((other - exact).reshape(annulus.shape), coarse=coarse))
+            difference = np.abs(annulus.refined((approximate - exact).reshape(annulus.shape), coarse=coarse))
             intensity = annulus.refined(exact.reshape(annulus.shape), coarse=coarse)
             parts.append((np.sum(difference * weights), np.sum(intensity * weights), difference.max(), intensity.max()))
         absolute, power, largest, brightest = np.array(parts).T
@@ -248,14 +250,14 @@ class _Sums:
 
 def _compared(annuli: list[_Annulus], fresnel: ApertureField, kirchhoff: ApertureField) -> PsfDifference:
     """All measures from the fine grid, with errors from the coarse one and the stated errors."""
-    exact, other = kirchhoff.intensity, fresnel.intensity
-    fine, coarse = (_Sums.of(annuli, other, exact, coarse=coarse) for coarse in (False, True))
+    exact, approximate = kirchhoff.intensity, fresnel.intensity
+    fine, coarse = (_Sums.of(annuli, approximate, exact, coarse=coarse) for coarse in (False, True))
     (l1, largest), (l1_change, largest_change) = fine.measures, np.abs(fine.measures - coarse.measures)
-    stated = [one.error.intensity * float(np.linalg.norm(one.intensity)) for one in (fresnel, kirchhoff)]
+    stated = [pattern.error.intensity * float(np.linalg.norm(pattern.intensity)) for pattern in (fresnel, kirchhoff)]
     # A numerical error of L2 norm ‖δI‖ over n targets, spread evenly over the window A: ∫|δI| dA = A ‖δI‖/√n.
-    outer = np.array([one.edges[-1] for one in annuli])
-    spread = math.pi * outer**2 / np.sqrt(np.cumsum([math.prod(one.shape) for one in annuli]))
-    centre, peak = float(exact[0]), abs(float(other[0] - exact[0])) / float(exact[0])
+    outer = np.array([annulus.edges[-1] for annulus in annuli])
+    spread = math.pi * outer**2 / np.sqrt(np.cumsum([math.prod(annulus.shape) for annulus in annuli]))
+    centre, peak = float(exact[0]), abs(float(approximate[0] - exact[0])) / float(exact[0])
     return PsfDifference(
         peak=np.full_like(l1, peak),
         l1=l1,

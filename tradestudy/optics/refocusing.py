@@ -103,8 +103,8 @@ class Refocusing:
         a = np.asarray(distance, dtype=np.float64)
         behind = focus_shift(a, self.focal_length) - focus_shift(self.focus_distance, self.focal_length)
         scale = 1.0 + behind / self.pupil_distance
-        seen = (a > self.focal_length) & (scale > 0.0)
-        require(seen, "distance to refocus on", a, limit="beyond the front focal point and the entrance pupil")
+        reachable = (a > self.focal_length) & (scale > 0.0)
+        require(reachable, "distance to refocus on", a, limit="beyond the front focal point and the entrance pupil")
         return np.asarray(self.view_slope * behind / (scale * self.microlens_pitch))
 
     @property
@@ -160,15 +160,15 @@ class Refocusing:
 
     def require_shifts(self, shifts: ArrayLike) -> None:
         """Refuse shifts that are infinite, reach beyond the views, or give no real image."""
-        given = np.asarray(shifts, dtype=np.float64)
+        values = np.asarray(shifts, dtype=np.float64)
         most, limit = float(self.views_across), self.largest_shift
         require(
-            np.abs(given) < most, "shift between neighbouring views [microlenses]", given,
+            np.abs(values) < most, "shift between neighbouring views [microlenses]", values,
             limit=f"between −{most:g} and {most:g}, the number of views across the pupil",
             remedy="shift less; a shift of 1 already blurs every view by one microlens", unit="",
         )  # fmt: skip
         require(
-            given < limit, "shift between neighbouring views [microlenses]", given,
+            values < limit, "shift between neighbouring views [microlenses]", values,
             limit=f"below {limit:.4g}, which refocuses on the front focal point", remedy="shift less", unit="",
         )  # fmt: skip
 
@@ -182,9 +182,9 @@ class Refocusing:
 
     def require_pair(self, pixels: ArrayLike) -> None:
         """Refuse pairs of views that the camera does not have."""
-        apart, given = self.views_across - 1, np.abs(np.asarray(pixels, dtype=np.float64))
+        apart, distance = self.views_across - 1, np.abs(np.asarray(pixels, dtype=np.float64))
         require(
-            (given > 0.0) & (given <= apart), "pixels between two views", given,
+            (distance > 0.0) & (distance <= apart), "pixels between two views", distance,
             limit=f"1 to {apart}, one less than the views across the pupil", remedy="compare views of the camera",
             unit="",
         )  # fmt: skip

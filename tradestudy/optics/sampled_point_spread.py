@@ -84,17 +84,17 @@ class Measured(np.lib.mixins.NDArrayOperatorsMixin):
         return np.array(self.value, dtype=dtype, copy=copy)
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
-        values = [given.value if isinstance(given, Measured) else given for given in inputs]
+        values = [operand.value if isinstance(operand, Measured) else operand for operand in inputs]
         result = getattr(ufunc, method)(*values, **kwargs)
         comparison = getattr(result, "dtype", None) != np.float64
         if comparison or method != "__call__" or "out" in kwargs:
             return result
         error = np.zeros_like(result)
         with np.errstate(all="ignore"):  # a function may end within the error, as √ does at 0
-            for place, given in enumerate(inputs):
-                if isinstance(given, Measured):
-                    moved = [[*values[:place], end, *values[place + 1 :]] for end in given._ends]
-                    error = error + np.fmax(*(np.abs(ufunc(*one, **kwargs) - result) for one in moved))
+            for place, operand in enumerate(inputs):
+                if isinstance(operand, Measured):
+                    moved = [[*values[:place], end, *values[place + 1 :]] for end in operand._ends]
+                    error = error + np.fmax(*(np.abs(ufunc(*arguments, **kwargs) - result) for arguments in moved))
         return Measured(value=np.asarray(result), error=np.asarray(error))
 
     @property
@@ -415,18 +415,18 @@ def peak_position(psf: PointSpread) -> tuple[float, float]:
             remedy="move or widen the window",
         )
     start = np.array([psf.x[column], psf.y[row]])
-    at = start.copy()
+    position = start.copy()
     for _ in range(30):
-        gradient = np.array([psf.at(*at, order=(1, 0)), psf.at(*at, order=(0, 1))])
-        cross = psf.at(*at, order=(1, 1))
-        hessian = np.array([[psf.at(*at, order=(2, 0)), cross], [cross, psf.at(*at, order=(0, 2))]])
+        gradient = np.array([psf.at(*position, order=(1, 0)), psf.at(*position, order=(0, 1))])
+        cross = psf.at(*position, order=(1, 1))
+        hessian = np.array([[psf.at(*position, order=(2, 0)), cross], [cross, psf.at(*position, order=(0, 2))]])
         if np.linalg.det(hessian) <= 0:  # a ridge or a plateau: the brightest sample is as good as any point
             return float(start[0]), float(start[1])
-        moved = np.clip(at - np.linalg.solve(hessian, gradient), start - psf.spacing, start + psf.spacing)
-        if np.max(np.abs(moved - at)) < 1e-12 * psf.spacing:
+        moved = np.clip(position - np.linalg.solve(hessian, gradient), start - psf.spacing, start + psf.spacing)
+        if np.max(np.abs(moved - position)) < 1e-12 * psf.spacing:
             break
-        at = moved
-    return float(at[0]), float(at[1])
+        position = moved
+    return float(position[0]), float(position[1])
 
 
 class DiscMoments:

@@ -74,16 +74,16 @@ def full_width_at_half_maximum(field: SpreadField, *, angle: float) -> Measured:
     peak = peak_position(psf)
     # The crossing moves with the error of the intensity there, and with half the error of the peak.
     moved = sum(
-        1.5 * psf.sample_error / abs(_slope(psf, peak, (s * direction[0], s * direction[1]), at))
-        for s, at in zip((1, -1), sides(psf), strict=True)
+        1.5 * psf.sample_error / abs(_slope(psf, peak, (s * direction[0], s * direction[1]), distance))
+        for s, distance in zip((1, -1), sides(psf), strict=True)
     )
     return measured(psf, lambda grid: sum(sides(grid)), carried=moved)
 
 
 def _slope(psf: PointSpread, start: tuple[float, float], direction: tuple[float, float], distance: float) -> float:
     """Derivative of the intensity along a direction [W/m³]."""
-    at = start[0] + distance * direction[0], start[1] + distance * direction[1]
-    return float(direction[0] * psf.at(*at, order=(1, 0)) + direction[1] * psf.at(*at, order=(0, 1)))
+    position = start[0] + distance * direction[0], start[1] + distance * direction[1]
+    return float(direction[0] * psf.at(*position, order=(1, 0)) + direction[1] * psf.at(*position, order=(0, 1)))
 
 
 def _half_maximum_distance(psf: PointSpread, peak: tuple[float, float], direction: tuple[float, float]) -> float:
@@ -110,9 +110,9 @@ def _half_maximum_distance(psf: PointSpread, peak: tuple[float, float], directio
 def _distance_to_rim(psf: PointSpread, start: tuple[float, float], direction: tuple[float, float]) -> float:
     """Distance from a point inside the window to its rim along a direction."""
     distances = []
-    for at, step, axis in ((start[0], direction[0], psf.x), (start[1], direction[1], psf.y)):
+    for place, step, axis in ((start[0], direction[0], psf.x), (start[1], direction[1], psf.y)):
         if step != 0:
-            distances.append(((axis[-1] if step > 0 else axis[0]) - at) / step)
+            distances.append(((axis[-1] if step > 0 else axis[0]) - place) / step)
     return float(min(distances))
 
 
@@ -230,9 +230,9 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
             return largest  # a grid this coarse loses light; the large change then counts as the error
         return float(brentq(lambda r: energy(r) - target, 0.0, largest, xtol=1e-13 * largest))
 
-    found, step = radius(psf), psf.spacing / 4
-    rise = (inside(min(found + step, largest)) - inside(max(found - step, 0.0))) / (2 * step)
-    return measured(psf, radius, carried=np.sqrt(np.pi) * found * psf.intensity_error / rise)
+    nominal, step = radius(psf), psf.spacing / 4
+    rise = (inside(min(nominal + step, largest)) - inside(max(nominal - step, 0.0))) / (2 * step)
+    return measured(psf, radius, carried=np.sqrt(np.pi) * nominal * psf.intensity_error / rise)
 
 
 @checked
@@ -283,9 +283,11 @@ def rms_width(field: SpreadField, *, centre: tuple[float, float], radius: float)
         of_grid = grid.moments(centre, radius)
         return float(np.sqrt(abs(of_grid(radius, 2) / of_grid(radius))))
 
-    here = width(psf)
-    second = radius**3 * np.sqrt(np.pi / 3) + here**2 * radius * np.sqrt(np.pi)  # ‖r²‖ and w² ‖1‖ over the disc
-    return measured(psf, width, carried=second * psf.intensity_error / (2 * here * psf.moments(centre, radius)(radius)))
+    nominal = width(psf)
+    second = radius**3 * np.sqrt(np.pi / 3) + nominal**2 * radius * np.sqrt(np.pi)  # ‖r²‖ and w² ‖1‖ over the disc
+    return measured(
+        psf, width, carried=second * psf.intensity_error / (2 * nominal * psf.moments(centre, radius)(radius))
+    )
 
 
 @checked
@@ -383,8 +385,8 @@ def diffraction_limited_peak(*, pupil_power: float, pupil_area: float, wavelengt
     >>> print(f"{peak:.3e} W/m²")
     3.967e+10 W/m²
     """
-    given = {"pupil power": pupil_power, "pupil area": pupil_area, "wavelength": wavelength, "distance": distance}
-    for name, value in given.items():
+    quantities = {"pupil power": pupil_power, "pupil area": pupil_area, "wavelength": wavelength, "distance": distance}
+    for name, value in quantities.items():
         if not 0 < value < np.inf:
             raise OutOfRangeError(name, value=f"{value:g}", limit="> 0, finite", remedy="give it in SI units")
     return pupil_power * pupil_area / (wavelength * distance) ** 2

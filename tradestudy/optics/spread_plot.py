@@ -120,7 +120,7 @@ def _axes(ax: Axes | npt.NDArray[Any] | None, size: tuple[float, float], *, pane
         across = math.isqrt(panels)
         ax = Figure(figsize=size, layout="constrained").subplots(across, across)
     axes = np.asarray(ax, dtype=object).ravel().tolist()
-    if len(axes) not in (1, panels) or not all(hasattr(one, "imshow") for one in axes):
+    if len(axes) not in (1, panels) or not all(hasattr(item, "imshow") for item in axes):
         raise OutOfRangeError(
             "axes of the plot",
             value=f"{len(axes)} of type {type(axes[0]).__name__ if axes else None}",
@@ -158,14 +158,14 @@ def _saved(axes: Axes, file: str | Path | None) -> Figure:
 
 def _spot(axes: Axes, psf: PointSpread, centre: tuple[float, float], reach: float) -> None:
     """Intensity image on a square-root scale, which shows the rings."""
-    extent = [1e6 * (at - centre[i]) for i, axis in enumerate((psf.x, psf.y)) for at in (axis[0], axis[-1])]
+    extent = [1e6 * (end - centre[i]) for i, axis in enumerate((psf.x, psf.y)) for end in (axis[0], axis[-1])]
     axes.imshow(
         np.sqrt(psf.intensity), origin="lower", extent=(extent[0], extent[1], extent[2], extent[3]), cmap="gray"
     )
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x, µm", ylabel="y, µm")
 
 
-def _band(axes: Axes, at: FloatArray, value: FloatArray, error: FloatArray, label: str) -> None:
+def _band(axes: Axes, position: FloatArray, value: FloatArray, error: FloatArray, label: str) -> None:
     """Plot a line with its error band."""
-    axes.fill_between(at, value - error, value + error, alpha=0.3, linewidth=0)
-    axes.plot(at, value, label=label)
+    axes.fill_between(position, value - error, value + error, alpha=0.3, linewidth=0)
+    axes.plot(position, value, label=label)

@@ -101,8 +101,8 @@ def blur_diameter(
     # remains.
     with np.errstate(invalid="ignore"):  # infinity minus infinity, replaced below
         difference = np.where(np.isinf(a0), 1.0 / a, np.where(np.isinf(a), 1.0 / a0, (a - a0) / a / a0))
-    both = np.isinf(a) & np.isinf(a0)
-    return np.asarray(np.where(both, 0.0, pupil * sensor * np.abs(difference)))
+    both_infinite = np.isinf(a) & np.isinf(a0)
+    return np.asarray(np.where(both_infinite, 0.0, pupil * sensor * np.abs(difference)))
 
 
 def main_lens_image_coordinate(

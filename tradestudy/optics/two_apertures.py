@@ -90,7 +90,7 @@ class Spread:
         twice[0] = 1.0  # the middle row is its own mirror image
         over_y = twice @ _square(self._by_row)
         over_x = _square(fft.fft(self._both_halves(self.light), n=self.count, axis=0)).sum(axis=1, dtype=np.float64)
-        return np.stack([fft.fftshift(one / one.sum()) for one in (over_y, over_x)])
+        return np.stack([fft.fftshift(density / density.sum()) for density in (over_y, over_x)])
 
     def columns(self, numbers: NDArray[np.intp]) -> FloatArray:
         """Density along y in some columns, up to a common factor; shape (columns, n)."""

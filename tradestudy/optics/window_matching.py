@@ -81,14 +81,14 @@ class Matches:
 
 def gradient_along(picture: Samples, direction: tuple[float, float]) -> Samples:
     """Scalar product of a vector (x, y) and the central differences over the last two axes; NaN at the edges."""
-    found = np.full_like(picture, np.nan)
+    gradient = np.full_like(picture, np.nan)
     across = (picture[..., 1:-1, 2:] - picture[..., 1:-1, :-2]) * picture.dtype.type(direction[0] / 2.0)
     down = (picture[..., 2:, 1:-1] - picture[..., :-2, 1:-1]) * picture.dtype.type(direction[1] / 2.0)
     if direction[1] == 0.0:  # no rows beside are needed
-        found[..., 1:-1] = (picture[..., 2:] - picture[..., :-2]) * picture.dtype.type(direction[0] / 2.0)
+        gradient[..., 1:-1] = (picture[..., 2:] - picture[..., :-2]) * picture.dtype.type(direction[0] / 2.0)
     else:
-        found[..., 1:-1, 1:-1] = across + down
-    return found
+        gradient[..., 1:-1, 1:-1] = across + down
+    return gradient
 
 
 def window_sum(values: Samples, window: int) -> Samples:
@@ -169,6 +169,8 @@ def match_windows(
         best = np.argmin(misfit, axis=0)
     else:
         best = np.clip(np.rint(np.nan_to_num(start)) - steps[0], 0, len(steps) - 1).astype(np.intp)
+    # B rises through its root, so its sign at the best step tells on which side the root lies. The cubic through it
+    # needs one step more on either side.
     first = np.where(_at(error, best) > 0.0, best - 1, best)
     inside = (first >= 1) & (first <= len(steps) - 3)
     first = np.clip(first, 1, len(steps) - 3)
@@ -179,12 +181,14 @@ def match_windows(
     with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all, refused below
         noise = np.where(np.isfinite(least), _at(noises, best) / steepness, np.nan)
         deviation = np.sqrt(noise / steepness) / np.abs(rise)
-    spread = noise * np.sqrt(2.0 / n)
+    spread = noise * np.sqrt(2.0 / n)  # of the mean of n squared normal errors
+    # The last reason that applies stays: those that make the others meaningless come last.
     reason = np.full(n.shape, Reason.MEASURED, np.uint8)
     crosses = np.isfinite(fraction) & (np.abs(fraction - 0.5) <= 0.5 + _BEYOND) & (rise > _LEAST_RISE)
     fits = least <= noise + _MISFIT * spread + _SLACK * steepness / n
     reason[~(crosses & fits)] = Reason.NO_MATCH
     if start is None:
+        # The steps beside the best one fit nearly as well: they belong to the same minimum.
         number = np.arange(len(steps)).reshape(-1, *([1] * best.ndim))
         rival = np.min(np.where(np.abs(number - best) >= 2, misfit, np.inf), axis=0)
         reason[rival < least + _DOUBT * np.sqrt(2.0) * spread] = Reason.AMBIGUOUS
@@ -213,19 +217,19 @@ def _sums(
     misfit, moment, size, noise, count = (np.zeros((len(steps), *shape), kind) for _ in range(5))
     middle = np.zeros((len(steps), *shape), bool)
     for pair in pairs:
-        there = np.isfinite(pair.gradient)
-        g = np.where(there, pair.gradient, kind.type(0))
-        on_noise = g if pair.noise_gradient is None else np.where(there, pair.noise_gradient, kind.type(0))
+        defined = np.isfinite(pair.gradient)
+        g = np.where(defined, pair.gradient, kind.type(0))
+        on_noise = g if pair.noise_gradient is None else np.where(defined, pair.noise_gradient, kind.type(0))
         for k, step in enumerate(steps):
-            difference, variance, seen = pair.difference(step)
-            middle[k] |= seen
-            both = seen & there
-            difference = np.where(both, difference, kind.type(0))
+            difference, variance, visible = pair.difference(step)
+            middle[k] |= visible
+            usable = visible & defined
+            difference = np.where(usable, difference, kind.type(0))
             misfit[k] += window_sum(difference * difference, window)
             moment[k] += window_sum(g * difference, window)
-            size[k] += window_sum(g * g * both, window)
-            noise[k] += window_sum(g * on_noise * np.where(both, variance, kind.type(0)), window)
-            count[k] += window_sum(both.astype(kind), window)
+            size[k] += window_sum(g * g * usable, window)
+            noise[k] += window_sum(g * on_noise * np.where(usable, variance, kind.type(0)), window)
+            count[k] += window_sum(usable.astype(kind), window)
     with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all
         return misfit, moment / size, size, noise, count, middle
 
