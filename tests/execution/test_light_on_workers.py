@@ -20,7 +20,7 @@ from tradestudy.models.spot_images import SpotModels, compared_models
 from tradestudy.optics.chain.accuracy import ChainImage, Part, in_turn
 from tradestudy.optics.chain.image import chain_image, separate_image
 from tradestudy.optics.chain.scene import FRESNEL
-from tradestudy.optics.chain.spot_points import AskedSpot, follow_points
+from tradestudy.optics.chain.spot_points import SpotRequest, follow_points
 
 STUDIES = SPOT_STUDY.parent
 
@@ -51,11 +51,11 @@ def test_a_part_in_another_process_needs_nothing_of_this_one() -> None:
 
 
 def test_requests_that_arrive_one_by_one_are_one_object() -> None:
-    asked = AskedSpot(path=PATH, source=DISC, wavelength=550e-9, legs=FRESNEL, accuracy=LOOSE)
-    first, second = (pickle.loads(pickle.dumps(asked)) for _ in range(2))
+    request = SpotRequest(path=PATH, source=DISC, wavelength=550e-9, legs=FRESNEL, accuracy=LOOSE)
+    first, second = (pickle.loads(pickle.dumps(request)) for _ in range(2))
     assert first is second
     assert first.path.microlenses.centres.tobytes() == PATH.microlenses.centres.tobytes()
-    assert pickle.loads(pickle.dumps(replace(asked, wavelength=500e-9))).wavelength == 500e-9
+    assert pickle.loads(pickle.dumps(replace(request, wavelength=500e-9))).wavelength == 500e-9
 
 
 SPREADS = """

@@ -14,7 +14,7 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy, far_light
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.scene import KIRCHHOFF, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource
-from tradestudy.optics.chain.spot_points import AskedSpot
+from tradestudy.optics.chain.spot_points import SpotRequest
 from tradestudy.optics.propagation.lens import CircularLens
 
 
@@ -91,12 +91,12 @@ def test_points_keep_their_light() -> None:
         pixels=PixelGrid(pitch=4e-6, shape=(39, 51)),
     )
     accuracy, disc = ChainAccuracy(tolerance=1e-2), DiscSource(diameter=0.1e-3, distance=24e-3)
-    spot = AskedSpot(path=path, source=disc, wavelength=WAVELENGTH, legs=KIRCHHOFF, accuracy=accuracy).prepared()
-    nodes = spot.asked.nodes
+    spot = SpotRequest(path=path, source=disc, wavelength=WAVELENGTH, legs=KIRCHHOFF, accuracy=accuracy).prepared()
+    nodes = spot.request.nodes
     whole, followed, completed = (np.zeros(path.pixels.shape) for _ in range(3))
     for x, y in nodes.all[:: len(nodes.all) // 6]:
         at = (float(x), float(y))
-        wave, light = spot.asked.wave(*at), spot.light(at)
+        wave, light = spot.request.wave(*at), spot.light(at)
         full = ChainAccuracy(tolerance=1e-4, diffraction_reach=3.0)
         whole += compute_point(wave, "kirchhoff", full).pixels / wave.power()
         completed += light.on_pixels(spot)

@@ -16,7 +16,7 @@ from tradestudy.optics.chain.image import chain_image
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.scene import KIRCHHOFF, Legs, LightPath, PixelGrid, square_centres
 from tradestudy.optics.chain.sources import DiscSource
-from tradestudy.optics.chain.spot_points import AskedSpot
+from tradestudy.optics.chain.spot_points import SpotRequest
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 WIDE = CircularLens(radius=0.4e-3, focal_length=2e-3, lens_phase="parabolic")  # lights all three microlenses
@@ -29,17 +29,17 @@ def patch(path: LightPath, accuracy: ChainAccuracy) -> DetectorPatch:
     return asked(path, KIRCHHOFF, accuracy).patch
 
 
-def asked(path: LightPath, legs: Legs, accuracy: ChainAccuracy) -> AskedSpot:
-    return AskedSpot(path=path, source=DISC, wavelength=WAVELENGTH, legs=legs, accuracy=accuracy)
+def asked(path: LightPath, legs: Legs, accuracy: ChainAccuracy) -> SpotRequest:
+    return SpotRequest(path=path, source=DISC, wavelength=WAVELENGTH, legs=legs, accuracy=accuracy)
 
 
 def errors_of_points(path: LightPath, legs: Legs, accuracy: ChainAccuracy) -> list[float]:
     """Relative distance of a few points of the disc from their own, far finer computation."""
     spot = asked(path, legs, accuracy).prepared()
-    nodes, found = spot.asked.nodes, []
+    nodes, found = spot.request.nodes, []
     for x, y in nodes.all[:: len(nodes.all) // 4]:
         at = (float(x), float(y))
-        wave = spot.asked.wave(*at)
+        wave = spot.request.wave(*at)
         truth = compute_point(wave, legs.to_detector, ChainAccuracy(tolerance=1e-5)).pixels / wave.power()
         found.append(relative(spot.light(at).on_pixels(spot), truth))
     return found
@@ -100,7 +100,7 @@ def test_corners_of_patches_contain_no_light_invented_by_too_few_nodes() -> None
     for density in (1.0, 2.0):
         chosen = ChainAccuracy(tolerance=1e-2, diffraction_reach=2.0, microlens_nodes=density)
         spot = asked(path, KIRCHHOFF, chosen).prepared()
-        assert not spot.asked.patch.whole_detector
+        assert not spot.request.patch.whole_detector
         found.append(spot.light((0.0, 0.0)).on_pixels(spot))
     assert relative(found[0], found[1]) < 1e-5
 

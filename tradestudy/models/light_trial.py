@@ -43,7 +43,7 @@ from tradestudy.optics.chain.image import (
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource
-from tradestudy.optics.chain.spot_points import AskedSpot, Spot
+from tradestudy.optics.chain.spot_points import Spot, SpotRequest
 from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.study.schema.wave_optics import LOOSEST_PICTURE, LightSpotPart
 
@@ -376,7 +376,7 @@ def _prepared(part: LightSpotPart, models: SpotModels) -> Spot:
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
     accuracy = ChainAccuracy(tolerance=_COARSE, source_sampling=_SPARSE)
     wavelength, laws = part.mean_wavelength, legs(models.method)
-    return AskedSpot(path=path, source=source, wavelength=wavelength, legs=laws, accuracy=accuracy).prepared()
+    return SpotRequest(path=path, source=source, wavelength=wavelength, legs=laws, accuracy=accuracy).prepared()
 
 
 def _lines(part: LightSpotPart) -> list[tuple[float, float]]:

@@ -133,11 +133,11 @@ class ChainAccuracy:
             The settings.
         """
         tolerance = min(_COARSER_TOLERANCE * self.tolerance, 0.2)
-        kept = math.pow(tolerance / self.tolerance, 1 / 6)  # the larger tolerance alone would shorten the reach
+        longer = math.pow(tolerance / self.tolerance, 1 / 6)  # the larger tolerance alone would shorten the reach
         return replace(
             self,
             tolerance=tolerance,
-            diffraction_reach=kept * max(_LONGER * self.diffraction_reach, 1.0),
+            diffraction_reach=longer * max(_LONGER * self.diffraction_reach, 1.0),
             **{
                 name: _COARSER * value if value >= 1 else 1.0
                 for name in ("pupil_nodes", "microlens_nodes", "field_sampling")
@@ -365,10 +365,10 @@ class ChainImage:
         return self.numerical_error <= self.tolerance
 
 
-def relative_change(fine: FloatArray, other: FloatArray) -> float:
+def relative_change(fine: FloatArray, compared: FloatArray) -> float:
     """L2 change between two computations, relative to the smaller, as too few nodes invent light; 0 for no change."""
-    change = float(np.linalg.norm(fine - other))
-    size = min(float(np.linalg.norm(one)) for one in (fine, other))
+    change = float(np.linalg.norm(fine - compared))
+    size = min(float(np.linalg.norm(pixels)) for pixels in (fine, compared))
     return 0.0 if change == 0.0 else change / size if size > 0.0 else math.inf
 
 

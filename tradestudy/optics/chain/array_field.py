@@ -69,15 +69,15 @@ class TableKernel:
         along = [_response(self, math.pi * np.arange(count) / (count - 1)) for count in table.shape]
         spectrum = scipy.fft.dctn(table, type=1)
         spectrum /= np.multiply.outer(*along)
-        found = scipy.fft.idctn(spectrum, type=1, overwrite_x=True)
-        return np.asarray(found.astype(np.complex64 if self.single else np.complex128))
+        coefficients = scipy.fft.idctn(spectrum, type=1, overwrite_x=True)
+        return np.asarray(coefficients.astype(np.complex64 if self.single else np.complex128))
 
     def interpolated(self, coefficients: ComplexArray, rows: FloatArray, columns: FloatArray) -> ComplexArray:
         """Values at positions counted in samples from the first one; zero outside the table."""
         last_row, last_column = (count - 1 for count in coefficients.shape)
         turns = [
-            2 * math.pi / count * at.ravel() - math.pi
-            for count, at in zip(coefficients.shape, (rows, columns), strict=True)
+            2 * math.pi / count * positions.ravel() - math.pi
+            for count, positions in zip(coefficients.shape, (rows, columns), strict=True)
         ]
         values = _summed(self, coefficients, *turns).reshape(rows.shape)
         beyond = (np.minimum(rows, columns) < 0) | (rows > last_row) | (columns > last_column)
@@ -121,10 +121,10 @@ def _response(kernel: TableKernel, phases: FloatArray) -> FloatArray:
 @lru_cache(maxsize=16)
 def _at_whole_samples(kernel: TableKernel) -> FloatArray:
     """Kernel at whole samples from its middle outwards, along one axis."""
-    one = np.zeros((4 * _WIDEST, 4 * _WIDEST), dtype=np.complex64 if kernel.single else np.complex128)
-    one[2 * _WIDEST, 2 * _WIDEST] = 1.0
-    away = 2 * math.pi / len(one) * np.arange(_WIDEST, dtype=np.float64)
-    along = _summed(kernel, one, away, np.zeros_like(away)).real.astype(np.float64)
+    unit = np.zeros((4 * _WIDEST, 4 * _WIDEST), dtype=np.complex64 if kernel.single else np.complex128)
+    unit[2 * _WIDEST, 2 * _WIDEST] = 1.0
+    away = 2 * math.pi / len(unit) * np.arange(_WIDEST, dtype=np.float64)
+    along = _summed(kernel, unit, away, np.zeros_like(away)).real.astype(np.float64)
     return np.asarray(along / math.sqrt(along[0]))
 
 
@@ -196,6 +196,7 @@ class PupilWave:
         """Wave on quadrature nodes of the pupil."""
         field = self.wave.field(nodes.x, nodes.y)
         if self.coherent_radius > 0:
+            # The lens adds the same phase and amplitude to every wave: only the wave in front of it is exchanged.
             field = field / self._point_wave(nodes) * self._disc_wave(nodes)
         return ApertureSamples(nodes=nodes, field=field)
 
@@ -209,14 +210,14 @@ class PupilWave:
 
     def _point_wave(self, nodes: QuadratureNodes) -> ComplexArray:
         """Wave from the middle of the source in front of the main lens, in the units of `_disc_wave`."""
-        one = QuadratureNodes(
+        point = QuadratureNodes(
             x=np.array([self.source.x]),
             y=np.array([self.source.y]),
             weights=np.ones(1),
             centre=(self.source.x, self.source.y),
             half_extent=self.wavelength,
         )
-        samples = ApertureSamples(nodes=one, field=np.ones(1, dtype=complex))
+        samples = ApertureSamples(nodes=point, field=np.ones(1, dtype=complex))
         return direct_sum(samples, self.kernel, nodes.x, nodes.y, np.full(nodes.count, self.source.distance))
 
     def _disc_wave(self, nodes: QuadratureNodes) -> ComplexArray:
@@ -311,7 +312,9 @@ class FieldTable:
 
     def slow_part(self, x: FloatArray, y: FloatArray) -> ComplexArray:
         """Field without its fast phase at points relative to the origin; zero outside the grid."""
-        rows, columns = ((at - start) / self.spacing for at, start in ((y, self.start[1]), (x, self.start[0])))
+        rows, columns = (
+            (position - start) / self.spacing for position, start in ((y, self.start[1]), (x, self.start[0]))
+        )
         return self.kernel.interpolated(self.coefficients, rows, columns)
 
 

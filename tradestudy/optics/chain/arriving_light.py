@@ -60,10 +60,10 @@ def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False
         rings.append(lenses.cell_reach * rim)
         refracts += [False] * angle.size
     offset = np.concatenate(rings)
-    at = lenses.centres[:, None] + offset  # (lenses, points, 2)
-    slope = _arriving_slope(path, source, at, rim, whole_pupil)  # (lenses, points, candidates, 2)
+    points = lenses.centres[:, None] + offset  # (lenses, points, 2)
+    slope = _arriving_slope(path, source, points, rim, whole_pupil)  # (lenses, points, candidates, 2)
     behind = slope + bending(lenses, offset, np.array(refracts))[:, :, None]
-    landing = at[:, :, None] + b * behind
+    landing = points[:, :, None] + b * behind
     image = landing[:, 0].mean(axis=1)
     travel = np.linalg.norm(b * behind, axis=-1).max(axis=(1, 2))
     spread = np.linalg.norm(landing - image[:, None, None], axis=-1).max(axis=(1, 2))
@@ -89,7 +89,7 @@ def blur_radius(path: LightPath, source: PointSource) -> float:
 
 
 def _arriving_slope(
-    path: LightPath, source: PointSource, at: FloatArray, rim: FloatArray, whole_pupil: bool
+    path: LightPath, source: PointSource, points: FloatArray, rim: FloatArray, whole_pupil: bool
 ) -> FloatArray:
     """Slopes of rays that can arrive at points of the array: from the whole pupil if the image is in focus there."""
     radius, z = path.main_lens.radius, path.array_distance
@@ -97,12 +97,13 @@ def _arriving_slope(
     chief = np.asarray(path.chief_point(source))
     if whole_pupil or blur < 0.02 * path.microlenses.pitch:
         pupil = np.concatenate([np.zeros((1, 2)), radius * rim])
-        return np.asarray((at[:, :, None] - pupil) / z)
+        return np.asarray((points[:, :, None] - pupil) / z)
     depth = path.image_at_array(source)[2]
-    pupil = (at - chief) * (radius / blur) * np.sign(depth) * -np.sign(path.array_distance - depth)
+    pupil = (points - chief) * (radius / blur) * np.sign(depth) * -np.sign(path.array_distance - depth)
+    # Points in the shadow get the ray from the nearest point of the rim, which diffracts light to them.
     size = np.linalg.norm(pupil, axis=-1, keepdims=True)
     pupil = pupil * np.minimum(1, radius / np.maximum(size, radius * 1e-300))
-    return np.asarray((at - pupil) / z)[:, :, None]
+    return np.asarray((points - pupil) / z)[:, :, None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,9 @@ _EQUALLY_NEAR = 4  # largest number of microlenses equally near to a pixel, on a
 def nearest_microlens(path: LightPath) -> IndexArray:
     """Index of each pixel's microlens, shape (rows, columns): the one whose projected centre is nearest."""
     x, y = pixel_centres(path.pixels)
-    seen = path.microlenses.centres * projection(path)
+    projected = path.microlenses.centres * projection(path)
     pixels = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
-    distance, index = cKDTree(seen).query(pixels, k=np.arange(1, 1 + min(_EQUALLY_NEAR, len(seen))))
+    distance, index = cKDTree(projected).query(pixels, k=np.arange(1, 1 + min(_EQUALLY_NEAR, len(projected))))
     # A slight preference for the first, so that rounding does not decide for pixels midway between two.
     first = np.argmin(distance + 1e-9 * path.microlenses.pitch * index, axis=-1)
     return np.asarray(np.take_along_axis(index, first[..., None], axis=-1)[..., 0])

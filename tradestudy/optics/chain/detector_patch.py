@@ -93,8 +93,8 @@ class MicrolensPlane:
         else:
             kinds, which = np.unique(lenses.focal_lengths, return_inverse=True)
             first = [int(np.flatnonzero(which == j)[0]) for j in range(kinds.size)]
-            each = [self._lens_path(i, _ANY_POINT) for i in first]
-            phases = [each[j] for j in which]
+            paths = [self._lens_path(i, _ANY_POINT) for i in first]
+            phases = [paths[j] for j in which]
         phase = np.where(self.cell.in_lens, 2 * math.pi / self.wavelength * np.array(phases), 0.0)
         passed = np.where(self.cell.in_lens, lenses.lens(0).transmission(self.cell.x, self.cell.y), 1.0)
         return np.asarray(unit_phasor(phase) * (passed * self.cell.weights))
@@ -160,7 +160,7 @@ def direct_detector_field(
     kernel: Kernel,
     field: ComplexArray,
     transmission: ComplexArray,
-    at: FloatArray,
+    targets: FloatArray,
     *,
     images: FloatArray,
     target_reach: float,
@@ -184,7 +184,7 @@ def direct_detector_field(
     """
     x, y = plane.positions
     lenses = plane.path.microlenses
-    total = np.zeros(at.shape[0], dtype=np.complex128)
+    total = np.zeros(targets.shape[0], dtype=np.complex128)
     for index in range(lenses.count):
         nodes = QuadratureNodes(
             x=x[index],
@@ -194,9 +194,9 @@ def direct_detector_field(
             half_extent=lenses.cell_reach,
         )
         samples = ApertureSamples(nodes=nodes, field=field[index] * transmission[index])
-        seen = np.linalg.norm(at - images[index], axis=1) <= target_reach
-        distance = np.full(seen.sum(), plane.path.detector_distance)
-        total[seen] += direct_sum(samples, kernel, at[seen, 0], at[seen, 1], distance)
+        resolved = np.linalg.norm(targets - images[index], axis=1) <= target_reach
+        distance = np.full(resolved.sum(), plane.path.detector_distance)
+        total[resolved] += direct_sum(samples, kernel, targets[resolved, 0], targets[resolved, 1], distance)
     return total
 
 
@@ -434,7 +434,7 @@ def _plans(
     A plan that follows light only to a margin is tried only where patches do not meet the tolerance: the light that it
     loses is not restored, unlike light beyond patches.
     """
-    found = []
+    plans = []
     for everywhere in (True, False) if accuracy.tolerance < _MET_BY_PATCHES else (True,):
         plan = plan_detector(
             path, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy, everywhere=everywhere
@@ -448,8 +448,8 @@ def _plans(
             density=accuracy.microlens_nodes,
         )
         least = plan.transfer.count**2 + _NODE * FEWEST_NODES * cycles**2 * path.microlenses.count
-        found.append((plan, cycles, least))
-    return sorted(found, key=lambda one: one[2])
+        plans.append((plan, cycles, least))
+    return sorted(plans, key=lambda entry: entry[2])
 
 
 def _detector_side(path: LightPath) -> float:
@@ -461,7 +461,7 @@ def _patch(
 ) -> DetectorPatch:
     """Patch and samples that contain the light of all points, from the rays of centre and rim of the disc."""
     margin = accuracy.fresnel_lengths * math.sqrt(wavelength * path.detector_distance)
-    half = max(float(one.spread.max()) for one in reaches) + margin
+    half = max(float(reach.spread.max()) for reach in reaches) + margin
     node_reach = path.microlenses.cell_reach
     band = half_band(
         wavelength, path.detector_distance, node_reach + half, paraxial=paraxial, tolerance=accuracy.tolerance

@@ -118,9 +118,9 @@ def response(transfer: Transfer, *, single: bool = False) -> Response:
     return Response(transfer=transfer, quadrant=quadrant.astype(np.complex64 if single else np.complex128))
 
 
-def fading(at: FloatArray, full: float, end: float) -> FloatArray:
+def fading(magnitude: FloatArray, full: float, end: float) -> FloatArray:
     """Factor that is 1 up to `full` and falls smoothly to 0 at `end`."""
-    ramp = np.clip((end - at) / (end - full), 0.0, 1.0)
+    ramp = np.clip((end - magnitude) / (end - full), 0.0, 1.0)
     return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
 
 
@@ -201,6 +201,7 @@ def choose_transfer(
             limit=f"≤ {1 / (2 * band):g} m",
             remedy="use more samples along a pixel",
         )
+    # Light of the outermost node wraps around into the targets only if it travels farther than any that is kept.
     travel = _landing(band * wavelength, distance, paraxial=paraxial)
     period = max(node_reach + target_reach + travel, 2 * target_reach + 2 * spacing)
     return Transfer(
@@ -426,12 +427,12 @@ def patch_law(plan: PatchPlan, *, memory_limit: float, single: bool = False) -> 
     """
     kind = np.complex64 if single else np.complex128
     area = plan.wavelength * plan.distance
-    at = plan.spacing * np.arange(-(plan.count // 2), plan.count - plan.count // 2, dtype=np.float64)
-    curvature = unit_phasor(math.pi / area * at**2 - math.pi / 4) / math.sqrt(area)
+    position = plan.spacing * np.arange(-(plan.count // 2), plan.count - plan.count // 2, dtype=np.float64)
+    curvature = unit_phasor(math.pi / area * position**2 - math.pi / 4) / math.sqrt(area)
     ratio = None
     if plan.reach is not None:
         outer = plan.reach.kept + plan.reach.fade
-        curvature *= fading(np.abs(at), plan.reach.kept, outer)
+        curvature *= fading(np.abs(position), plan.reach.kept, outer)
         refuse_large_patch(plan, memory_limit)
         sine = plan.wavelength * plan.frequency_step * np.arange(_frequencies(plan))
         squared = (sine**2)[None, :] + (sine**2)[:, None]
@@ -516,11 +517,11 @@ def patch_fields(
         for axis in (0, 1)
     ]
     if law.ratio is None:
-        along_x, along_y = ((law.curvature * one).astype(kind) for one in carriers)
+        along_x, along_y = ((law.curvature * carrier).astype(kind) for carrier in carriers)
         sums *= along_y[:, :, None]
         sums *= along_x[:, None, :]
         return np.asarray(sums)
-    along_x, along_y = (one.astype(kind) for one in carriers)
+    along_x, along_y = (carrier.astype(kind) for carrier in carriers)
     fields = np.asarray(_corrected(law, law.ratio, sums, steps, moved))
     fields *= along_y[:, :, None]
     fields *= along_x[:, None, :]
@@ -539,9 +540,9 @@ def _corrected(
         unit_phasor(2 * math.pi * np.outer(start[:, axis], frequencies)).astype(sums.dtype) for axis in (0, 1)
     )
     fields = np.empty((sums.shape[0], plan.side, plan.side), dtype=sums.dtype)
-    for each, field, step, x_phase, y_phase in zip(sums, fields, steps, shift_x, shift_y, strict=True):
-        each *= curvature
-        spectrum = scipy.fft.fft2(each, overwrite_x=True)
+    for patch, field, step, x_phase, y_phase in zip(sums, fields, steps, shift_x, shift_y, strict=True):
+        patch *= curvature
+        spectrum = scipy.fft.fft2(patch, overwrite_x=True)
         _multiply(spectrum, ratio, step)
         spectrum *= y_phase[:, None]
         partial = scipy.fft.ifft(spectrum, axis=0, overwrite_x=True)[: plan.side]
@@ -558,8 +559,8 @@ def _multiply(spectrum: ComplexArray, ratio: ComplexArray, carrier: IndexArray) 
     lies = ((slice(0, -(-count // 2)), 0), (slice(-(-count // 2), count), -count))
     for rows, from_y in lies:
         for columns, from_x in lies:
-            here = tuple(
+            window = tuple(
                 slice(middle + int(carrier[axis]) + shift + part.start, middle + int(carrier[axis]) + shift + part.stop)
                 for axis, part, shift in ((1, rows, from_y), (0, columns, from_x))
             )
-            spectrum[rows, columns] *= ratio[here]
+            spectrum[rows, columns] *= ratio[window]

@@ -67,7 +67,7 @@ class Plane:
         return Plane(x=self.x[chosen], y=self.y[chosen])
 
 
-def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Plane:
+def turned(lens: CircularLens, points: Plane, slope: Plane, *, backward: bool) -> Plane:
     """Slopes behind a thin lens of lines that reach it at given points; with `backward`, slopes in front of it.
 
     Points are relative to the centre of the lens. The gradient of its path adds to direction cosines; a perfect lens
@@ -75,14 +75,14 @@ def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Pl
     """
     f, sign = lens.focal_length, 1.0 if backward else -1.0
     if lens.lens_phase == "perfect":
-        return slope.plus(at, sign / f)
+        return slope.plus(points, sign / f)
     cosines = slope.scaled(1.0 / np.sqrt(1.0 + slope.squared))
     if lens.lens_phase == "parabolic":
-        cosines = cosines.plus(at, sign / f)
+        cosines = cosines.plus(points, sign / f)
     else:
         assert lens.focus_distance is not None  # guaranteed by CircularLens
         for a in (lens.focus_distance, finite_image_distance(lens.focus_distance, f)):
-            cosines = cosines.plus(at, sign * math.copysign(1.0, a) / np.sqrt(at.squared + a**2))
+            cosines = cosines.plus(points, sign * math.copysign(1.0, a) / np.sqrt(points.squared + a**2))
     squared = cosines.squared
     # Steeper than any real line: it misses everything.
     return cosines.scaled(np.where(squared < 1.0, 1.0 / np.sqrt(1.0 - np.minimum(squared, 1.0 - 1e-12)), _NOWHERE))
@@ -100,9 +100,9 @@ def power_of_points(path: LightPath, source: PointSource | DiscSource) -> tuple[
     centre = math.hypot(source.x, source.y)
     width = source.diameter if isinstance(source, DiscSource) else path.main_lens.radius
     nodes = disc_nodes(radius=path.main_lens.radius, radial_count=8, angular_count=24)
-    at = np.linspace(max(0.0, centre - width), centre + width, 33)
-    squared = source.distance**2 + (nodes.x - at[:, None]) ** 2 + nodes.y**2
-    return at**2, np.asarray((source.distance**2 / squared**2) @ nodes.weights)
+    away = np.linspace(max(0.0, centre - width), centre + width, 33)
+    squared = source.distance**2 + (nodes.x - away[:, None]) ** 2 + nodes.y**2
+    return away**2, np.asarray((source.distance**2 / squared**2) @ nodes.weights)
 
 
 def even_numbers(dimensions: int, shifted: int, start: int, stop: int) -> FloatArray:
@@ -135,9 +135,9 @@ def through_microlens(path: LightPath, index: int, offset: Plane, arriving: Plan
     total = np.zeros(path.pixels.shape)
     x, y = lenses.centres[index]
     for inside, refracts in parts:
-        here, slope = offset.where(inside), arriving.where(inside)
-        leaving = turned(lenses.lens(index), here, slope, backward=False) if refracts else slope
-        landing = here.plus(leaving, path.detector_distance)
+        point, slope = offset.where(inside), arriving.where(inside)
+        leaving = turned(lenses.lens(index), point, slope, backward=False) if refracts else slope
+        landing = point.plus(leaving, path.detector_distance)
         total += _on_pixels(path.pixels, landing.beside(-x, -y), power[inside])
     return total
 
@@ -206,7 +206,7 @@ def array_tracer(path: LightPath, source: DiscSource) -> Tracer:
         total = np.zeros(path.pixels.shape)
         for index, copies in orbits:
             image = _through(path, source, index, u, offset, power_at)
-            total += sum(moved_image(image, one) for one in copies)
+            total += sum(moved_image(image, symmetry) for symmetry in copies)
         return total
 
     return trace
@@ -226,7 +226,7 @@ def _through(
     towards = turned(main, u, arriving, backward=True)
     s = u.plus(towards, -a)
     lit = np.asarray(s.beside(source.x, source.y).squared <= (source.diameter / 2.0) ** 2)
-    offset, arriving, towards, s = (one.where(lit) for one in (offset, arriving, towards, s))
+    offset, arriving, towards, s = (coordinates.where(lit) for coordinates in (offset, arriving, towards, s))
     # (a²/z²) (a/r²)² = cos⁴α/z², per area of the disc
     power = volume(main, towards, arriving) / (1.0 + towards.squared) ** 2 / np.interp(s.squared, *power_at)
     power *= 4.0 * main.radius**2 * cell_area(path.microlenses) / (z * source.diameter) ** 2
@@ -286,7 +286,7 @@ def traced_backwards(path: LightPath, source: DiscSource, density: float) -> Flo
         light[np.ix_(seen_y, seen_x)] = trace.irradiance(index, columns[seen_x], rows[seen_y])
         shape = (pixels.shape[0], across, pixels.shape[1], across)
         image = light.reshape(shape).mean(axis=(1, 3)) * pixels.pitch**2
-        total += sum(moved_image(image, one) for one in copies)
+        total += sum(moved_image(image, symmetry) for symmetry in copies)
     return np.asarray(total / (math.pi * (source.diameter / 2.0) ** 2))
 
 
@@ -295,7 +295,7 @@ def backward_rays(path: LightPath, source: DiscSource, density: float) -> float:
     nodes = cell_node_count(path.microlenses, cycles=_CYCLES * density)
     lines = _detector_points(path, _samples_across(density))
     distinct = (index for index, _ in lens_orbits(path.microlenses.centres, symmetries(path, source)))
-    return float(nodes * sum(math.prod(seen.size for seen in _seen(path, one, *lines)) for one in distinct))
+    return float(nodes * sum(math.prod(line.size for line in _seen(path, index, *lines)) for index in distinct))
 
 
 def _samples_across(density: float) -> int:
@@ -377,7 +377,7 @@ class _Trace:
         s_width = np.hypot((from_u * (1.0 - z * turn) - a * turn) * apart, (from_u * z + a) / b * self.spacing)
         passed = _covered(u, main.radius, u_width)
         lit = passed > 0.0  # often a small part, and only they are followed further
-        leaving, arriving, u = (one.over(lit.shape).where(lit) for one in (leaving, arriving, u))
+        leaving, arriving, u = (coordinates.over(lit.shape).where(lit) for coordinates in (leaving, arriving, u))
         towards = turned(main, u, arriving, backward=True)
         s = u.plus(towards, -a)
         aside = s.beside(source.x, source.y)
@@ -389,9 +389,9 @@ class _Trace:
         return np.asarray(passed @ nodes.weights / b**2)
 
 
-def _covered(at: Plane, edge: float, width: FloatArray) -> FloatArray:
+def _covered(point: Plane, edge: float, width: FloatArray) -> FloatArray:
     """Fraction of a spacing about a point that lies within a disc, whose edge counts as straight."""
-    return np.asarray(np.clip(0.5 + (edge - np.sqrt(at.squared)) / np.maximum(width, 1e-9 * edge), 0.0, 1.0))
+    return np.asarray(np.clip(0.5 + (edge - np.sqrt(point.squared)) / np.maximum(width, 1e-9 * edge), 0.0, 1.0))
 
 
 def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accuracy: ChainAccuracy) -> ChainImage:
@@ -487,15 +487,15 @@ def _sampled(
 ) -> tuple[FloatArray, float, float]:
     """Picture, its error, and the number of rays."""
     trace = _tracer(path, source)
-    each = _needed(path, source, accuracy) // SHIFTS
-    sums = np.stack([_sum(trace, shifted, 0, each) for shifted in range(SHIFTS)])
+    per_shift = _needed(path, source, accuracy) // SHIFTS
+    sums = np.stack([_sum(trace, shifted, 0, per_shift) for shifted in range(SHIFTS)])
     for _ in range(_MOST_REFINEMENTS):
-        if _scatter(sums) <= accuracy.tolerance or 2 * SHIFTS * each > _MOST_RAYS:
+        if _scatter(sums) <= accuracy.tolerance or 2 * SHIFTS * per_shift > _MOST_RAYS:
             break
-        sums += np.stack([_sum(trace, shifted, each, 2 * each) for shifted in range(SHIFTS)])
-        each *= 2
-    traced = _lenses_traced(path, source) * SHIFTS * each + _PILOT_RAYS
-    return np.asarray(sums.mean(axis=0) / each), _scatter(sums), traced
+        sums += np.stack([_sum(trace, shifted, per_shift, 2 * per_shift) for shifted in range(SHIFTS)])
+        per_shift *= 2
+    traced = _lenses_traced(path, source) * SHIFTS * per_shift + _PILOT_RAYS
+    return np.asarray(sums.mean(axis=0) / per_shift), _scatter(sums), traced
 
 
 def _needed(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAccuracy) -> int:
@@ -513,10 +513,10 @@ def _typical_microlens(path: LightPath, source: PointSource | DiscSource) -> Lig
     lenses, pixels = path.microlenses, path.pixels
     middles = lenses.centres * projection(path)
     half = np.array(pixels.shape[::-1]) * pixels.pitch / 2.0
-    seen = np.all(np.abs(middles - pixels.centre) <= half, axis=1)
+    visible = np.all(np.abs(middles - pixels.centre) <= half, axis=1)
     place = source.centre if isinstance(source, DiscSource) else source
     aside = np.linalg.norm(lenses.centres - path.chief_point(place), axis=1)
-    index = int(np.argmin(np.where(seen, aside, aside + (np.ptp(aside) + lenses.pitch))))
+    index = int(np.argmin(np.where(visible, aside, aside + (np.ptp(aside) + lenses.pitch))))
     return replace(path, microlenses=lenses.only(index))
 
 
@@ -535,8 +535,8 @@ def _tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
 
 def _sum(trace: Tracer, shifted: int, start: int, stop: int) -> FloatArray:
     """Sum over a long range of rays, block by block."""
-    first, *others = (trace(shifted, at, min(at + AT_ONCE, stop)) for at in range(start, stop, AT_ONCE))
-    return sum(others, first)
+    first, *rest = (trace(shifted, begin, min(begin + AT_ONCE, stop)) for begin in range(start, stop, AT_ONCE))
+    return sum(rest, first)
 
 
 def _scatter(sums: FloatArray) -> float:
@@ -559,5 +559,5 @@ def _image_radius(path: LightPath, source: DiscSource) -> float:
     _, _, depth = path.image_at_array(source.centre)
     at_main_image = source.diameter / 2.0 * abs(path.array_distance - depth) / source.distance
     largest = path.main_lens.radius / path.array_distance
-    seen = largest if at_main_image >= largest * abs(depth) else at_main_image / abs(depth)
-    return path.detector_distance / path.pixels.pitch * seen
+    radius = largest if at_main_image >= largest * abs(depth) else at_main_image / abs(depth)
+    return path.detector_distance / path.pixels.pitch * radius

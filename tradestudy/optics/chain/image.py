@@ -92,7 +92,7 @@ def refuse_impossible(path: LightPath, source: PointSource | DiscSource, wavelen
 
 
 def refuse_following_microlenses(
-    found: ChainImage,
+    computed: ChainImage,
     path: LightPath,
     source: PointSource | DiscSource,
     legs: Legs,
@@ -121,7 +121,7 @@ def refuse_following_microlenses(
         If the two images differ by more than the tolerance.
     """
     if phase_follows_source(path, source, legs):
-        refuse_change_by_phase(path, relative_change(found.pixels, image(with_fixed_phase(path)).pixels), tolerance)
+        refuse_change_by_phase(path, relative_change(computed.pixels, image(with_fixed_phase(path)).pixels), tolerance)
 
 
 def with_fixed_phase(path: LightPath) -> LightPath:
@@ -265,9 +265,9 @@ def chain_image(
     image = partial(
         unguarded_image, source=source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, compute=compute
     )
-    found = image(path, done=done)
-    refuse_following_microlenses(found, path, source, legs, accuracy.tolerance, image)
-    return found
+    computed = image(path, done=done)
+    refuse_following_microlenses(computed, path, source, legs, accuracy.tolerance, image)
+    return computed
 
 
 def unguarded_image(
@@ -512,9 +512,9 @@ def separate_image(
         rng=rng,
         compute=compute,
     )
-    found = image(path, done=done)
-    refuse_following_microlenses(found, path, source, legs, accuracy.tolerance, image)
-    return found
+    computed = image(path, done=done)
+    refuse_following_microlenses(computed, path, source, legs, accuracy.tolerance, image)
+    return computed
 
 
 def unguarded_separate_image(
@@ -534,7 +534,7 @@ def unguarded_separate_image(
     seeds = rng.integers(
         2**63, size=present.size
     )  # one for each microlens, so that the place of computation does not matter
-    found: list[ChainImage] = compute(
+    images: list[ChainImage] = compute(
         [
             partial(_alone, microlenses_alone(path, [index], owner), source, wavelength, legs, accuracy, seed)
             for index, seed in zip(present.tolist(), seeds.tolist(), strict=True)
@@ -542,20 +542,20 @@ def unguarded_separate_image(
         done,
     )
     pixels = np.zeros(owner.shape)
-    for index, alone in zip(present, found, strict=True):
+    for index, alone in zip(present, images, strict=True):
         mine = owner == index
         pixels[_window(mine)] += np.where(mine[_window(mine)], alone.pixels, 0.0)
-    errors = [one.numerical_error * float(np.linalg.norm(one.pixels)) for one in found]
+    errors = [image.numerical_error * float(np.linalg.norm(image.pixels)) for image in images]
     size = float(np.linalg.norm(pixels))
     error = math.hypot(*errors) / size if size > 0.0 else 0.0
     return ChainImage(
         pixels=pixels,
         numerical_error=error,
         error_terms={"microlenses alone": error},
-        direct_check={name: max(one.direct_check[name] for one in found) for name in found[0].direct_check},
-        microlens_share=math.fsum(one.microlens_share for one in found),
-        effort={name: sum(one.effort[name] for one in found) for name in found[0].effort},
-        handed_over=max(one.handed_over for one in found),
+        direct_check={name: max(image.direct_check[name] for image in images) for name in images[0].direct_check},
+        microlens_share=math.fsum(image.microlens_share for image in images),
+        effort={name: sum(image.effort[name] for image in images) for name in images[0].effort},
+        handed_over=max(image.handed_over for image in images),
         tolerance=accuracy.tolerance,
         path=path,
     )

@@ -114,9 +114,9 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
         microlens_nodes=_FINER * max(accuracy.microlens_nodes, 1.0),
     )
     with ThreadPoolExecutor(2) as pool:  # a boundary wave is compared with Kirchhoff's integral
-        fine, other = pool.map(_landed_point, (wave, wave.reference), (accuracy, finer))
+        fine, reference = pool.map(_landed_point, (wave, wave.reference), (accuracy, finer))
     terms = {
-        "other sampling": _SAFETY * relative_change(fine.pixels, other.pixels),
+        "other sampling": _SAFETY * relative_change(fine.pixels, reference.pixels),
         "unlit microlenses": fine.lost / float(np.linalg.norm(fine.pixels)) if fine.lost > 0.0 else 0.0,
     }
     check = _point_check(wave, fine, rng)
@@ -175,6 +175,7 @@ def pixel_nodes(
         bend=upright,
     )
     bottom, top = region.span(across.points)
+    # The strips below and above the detector count too: their light belongs to that of the microlens.
     ends = np.sort(edges_y)
     lower = np.clip(np.concatenate([[-np.inf], ends]), bottom[:, None], top[:, None])
     upper = np.clip(np.concatenate([ends, [np.inf]]), bottom[:, None], top[:, None])
@@ -185,7 +186,7 @@ def pixel_nodes(
     x = across.points[which]
     column = np.searchsorted(np.sort(edges_x), x) - 1
     row = strip - 1
-    if scale < 0:
+    if scale < 0:  # sorting the edges mirrored the image
         row, column = rows - 1 - row, columns - 1 - column
     inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     return PixelNodes(
@@ -236,11 +237,11 @@ def landing_nodes(path: LightPath, source: PointSource, *, frequency: float, tol
 
 
 def light_on_nodes(
-    wave: PupilWave, read: ArrayField, *, frequency: float, tolerance: float
+    wave: PupilWave, field_at: ArrayField, *, frequency: float, tolerance: float
 ) -> tuple[PixelNodes, FloatArray]:
     """Nodes of one source point on every cell, and the share of the light through the pupil that arrives on each."""
     nodes = landing_nodes(wave.path, wave.source, frequency=frequency, tolerance=tolerance)
-    return nodes, nodes.weights * squared_magnitude(read(nodes.x, nodes.y)) / wave.power()
+    return nodes, nodes.weights * squared_magnitude(field_at(nodes.x, nodes.y)) / wave.power()
 
 
 def _landed_point(wave: PupilWave, accuracy: ChainAccuracy) -> _LandedPoint:
@@ -254,15 +255,15 @@ def _landed_point(wave: PupilWave, accuracy: ChainAccuracy) -> _LandedPoint:
     return _LandedPoint(arriving=arriving, nodes=nodes, light=light, pixels=pixels, lost=lit.lost)
 
 
-def _point_check(wave: PupilWave, done: _LandedPoint, rng: np.random.Generator) -> float:
+def _point_check(wave: PupilWave, landed: _LandedPoint, rng: np.random.Generator) -> float:
     """Relative discrepancy of the irradiance at random nodes from direct quadrature."""
-    lit = np.abs(done.light)
+    lit = np.abs(landed.light)
     if not lit.any():
         return 0.0
     pick = rng.choice(lit.size, size=_CHECK_POINTS, p=lit / lit.sum())
-    truth = squared_magnitude(direct_field(wave, done.nodes.x[pick], done.nodes.y[pick])) / wave.power()
-    here = done.light[pick] / done.nodes.weights[pick]
-    return float(np.linalg.norm(here - truth) / np.linalg.norm(truth))
+    truth = squared_magnitude(direct_field(wave, landed.nodes.x[pick], landed.nodes.y[pick])) / wave.power()
+    computed = landed.light[pick] / landed.nodes.weights[pick]
+    return float(np.linalg.norm(computed - truth) / np.linalg.norm(truth))
 
 
 _SAFETY_OF_DISC = 1.5  # the two computations share some of their error
@@ -306,10 +307,10 @@ def landing_spot_image(
         source_sampling=_FEWER * sampling if sampling >= 1 else 1.0,
     )
     with ThreadPoolExecutor(2) as pool:
-        fine, other = pool.map(
-            lambda each: _landed_disc(path, source, wavelength, *each), ((legs, accuracy), (compared, coarser))
+        fine, reference = pool.map(
+            lambda settings: _landed_disc(path, source, wavelength, *settings), ((legs, accuracy), (compared, coarser))
         )
-    terms = {"other sampling": _SAFETY_OF_DISC * relative_change(fine.pixels, other.pixels)}
+    terms = {"other sampling": _SAFETY_OF_DISC * relative_change(fine.pixels, reference.pixels)}
     return ChainImage(
         pixels=fine.pixels,
         numerical_error=math.hypot(*terms.values()),
@@ -395,8 +396,8 @@ def _over_array(
         powers = np.where(cell.in_lens, 1 / lenses.focal_lengths[index], 0.0)
         for dx, dy, weight, power in zip(cell.x, cell.y, cell.weights, powers, strict=True):
             offset = np.array([dx, dy])
-            at = lenses.centres[index] + offset
-            landing = at * (1 + b / depth) - b * power * offset
+            point = lenses.centres[index] + offset
+            landing = point * (1 + b / depth) - b * power * offset
             nodes = pixel_nodes(
                 disc,
                 pixels,
@@ -406,7 +407,7 @@ def _over_array(
                 tolerance=accuracy.tolerance,
                 corners=accuracy.tolerance < _CORNERS_BELOW,
             )
-            light = nodes.weights * tables.irradiance(nodes.x, nodes.y, at[0], at[1])
+            light = nodes.weights * tables.irradiance(nodes.x, nodes.y, point[0], point[1])
             image += weight * on_pixels(light, nodes.pixel, pixels)
             share += weight * float(light.sum())
             reads += light.size
@@ -429,8 +430,8 @@ def _over_source(
     frequency = accuracy.microlens_nodes * fringes
     for x, y, weight in zip(disc.x, disc.y, weights, strict=True):
         place = float(x), float(y)
-        read = partial(tables.field, place, tables.at([place])[place])
-        nodes, light = light_on_nodes(tables.wave(*place), read, frequency=frequency, tolerance=accuracy.tolerance)
+        field_at = partial(tables.field, place, tables.at([place])[place])
+        nodes, light = light_on_nodes(tables.wave(*place), field_at, frequency=frequency, tolerance=accuracy.tolerance)
         yield weight * on_pixels(light, nodes.pixel, path.pixels), weight * float(light.sum()), light.size
 
 
@@ -439,16 +440,16 @@ def _disc_check(tables: SourceTables, source: DiscSource, rng: np.random.Generat
     lenses = tables.path.microlenses
     radius = source.diameter / 2 * np.sqrt(rng.random(_CHECK_POINTS))
     angle = 2 * math.pi * rng.random(_CHECK_POINTS)
-    at = lenses.centres[rng.integers(lenses.count, size=_CHECK_POINTS)]
-    at = at + lenses.aperture_width / math.sqrt(8) * rng.uniform(-1, 1, at.shape)
+    points = lenses.centres[rng.integers(lenses.count, size=_CHECK_POINTS)]
+    points = points + lenses.aperture_width / math.sqrt(8) * rng.uniform(-1, 1, points.shape)
     s, t = source.x + radius * np.cos(angle), source.y + radius * np.sin(angle)
-    here = tables.irradiance(s, t, at[:, 0], at[:, 1])
+    computed = tables.irradiance(s, t, points[:, 0], points[:, 1])
     truth = []
-    for (x, y), (p, q) in zip(np.column_stack([s, t]), at, strict=True):
+    for (x, y), (p, q) in zip(np.column_stack([s, t]), points, strict=True):
         wave = tables.wave(float(x), float(y))
         truth.append(abs(direct_field(wave, np.array([p]), np.array([q]))[0]) ** 2 / wave.power())
     size = float(np.linalg.norm(truth))
-    return float(np.linalg.norm(here - truth)) / size if size > 0 else 0.0
+    return float(np.linalg.norm(computed - truth)) / size if size > 0 else 0.0
 
 
 _AT_ONCE = 2_000_000  # numbers in a block
@@ -523,15 +524,15 @@ def _point_cases(path: LightPath, point: PointSource) -> list[_Rays]:
     result = []
     for centre, focal_length in zip(lenses.centres, lenses.focal_lengths, strict=True):
         for region, power, sign in cell_parts(lenses, float(focal_length), 0.0, 0.0):
-            kept = 1 + b / z - b * power
+            magnified = 1 + b / z - b * power
             result.append(
                 _Rays(
                     region=region,
                     centre=(centre - chief)[None],
-                    landing=(chief * kept + b * power * centre)[None],
+                    landing=(chief * magnified + b * power * centre)[None],
                     weights=np.ones(1),
                     array_scale=spread,
-                    detector_scale=spread * kept - b / z,
+                    detector_scale=spread * magnified - b / z,
                     sign=sign,
                 )
             )

@@ -63,7 +63,7 @@ def lit_part(wave: PupilWave | RayWave, accuracy: ChainAccuracy) -> LitPart:
         return LitPart(wave=wave, lost=0.0)
     else:
         kept, lost = _felt(wave, away, accuracy)
-    kept = kept | (away == away.min())
+    kept = kept | (away == away.min())  # a path without any microlens would be invalid
     path = replace(wave.path, microlenses=lenses.only(*np.flatnonzero(kept).tolist()))
     return LitPart(wave=replace(wave, path=path), lost=lost)
 
@@ -75,6 +75,7 @@ def _felt(wave: PupilWave, away: FloatArray, accuracy: ChainAccuracy) -> tuple[B
     nearest = away - lenses.cell_reach
     radius, z = path.main_lens.radius, path.array_distance
     power = lenses.pitch**2 * rim_light(radius=radius, z=z, blur=blur, distance=nearest, wavelength=wave.wavelength)
+    # From the farthest inwards, microlenses are left out as long as their light together stays below the share.
     order = np.argsort(-away, kind="stable")
     lost = np.sqrt(np.cumsum(power[order] ** 2))
     longer = accuracy.diffraction_reach**2  # the irradiance falls as the square of the distance
@@ -110,12 +111,12 @@ def reached_pixels(path: LightPath, followed: float) -> tuple[slice, slice]:
     grid, lenses = path.pixels, path.microlenses
     far = lenses.cell_reach + followed
     low, high = lenses.centres.min(axis=0) - far, lenses.centres.max(axis=0) + far
-    found = []
+    ranges = []
     for axis, edges in ((1, grid.edges_y), (0, grid.edges_x)):
         first, last = np.searchsorted(edges, [low[axis], high[axis]])
         start = min(max(int(first) - 1, 0), edges.size - 2)
-        found.append(slice(start, min(max(int(last), start + 1), edges.size - 1)))
-    return found[0], found[1]
+        ranges.append(slice(start, min(max(int(last), start + 1), edges.size - 1)))
+    return ranges[0], ranges[1]
 
 
 # Of the light of a pupil of radius R, a fraction of about 0.2 λ z/(2 R d) falls farther than d from its geometric
@@ -200,8 +201,8 @@ def array_reach(path: LightPath, points: Sequence[PointSource], wavelength: floa
     chief = path.chief_point(points[0])
     u, v = aperture_mesh(radius)
     farthest = 0.0
-    for one in points:
-        wave = LensWave(source=one, lens=path.main_lens, wavelength=wavelength, paraxial=False, obliquity="paper")
+    for point in points:
+        wave = LensWave(source=point, lens=path.main_lens, wavelength=wavelength, paraxial=False, obliquity="paper")
         with np.errstate(invalid="ignore"):
             x, y = land(wave, u, v, np.asarray(z))
         away = np.hypot(x - chief[0], y - chief[1])
@@ -213,7 +214,7 @@ def array_reach(path: LightPath, points: Sequence[PointSource], wavelength: floa
                 remedy="reduce the aberrations; give waves to Pupil.from_waves, with the wavelength in metres",
             )
         farthest = max(
-            farthest, float(np.nanmax(away)), math.dist(path.chief_point(one), chief) + blur_radius(path, one)
+            farthest, float(np.nanmax(away)), math.dist(path.chief_point(point), chief) + blur_radius(path, point)
         )
     return farthest + FIRST_DARK_RING * wavelength * z / (2 * radius)
 
@@ -260,6 +261,7 @@ def missing_light(wave: PupilWave, path: LightPath, pixels: FloatArray) -> Float
 def _landings(wave: PupilWave, path: LightPath) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Power of the light on each microlens over that through the pupil, and centre and radius of where it lands."""
     lenses = path.microlenses
+    # Golden angles and square roots spread a few points evenly over a disc, like the seeds of a sunflower.
     turn = np.arange(_POINTS) * math.pi * (3 - math.sqrt(5))
     out = lenses.cell_reach * np.sqrt((np.arange(_POINTS) + 0.5) / _POINTS)
     offset = out[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
@@ -268,27 +270,28 @@ def _landings(wave: PupilWave, path: LightPath) -> tuple[FloatArray, FloatArray,
     passed = np.ones(_POINTS)
     if lenses.pupil is not None:
         passed[in_lens] = np.abs(np.broadcast_to(lens.transmission(*offset[in_lens].T), in_lens.sum())) ** 2
-    at = lenses.centres[:, None] + offset
+    points = lenses.centres[:, None] + offset
     step = _STEP * wave.wavelength * path.array_distance / path.main_lens.radius
-    here, *moved = _field(wave, path, np.stack([at + shift for shift in ((0.0, 0.0), (step, 0.0), (0.0, step))]))
-    slope = np.stack([np.angle(one * here.conj()) for one in moved], axis=-1) / (wave.kernel.wavenumber * step)
-    weight = np.abs(here) ** 2 * passed
+    field, *moved = _field(wave, path, np.stack([points + shift for shift in ((0.0, 0.0), (step, 0.0), (0.0, step))]))
+    slope = np.stack([np.angle(shifted * field.conj()) for shifted in moved], axis=-1) / (wave.kernel.wavenumber * step)
+    weight = np.abs(field) ** 2 * passed
     total = np.maximum(weight.sum(axis=1), np.finfo(np.float64).tiny)
-    landed = at + path.detector_distance * (slope + bending(lenses, offset, in_lens))
+    landed = points + path.detector_distance * (slope + bending(lenses, offset, in_lens))
     centre = np.einsum("lp,lpc->lc", weight, landed) / total[:, None]
     squared = np.einsum("lp,lpc->l", weight, (landed - centre[:, None]) ** 2) / total
+    # On a uniform disc of radius R, the mean squared distance from its centre is R²/2.
     power = weight.mean(axis=1) * math.pi * lenses.cell_reach**2 / wave.power()
     return power, centre, np.sqrt(2 * squared)
 
 
-def _field(wave: PupilWave, path: LightPath, at: FloatArray) -> ComplexArray:
+def _field(wave: PupilWave, path: LightPath, points: FloatArray) -> ComplexArray:
     """Field on the array at points (..., 2)."""
-    x, y = at[..., 0], at[..., 1]
-    found = fast_sum(
+    x, y = points[..., 0], points[..., 1]
+    summed = fast_sum(
         wave.samples(wave.nodes((x, y), density=1.0)),
         wave.kernel,
         TargetPoints(x=x.ravel(), y=y.ravel(), distance=path.array_distance),
         low_rank_tolerance=_TOLERANCE,
         nufft_tolerance=_TOLERANCE,
     )
-    return np.asarray(found.field.reshape(x.shape))
+    return np.asarray(summed.field.reshape(x.shape))

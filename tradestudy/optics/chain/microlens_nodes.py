@@ -72,16 +72,16 @@ class Cell:
 
     def on_line(self, y: FloatArray) -> FloatArray:
         """Where along x the outline meets horizontal lines."""
-        found = [np.empty(0)]
+        crossings = [np.empty(0)]
         for (x0, h0), (x1, h1) in self._sides():
             if h0 != h1:
                 t = (np.abs(y - self.y) - h0) / (h1 - h0)
-                found.append(self.x + x0 + (x1 - x0) * t[(t > 0) & (t < 1)])
-        return np.concatenate(found)
+                crossings.append(self.x + x0 + (x1 - x0) * t[(t > 0) & (t < 1)])
+        return np.concatenate(crossings)
 
     def meeting(self, disc: Disc) -> FloatArray:
         """Where along x the outline meets that of a disc."""
-        found = []
+        crossings = []
         for (x0, h0), (x1, h1) in self._sides():
             for sign in (1.0, -1.0):
                 start = np.array([self.x + x0 - disc.x, self.y + sign * h0 - disc.y])
@@ -89,8 +89,8 @@ class Cell:
                 a, b = float(step @ step), float(start @ step)
                 root = b**2 - a * (float(start @ start) - disc.radius**2)
                 if root > 0:
-                    found += [(-b + s * math.sqrt(root)) / a * (x1 - x0) + self.x + x0 for s in (-1, 1)]
-        return np.array(found)
+                    crossings += [(-b + s * math.sqrt(root)) / a * (x1 - x0) + self.x + x0 for s in (-1, 1)]
+        return np.array(crossings)
 
     def _sides(self) -> list[tuple[tuple[float, float], tuple[float, float]]]:
         """Upper sides from corner to corner."""
@@ -365,7 +365,7 @@ def lit_nodes(lenses: Microlenses, lit: Disc, *, cycles: float) -> CellNodes:
     if lenses.gaps == "clear":
         outlines.append(cell_region(lenses, 0.0, 0.0))
     breaks = np.concatenate(
-        [lit.breaks, *(part for one in outlines for part in (one.breaks, one.meeting(lit)))]
+        [lit.breaks, *(part for outline in outlines for part in (outline.breaks, outline.meeting(lit)))]
         + ([outlines[1].meeting(aperture)] if isinstance(aperture, Disc) and len(outlines) > 1 else [])
     )
     outer = outlines[-1]
@@ -380,6 +380,7 @@ def lit_nodes(lenses: Microlenses, lit: Disc, *, cycles: float) -> CellNodes:
     parts = [_in_columns(x, columns.weights, bottom, top, frequency, in_lens=True)]
     if lenses.gaps == "clear":
         under, over = _common(outer, lit, x)
+        # A column that misses the aperture belongs to the first of the two parts as a whole; the second is then empty.
         dark = top <= bottom
         parts.append(_in_columns(x, columns.weights, under, np.where(dark, over, bottom), frequency, in_lens=False))
         parts.append(_in_columns(x, columns.weights, np.where(dark, over, top), over, frequency, in_lens=False))
@@ -391,15 +392,15 @@ def padded(cells: list[CellNodes]) -> CellNodes:
     most = max(1, *(cell.x.size for cell in cells))
     return CellNodes(
         **{
-            one.name: np.stack([np.pad(getattr(cell, one.name), (0, most - cell.x.size)) for cell in cells])
-            for one in fields(CellNodes)
+            member.name: np.stack([np.pad(getattr(cell, member.name), (0, most - cell.x.size)) for cell in cells])
+            for member in fields(CellNodes)
         }
     )
 
 
-def _common(one: Region, other: Region, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _common(first: Region, second: Region, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Part of each column that lies in both regions."""
-    (low, high), (lower, upper) = one.span(x), other.span(x)
+    (low, high), (lower, upper) = first.span(x), second.span(x)
     return np.maximum(low, lower), np.minimum(high, upper)
 
 

@@ -109,6 +109,7 @@ def split_spheres(
         arriving = SphericalPath(x=centre.x, y=centre.y, distance=centre.distance)
         sphere = np.where(in_lens, unit_phasor(2 * math.pi / wave.wavelength * arriving.value(u, v)), 0.0)
         strength[n] = np.sum(weights * np.conj(sphere) * field[row]) / np.sum(weights * in_lens)
+        # Rays form exactly this sphere: subtracting it would leave its rounding to Kirchhoff's integral.
         rest[row] = 0.0 if isinstance(wave, RayWave) and in_lens.all() else field[row] - strength[n] * sphere
     power = float(np.sum(np.abs(field) ** 2 * cell.weights))
     return Spheres(which=which[rows], strength=strength, rest=rest, power=power)
@@ -182,11 +183,11 @@ def add_spheres(
         low = np.maximum(np.ceil((middle - half_patch - start) / spacing), 0).astype(int)
         high = np.minimum(np.floor((middle + half_patch - start) / spacing) + 1, canvas.shape[::-1]).astype(int)
         power = math.pi / 4 * path.microlenses.aperture_width**2 * float(np.abs(strength) ** 2)
-        if np.any(high <= low):
+        if np.any(high <= low):  # no pixel sees this sphere, and no integral needs to compute it
             carried += power
             continue
         first = start + low * spacing - centre
-        done = unchecked_hybrid_field(
+        hybrid = unchecked_hybrid_field(
             wave=_through(path, wave, index),
             kernel=KirchhoffKernel(wavelength=wave.wavelength, obliquity="paper"),
             targets=TargetGrid(
@@ -201,8 +202,8 @@ def add_spheres(
             tolerance=looser_for_edges(accuracy.tolerance),
             limits=Limits(memory_bytes=accuracy.memory_limit),
         )
-        canvas[low[1] : high[1], low[0] : high[0]] += strength * vertex * done.field
-        carried += power * (1.0 - done.handed_over)
+        canvas[low[1] : high[1], low[0] : high[0]] += strength * vertex * hybrid.field
+        carried += power * (1.0 - hybrid.handed_over)
     return carried
 
 
@@ -314,14 +315,14 @@ def stated_point(
     """
     reference = wave.reference
     with ThreadPoolExecutor(2) as pool:
-        fine, other = pool.map(
-            lambda each: compute_point(*each),
+        fine, compared = pool.map(
+            lambda arguments: compute_point(*arguments),
             ((wave, to_detector, accuracy), (reference, reference_law(to_detector), accuracy.compared())),
         )
     safety = _SAFETY_OF_EDGES if to_detector == "boundary_wave" or reference is not wave else _SAFETY
     size = float(np.linalg.norm(fine.pixels))
     terms = {
-        "other sampling": safety * relative_change(fine.pixels, other.pixels),
+        "other sampling": safety * relative_change(fine.pixels, compared.pixels),
         "pixel integration": fine.pixel_error,
         "unlit microlenses": fine.plan.lost * wave.power() / size if fine.plan.lost > 0.0 else 0.0,
     }
@@ -347,6 +348,7 @@ def plan_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: Chai
     plan_on = partial(
         plan_detector, reaches=[reach], wavelength=wave.wavelength, paraxial=to_detector == "fresnel", accuracy=accuracy
     )
+    # The first plan tells how far light is followed, and thus which pixels it reaches; the second is for these alone.
     kept = plan_on(path).kept
     fading = fading_length(
         wave.wavelength, path.detector_distance, kept, paraxial=to_detector == "fresnel", tolerance=accuracy.tolerance
@@ -488,11 +490,11 @@ def _check_memory(plan: DetectorPlan, nodes: float, accuracy: ChainAccuracy) -> 
         )
 
 
-def _field_check(wave: PupilWave, done: PointComputation, rng: np.random.Generator) -> float:
+def _field_check(wave: PupilWave, computed: PointComputation, rng: np.random.Generator) -> float:
     """Relative discrepancy of the field at random microlens nodes from direct quadrature."""
-    x, y = (c.ravel() for c in done.plan.plane.positions)
-    field = done.field.ravel()
-    weights = done.plan.plane.weights.ravel()
+    x, y = (c.ravel() for c in computed.plan.plane.positions)
+    field = computed.field.ravel()
+    weights = computed.plan.plane.weights.ravel()
     power = np.abs(field) ** 2 * weights
     chance = _mixture(power, weights)
     pick = rng.choice(x.size, size=_CHECK_POINTS, p=chance)
@@ -502,25 +504,29 @@ def _field_check(wave: PupilWave, done: PointComputation, rng: np.random.Generat
 
 
 def _intensity_check(
-    wave: PupilWave | RayWave, done: PointComputation, paraxial: bool, accuracy: ChainAccuracy, rng: np.random.Generator
+    wave: PupilWave | RayWave,
+    computed: PointComputation,
+    paraxial: bool,
+    accuracy: ChainAccuracy,
+    rng: np.random.Generator,
 ) -> float:
     """Relative discrepancy of the intensity at random detector samples from direct quadrature on finer nodes."""
-    plane, plan = done.plan.plane, done.plan.detector
-    inside = np.abs(done.samples[MARGIN:-MARGIN, MARGIN:-MARGIN]) ** 2
+    plane, plan = computed.plan.plane, computed.plan.detector
+    inside = np.abs(computed.samples[MARGIN:-MARGIN, MARGIN:-MARGIN]) ** 2
     if not inside.any():
         return 0.0
-    finer = _plane(done.plan.wave, plan, done.plan.reach, 1.2 * max(1.0, accuracy.microlens_nodes), accuracy)
+    finer = _plane(computed.plan.wave, plan, computed.plan.reach, 1.2 * max(1.0, accuracy.microlens_nodes), accuracy)
     chance = _mixture(inside.ravel() ** 2, np.ones(inside.size))
     pick = rng.choice(inside.size, size=_CHECK_POINTS, p=chance)
     row, column = np.unravel_index(pick, inside.shape)
-    at = np.asarray(plane.path.pixels.corner) + plan.transfer.spacing * (np.column_stack([column, row]) + 0.5)
+    targets = np.asarray(plane.path.pixels.corner) + plan.transfer.spacing * (np.column_stack([column, row]) + 0.5)
     truth = direct_detector_field(
         finer,
         leg_kernel(wave.wavelength, paraxial),
-        done.light.read(*finer.positions),
+        computed.light.read(*finer.positions),
         finer.transmission(wave.source),
-        at,
-        images=done.plan.reach.image,
+        targets,
+        images=computed.plan.reach.image,
         target_reach=plan.target_reach,
     )
     wrong = np.mean((np.abs(truth) ** 2 - inside[row, column]) ** 2 / chance[pick])
@@ -529,4 +535,5 @@ def _intensity_check(
 
 def _mixture(weight: FloatArray, area: FloatArray) -> FloatArray:
     """Probability of drawing each point: half by weight, half by area."""
+    # By weight alone, points that are dark by mistake would never be checked.
     return np.asarray(0.5 * weight / weight.sum() + 0.5 * area / area.sum())

@@ -179,8 +179,8 @@ class Microlenses:
         Microlenses
             The microlenses kept, in the given order.
         """
-        kept = list(indices)
-        return replace(self, centres=self.centres[kept], focal_lengths=self.focal_lengths[kept])
+        chosen = list(indices)
+        return replace(self, centres=self.centres[chosen], focal_lengths=self.focal_lengths[chosen])
 
     def lens(self, index: int) -> CircularLens:
         """Return one microlens as a lens centred on the origin.
@@ -392,7 +392,7 @@ class PixelGrid:
     integrated: bool = True
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(one) for one in self.centre):
+        if not all(math.isfinite(coordinate) for coordinate in self.centre):
             raise OutOfRangeError(
                 "centre of the pixels", value=f"{self.centre} m", limit="finite", remedy="give (x, y) in metres"
             )
@@ -511,7 +511,7 @@ class LightPath:
     @property
     def pupils(self) -> tuple[Pupil, ...]:
         """The pupils of the main lens and of the microlenses, without those that are None."""
-        return tuple(one for one in (self.main_lens.pupil, self.microlenses.pupil) if one is not None)
+        return tuple(pupil for pupil in (self.main_lens.pupil, self.microlenses.pupil) if pupil is not None)
 
     def image_at_array(self, source: PointSource) -> tuple[float, float, float]:
         """Image that the main lens forms of a source, and its distance from the array.

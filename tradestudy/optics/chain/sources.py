@@ -115,8 +115,8 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
     depth = abs(path.image_at_array(source.centre)[2])
     image = abs(path.array_distance - path.image_at_array(source.centre)[2])
     pupil = 2 * path.main_lens.radius
-    seen = min(pupil, 2 * path.microlenses.cell_reach * image / depth) if depth > 0 else pupil
-    phase = density * math.pi * source.diameter * seen / (wavelength * source.distance)
+    width = min(pupil, 2 * path.microlenses.cell_reach * image / depth) if depth > 0 else pupil
+    phase = density * math.pi * source.diameter * width / (wavelength * source.distance)
     if phase > _LARGEST_PHASE:
         raise UnaffordableError(
             "points of the source",
@@ -168,8 +168,8 @@ def _rings(source: DiscSource, relative_radii: FloatArray, phase: float) -> tupl
     counts = 8 * np.maximum(2, -(-(plane_wave_degrees(phase * relative_radii) + 1) // 8))
     angle = ring_angles(counts)
     radius = np.repeat(source.diameter / 2 * relative_radii, counts)
-    at = np.column_stack([source.x + radius * np.cos(angle), source.y + radius * np.sin(angle)])
-    return tuple(np.split(at, np.cumsum(counts)[:-1]))
+    positions = np.column_stack([source.x + radius * np.cos(angle), source.y + radius * np.sin(angle)])
+    return tuple(np.split(positions, np.cumsum(counts)[:-1]))
 
 
 def symmetries(path: LightPath, source: DiscSource) -> list[Symmetry]:
@@ -177,7 +177,7 @@ def symmetries(path: LightPath, source: DiscSource) -> list[Symmetry]:
     if not all(pupil.round for pupil in path.pupils):
         return [(1, 1, False)]
     candidates: list[Symmetry] = [(sx, sy, swap) for swap in (False, True) for sx in (1, -1) for sy in (1, -1)]
-    return [one for one in candidates if _leaves(path, source, one)]
+    return [symmetry for symmetry in candidates if _leaves(path, source, symmetry)]
 
 
 def moved(points: FloatArray, symmetry: Symmetry) -> FloatArray:
@@ -196,28 +196,28 @@ def moved_image(pixels: FloatArray, symmetry: Symmetry) -> FloatArray:
 
 def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tuple[int, int]]:
     """One node of each set of nodes that the symmetries map onto each other, and the size of the set."""
-    at = nodes.rings[ring]
-    scale = 1e-6 * float(np.ptp(at[:, 0]) + np.ptp(at[:, 1]))
-    places = np.rint(np.stack([moved(at, one) for one in group], axis=1) / scale).astype(np.int64)
-    seen: set[tuple[int, int]] = set()
+    points = nodes.rings[ring]
+    scale = 1e-6 * float(np.ptp(points[:, 0]) + np.ptp(points[:, 1]))
+    places = np.rint(np.stack([moved(points, symmetry) for symmetry in group], axis=1) / scale).astype(np.int64)
+    visited: set[tuple[int, int]] = set()
     for index, images in enumerate(places.tolist()):
-        own, *_ = copies = [(x, y) for x, y in images]  # the identity comes first
-        if own not in seen:
+        place, *_ = copies = [(x, y) for x, y in images]  # the identity comes first
+        if place not in visited:
             orbit = set(copies)
-            seen |= orbit
+            visited |= orbit
             yield index, len(orbit)
 
 
 def lens_orbits(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[int, list[Symmetry]]]:
     """One microlens of each set that the symmetries map onto each other, and the symmetries that yield the set."""
-    left = set(range(len(centres)))
-    while left:
-        index = min(left)
+    remaining = set(range(len(centres)))
+    while remaining:
+        index = min(remaining)
         copies: dict[int, Symmetry] = {}
-        for one in group:
-            nearest = int(np.argmin(np.linalg.norm(centres - moved(centres[index], one), axis=1)))
-            copies.setdefault(nearest, one)
-        left -= copies.keys()
+        for symmetry in group:
+            nearest = int(np.argmin(np.linalg.norm(centres - moved(centres[index], symmetry), axis=1)))
+            copies.setdefault(nearest, symmetry)
+        remaining -= copies.keys()
         yield index, list(copies.values())
 
 
@@ -232,5 +232,5 @@ def _leaves(path: LightPath, source: DiscSource, symmetry: Symmetry) -> bool:
             return False
     distance = np.linalg.norm(moved(lenses.centres, symmetry)[:, None] - lenses.centres, axis=-1)
     partner = np.argmin(distance, axis=1)
-    same = np.array_equal(lenses.focal_lengths[partner], lenses.focal_lengths)
-    return bool(np.all(distance.min(axis=1) < slack) and same)
+    same_focus = np.array_equal(lenses.focal_lengths[partner], lenses.focal_lengths)
+    return bool(np.all(distance.min(axis=1) < slack) and same_focus)

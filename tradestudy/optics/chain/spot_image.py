@@ -25,8 +25,8 @@ from tradestudy.optics.chain.sources import (
     symmetries,
 )
 from tradestudy.optics.chain.spot_points import (
-    AskedSpot,
     FollowedPoints,
+    SpotRequest,
     follow_points,
     forget_spot,
 )
@@ -47,13 +47,13 @@ _LEFT_OUT = 0.5  # of the tolerance that the part of a disc taken as dark may co
 _HARDLY_ANY = 0.1  # of the average light of a point: points with less count as dark
 
 
-def _turned_ring(asked: AskedSpot, nodes: SourceNodes, ring: int, group: list[Symmetry]) -> partial[FollowedPoints]:
+def _turned_ring(request: SpotRequest, nodes: SourceNodes, ring: int, group: list[Symmetry]) -> partial[FollowedPoints]:
     """Points halfway between the angles of a ring, apart from those that symmetries yield."""
-    at, middle = nodes.rings[ring], np.array([asked.source.x, asked.source.y])
-    cosine, sine = math.cos(math.pi / len(at)), math.sin(math.pi / len(at))
-    turned = middle + (at - middle) @ np.array([[cosine, sine], [-sine, cosine]])
+    points, middle = nodes.rings[ring], np.array([request.source.x, request.source.y])
+    cosine, sine = math.cos(math.pi / len(points)), math.sin(math.pi / len(points))
+    turned = middle + (points - middle) @ np.array([[cosine, sine], [-sine, cosine]])
     chosen = list(orbits(replace(nodes, rings=(turned,)), 0, group))
-    return partial(follow_points, asked, turned[[index for index, _ in chosen]], tuple(n for _, n in chosen))
+    return partial(follow_points, request, turned[[index for index, _ in chosen]], tuple(n for _, n in chosen))
 
 
 def _angular_error(nodes: SourceNodes, halves: FloatArray, between: dict[int, FloatArray]) -> float:
@@ -86,9 +86,10 @@ def _along_radius(
     All lie along the brightest azimuth. `eighths` contains the pixel images of points at eighths of a turn on each
     ring, without those that symmetries yield; these are the same for every ring.
     """
-    sizes = {one: [np.linalg.norm(ring[one]) for ring in eighths] for one in eighths[0]}
-    brightest = max(sizes, key=lambda one: float(nodes.radial_weights @ sizes[one]))
+    sizes = {eighth: [np.linalg.norm(ring[eighth]) for ring in eighths] for eighth in eighths[0]}
+    brightest = max(sizes, key=lambda eighth: float(nodes.radial_weights @ sizes[eighth]))
     azimuth = 2 * math.pi * brightest / AZIMUTHS
+    # Halfway in the angle α of t = sin²(α/2), in which Gauss's nodes are almost evenly spaced.
     turn = np.arccos(1 - 2 * nodes.radial_points)
     between = (1 - np.cos((np.r_[0.0, turn] + np.r_[turn, math.pi]) / 2)) / 2
     direction = np.array([math.cos(azimuth), math.sin(azimuth)])
@@ -111,6 +112,7 @@ def _radial_error(nodes: SourceNodes, rings: FloatArray, squared: FloatArray, im
     """
     n = nodes.radial_points.size
     legendre = np.polynomial.legendre.legvander(2 * squared - 1, 2 * n)
+    # Over the squared radius, all Legendre polynomials but the constant one have the mean 0.
     weights = np.linalg.solve(legendre.T, np.eye(2 * n + 1)[0])
     weights[:n] -= nodes.radial_weights
     lacking = np.tensordot(weights, images, axes=1)
@@ -163,11 +165,12 @@ def wave_spot_image(
     NotConvergedError
         If the image of a source point differs grossly from that of the single-point computation.
     """
-    asked = AskedSpot(path=path, source=source, wavelength=wavelength, legs=legs, accuracy=accuracy)
+    request = SpotRequest(path=path, source=source, wavelength=wavelength, legs=legs, accuracy=accuracy)
     tolerance = accuracy.tolerance
     lit = lit_disc(path, source, wavelength=wavelength, tolerance=tolerance)
+    # The whole disc is computed only if its dark part turns out to matter: it may be far larger than the lit one.
     if lit != source:
-        image, edge = _disc_image(replace(asked, source=lit), rng, done, compute)
+        image, edge = _disc_image(replace(request, source=lit), rng, done, compute)
         beyond = light_left_out(path, source, lit, edge, wavelength=wavelength, tolerance=tolerance)
         left_out = beyond / (float(np.linalg.norm(image.pixels)) or math.inf)
         if left_out <= _LEFT_OUT * tolerance:
@@ -177,7 +180,7 @@ def wave_spot_image(
                 numerical_error=math.hypot(image.numerical_error, left_out),
                 error_terms=image.error_terms | {"dark part of the source": left_out},
             )
-    return _disc_image(asked, rng, done, compute)[0]
+    return _disc_image(request, rng, done, compute)[0]
 
 
 def refuse_large_disc(
@@ -191,48 +194,52 @@ def refuse_large_disc(
         If tables, the transfer behind a microlens, or single points that are checked need more memory than allowed.
     """
     lit = lit_disc(path, source, wavelength=wavelength, tolerance=accuracy.tolerance)
-    asked = AskedSpot(path=path, source=lit, wavelength=wavelength, legs=legs, accuracy=accuracy)
-    asked.refuse_large()
-    _refuse_large_points(asked)
+    request = SpotRequest(path=path, source=lit, wavelength=wavelength, legs=legs, accuracy=accuracy)
+    request.refuse_large()
+    _refuse_large_points(request)
 
 
-def _refuse_large_points(asked: AskedSpot) -> None:
-    for point in (asked.source.centre, asked.outermost):
-        wave = point_wave(asked.path, point, wavelength=asked.wavelength, legs=asked.legs)
-        plan_point(wave.reference, reference_law(asked.legs.to_detector), asked.accuracy.unstarved())
+def _refuse_large_points(request: SpotRequest) -> None:
+    for point in (request.source.centre, request.outermost):
+        wave = point_wave(request.path, point, wavelength=request.wavelength, legs=request.legs)
+        plan_point(wave.reference, reference_law(request.legs.to_detector), request.accuracy.unstarved())
 
 
 def _disc_image(
-    asked: AskedSpot, rng: np.random.Generator, done: Callable[[float], None], compute: ComputeParts
+    request: SpotRequest, rng: np.random.Generator, done: Callable[[float], None], compute: ComputeParts
 ) -> tuple[ChainImage, FloatArray]:
     """The image of a whole disc, and the mean image of its outermost ring of nodes; errors as for `wave_spot_image`."""
-    source, nodes = asked.source, asked.nodes
-    _refuse_large_points(asked)  # before minutes of computation
-    group = symmetries(asked.path, source)
-    images = _ring_images(asked, nodes, group, compute, lambda share: done(_SHARE_OF_NODES * share))
-    rings = np.mean([moved_image(images.pixels, one) for one in group], axis=0)
+    source, nodes = request.source, request.nodes
+    _refuse_large_points(request)  # before minutes of computation
+    group = symmetries(request.path, source)
+    images = _ring_images(request, nodes, group, compute, lambda share: done(_SHARE_OF_NODES * share))
+    rings = np.mean([moved_image(images.pixels, turn) for turn in group], axis=0)
     pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
     # The ring whose halves differ most, and the ring where the weighted difference is largest.
     apart = np.linalg.norm(rings[:, 0] - rings[:, 1], axis=(1, 2))
     uneven = sorted({int(np.argmax(apart)), int(np.argmax(nodes.radial_weights * apart))})
     squared, on_rings, radial = _along_radius(source, nodes, images.eighths)
     picks = rng.choice(nodes.all, size=min(_MOST_DRAWN, len(nodes.all)), replace=False)
-    turned = [_turned_ring(asked, nodes, ring, group) for ring in uneven]
+    turned = [_turned_ring(request, nodes, ring, group) for ring in uneven]
     chunks = np.array_split(radial, -(-len(radial) // _AT_ONCE))
+    # In `followed`, the turned rings come first, then the points along the brightest azimuth.
     *followed, per_point = compute(
         [
             *turned,
-            *(partial(follow_points, asked, one, (1,) * len(one), tuple(range(len(one)))) for one in chunks),
-            partial(_points_error, asked, picks, float(pixels.sum())),
+            *(
+                partial(follow_points, request, points, (1,) * len(points), tuple(range(len(points))))
+                for points in chunks
+            ),
+            partial(_points_error, request, picks, float(pixels.sum())),
         ],
         lambda share: done(_SHARE_OF_NODES + (1 - _SHARE_OF_NODES) * share),
     )
     forget_spot()
     between = {
-        ring: np.asarray(np.mean([moved_image(one.pixels, turn) for turn in group], axis=0))
-        for ring, one in zip(uneven, followed, strict=False)
+        ring: np.asarray(np.mean([moved_image(points.pixels, turn) for turn in group], axis=0))
+        for ring, points in zip(uneven, followed, strict=False)
     }
-    along = np.concatenate([on_rings, *(one.alone for one in followed[len(uneven) :])])
+    along = np.concatenate([on_rings, *(points.alone for points in followed[len(uneven) :])])
     size = float(np.linalg.norm(pixels)) or math.inf  # no light: no error
     terms = {
         "source angles": _angular_error(nodes, rings, between) / size,
@@ -247,7 +254,7 @@ def _disc_image(
         direct_check={},
         microlens_share=math.nan,
         effort={
-            "source points": images.points + sum(len(one.args[1]) for one in turned) + len(radial),
+            "source points": images.points + sum(len(part.args[1]) for part in turned) + len(radial),
             "source nodes": nodes.all.shape[0],
             **images.effort,
         },
@@ -279,7 +286,7 @@ class _RingImages:
 
 
 def _ring_images(
-    asked: AskedSpot,
+    request: SpotRequest,
     nodes: SourceNodes,
     group: list[Symmetry],
     compute: ComputeParts,
@@ -287,34 +294,34 @@ def _ring_images(
 ) -> _RingImages:
     """Follow the light of one point of every set of points that the symmetries map onto each other."""
     parts, eighths = [], []
-    for ring, at in enumerate(nodes.rings):
+    for ring, points in enumerate(nodes.rings):
         chosen = list(orbits(nodes, ring, group))
         for odd in (0, 1):
             half = [(index, n) for index, n in chosen if index % 2 == odd]
             azimuths = {
-                number: AZIMUTHS * index // len(at)
+                number: AZIMUTHS * index // len(points)
                 for number, (index, _) in enumerate(half)
-                if AZIMUTHS * index % len(at) == 0
+                if AZIMUTHS * index % len(points) == 0
             }
             eighths.append((ring, list(azimuths.values())))
-            places, weights = at[[index for index, _ in half]], tuple(n for _, n in half)
-            parts.append(partial(follow_points, asked, places, weights, tuple(azimuths)))
-    found: list[FollowedPoints] = compute(parts, progress)
+            places, weights = points[[index for index, _ in half]], tuple(n for _, n in half)
+            parts.append(partial(follow_points, request, places, weights, tuple(azimuths)))
+    followed: list[FollowedPoints] = compute(parts, progress)
     images: list[dict[int, FloatArray]] = [{} for _ in nodes.rings]
-    for (ring, at_eighths), one in zip(eighths, found, strict=True):
-        images[ring] |= zip(at_eighths, one.alone, strict=True)
-    pixels = np.array([one.pixels for one in found])
+    for (ring, at_eighths), ring_half in zip(eighths, followed, strict=True):
+        images[ring] |= zip(at_eighths, ring_half.alone, strict=True)
+    pixels = np.array([points.pixels for points in followed])
     return _RingImages(
         pixels=pixels.reshape(len(nodes.rings), 2, *pixels.shape[1:]),
         eighths=images,
-        pixel_error=max(one.pixel_error for one in found),
+        pixel_error=max(points.pixel_error for points in followed),
         points=sum(len(part.args[1]) for part in parts),
-        handed_over=max(one.handed_over for one in found),
-        effort=found[0].effort,
+        handed_over=max(points.handed_over for points in followed),
+        effort=followed[0].effort,
     )
 
 
-def _points_error(asked: AskedSpot, picks: FloatArray, light: float) -> float:
+def _points_error(request: SpotRequest, picks: FloatArray, light: float) -> float:
     """Relative L2 difference of random source points' pixels from the single-point computation, with a safety factor.
 
     Points with hardly any light reveal nothing about the picture; they are skipped unless all are dark. A boundary wave
@@ -322,24 +329,24 @@ def _points_error(asked: AskedSpot, picks: FloatArray, light: float) -> float:
     """
     squares: list[float] = []
     sizes: list[float] = []
-    spot = asked.prepared()
-    law, finer = reference_law(asked.legs.to_detector), asked.accuracy.unstarved()
+    spot = request.prepared()
+    law, finer = reference_law(request.legs.to_detector), request.accuracy.unstarved()
     for number, pick in enumerate(picks):
         if len(squares) == CHECKED_POINTS:
             break
-        at = (float(pick[0]), float(pick[1]))
-        fast = spot.light(at).on_pixels(spot)
-        left = len(picks) - number
-        if fast.sum() < _HARDLY_ANY * light and left > CHECKED_POINTS - len(squares):
+        place = (float(pick[0]), float(pick[1]))
+        fast = spot.light(place).on_pixels(spot)
+        remaining = len(picks) - number
+        if fast.sum() < _HARDLY_ANY * light and remaining > CHECKED_POINTS - len(squares):
             continue
-        wave = asked.wave(*at)
+        wave = request.wave(*place)
         truth = compute_point(wave.reference, law, finer).pixels / wave.power()
         squares.append(float(np.sum((fast - truth) ** 2)))
         sizes.append(float(np.sum(truth**2)))
     if not any(squares):
         return 0.0  # neither finds any light
     error = math.sqrt(sum(squares) / sum(sizes)) if any(sizes) else math.inf
-    if error > 0.3 and "boundary_wave" not in (asked.legs.to_array, asked.legs.to_detector):
+    if error > 0.3 and "boundary_wave" not in (request.legs.to_array, request.legs.to_detector):
         raise NotConvergedError(
             "points of the spot disagree with the single-point computation",
             value=f"{error:.2g}",

@@ -64,7 +64,7 @@ _PREPARING = Lock()  # so that threads that begin together prepare a spot only o
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AskedSpot:
+class SpotRequest:
     """Everything that a worker needs to prepare a spot by itself.
 
     Requests compare by identity; all copies of one request that reach another process become one object there.
@@ -151,38 +151,38 @@ class AskedSpot:
 
 
 @lru_cache(maxsize=1)
-def _received(content: bytes) -> AskedSpot:
-    return AskedSpot(**pickle.loads(content))  # pickled by `AskedSpot.__reduce__`
+def _received(content: bytes) -> SpotRequest:
+    return SpotRequest(**pickle.loads(content))  # pickled by `SpotRequest.__reduce__`
 
 
 @lru_cache(maxsize=1)
-def _prepared(asked: AskedSpot) -> Spot:
+def _prepared(request: SpotRequest) -> Spot:
     """Compute the tables, on the grids that the geometry of centre and rim of the disc asks for."""
-    path, patch, accuracy = asked.path, asked.patch, asked.accuracy
+    path, patch, accuracy = request.path, request.patch, request.accuracy
     plane = MicrolensPlane(
         path=path,
-        wavelength=asked.wavelength,
-        paraxial=asked.legs.to_detector == "fresnel",
+        wavelength=request.wavelength,
+        paraxial=request.legs.to_detector == "fresnel",
         cell=cell_nodes(path.microlenses, cycles=patch.cycles),
     )
     tables = None
-    if asked.legs.to_array != "geometric":
-        distance = np.linalg.norm(asked.nodes.all, axis=1)
+    if request.legs.to_array != "geometric":
+        distance = np.linalg.norm(request.nodes.all, axis=1)
         tables = source_tables(
             path,
-            asked.source,
+            request.source,
             (float(distance.min()), float(distance.max())),
-            wavelength=asked.wavelength,
-            method=asked.legs.to_array,
+            wavelength=request.wavelength,
+            method=request.legs.to_array,
             accuracy=accuracy,
-            half_width=asked.farthest_read(),
+            half_width=request.farthest_read(),
         )
     single = accuracy.tolerance >= SINGLE_PRECISION_FROM
     return Spot(
-        asked=asked,
+        request=request,
         tables=tables,
         plane=plane,
-        transmission=plane.transmission(asked.source.centre),
+        transmission=plane.transmission(request.source.centre),
         law=patch_law(patch.grid, memory_limit=accuracy.memory_limit, single=single)
         if isinstance(patch.grid, PatchPlan)
         else response(patch.grid, single=single),
@@ -203,7 +203,7 @@ def forget_spot() -> None:
 class Spot:
     """Data shared by all source points; rays to the array need no tables."""
 
-    asked: AskedSpot
+    request: SpotRequest
     tables: SourceTables | None
     plane: MicrolensPlane
     transmission: ComplexArray
@@ -212,23 +212,23 @@ class Spot:
     @property
     def spacing(self) -> float:
         """Distance between detector samples [m]."""
-        return self.asked.path.pixels.pitch / self.asked.patch.per_pixel
+        return self.request.path.pixels.pitch / self.request.patch.per_pixel
 
     @property
     def samples(self) -> int:
         """Samples along a side of a Fourier transform."""
         return (self.law.transfer if isinstance(self.law, Response) else self.law.plan).count
 
-    def light(self, at: Place) -> PointLight:
+    def light(self, place: Place) -> PointLight:
         """Light of one source point."""
-        (light,) = self.lights([at])
+        (light,) = self.lights([place])
         return light
 
     def lights(self, places: Sequence[Place]) -> Iterator[PointLight]:
         """Follow source points side by side; yielded one by one, so that few fine grids are held at once."""
         shared = self.tables.at(list(places)) if self.tables else {}
         with ThreadPoolExecutor(POINTS_AT_ONCE) as pool:
-            yield from pool.map(lambda at: _point_light(self, at, shared.get(at)), places)
+            yield from pool.map(lambda place: _point_light(self, place, shared.get(place)), places)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,34 +252,36 @@ class PointLight:
     def on_pixels(self, spot: Spot) -> FloatArray:
         """Fraction of the point's power on each pixel."""
         intensity = self.intensity.astype(np.float64)
-        return light_on_pixels(intensity, spot.asked.path.pixels, per_pixel=spot.asked.patch.per_pixel)[0] + self.far
+        return (
+            light_on_pixels(intensity, spot.request.path.pixels, per_pixel=spot.request.patch.per_pixel)[0] + self.far
+        )
 
 
-def _point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
+def _point_light(spot: Spot, place: Place, table: FieldTable | None) -> PointLight:
     """Follow the light of one source point from the array to the detector."""
-    wave = spot.asked.wave(*at)
-    reach = ray_reach(spot.asked.path, wave.source)
+    wave = spot.request.wave(*place)
+    reach = ray_reach(spot.request.path, wave.source)
     if isinstance(spot.law, Response):
-        return _light_of_all(spot, spot.law, wave, at, table, reach)
-    rows, columns = (n * spot.asked.patch.per_pixel + 2 * MARGIN for n in spot.asked.path.pixels.shape)
-    single = spot.asked.accuracy.tolerance >= SINGLE_PRECISION_FROM
+        return _light_of_all(spot, spot.law, wave, place, table, reach)
+    rows, columns = (n * spot.request.patch.per_pixel + 2 * MARGIN for n in spot.request.path.pixels.shape)
+    single = spot.request.accuracy.tolerance >= SINGLE_PRECISION_FROM
     canvas = np.zeros((rows, columns), dtype=np.complex64 if single else np.complex128)
-    far, power, carried = np.zeros(spot.asked.path.pixels.shape), 0.0, 0.0
-    for group in _lit_groups(spot, wave, at, table):
+    far, power, carried = np.zeros(spot.request.path.pixels.shape), 0.0, 0.0
+    for group in _lit_groups(spot, wave, place, table):
         rest = group.field
-        if spot.asked.legs.to_detector == "boundary_wave":
-            spheres = split_spheres(spot.asked.path, wave, which=group.which, cell=group.cell, field=group.field)
+        if spot.request.legs.to_detector == "boundary_wave":
+            spheres = split_spheres(spot.request.path, wave, which=group.which, cell=group.cell, field=group.field)
             rest = spheres.rest
             power += spheres.power
             carried += add_spheres(
                 canvas,
-                path=spot.asked.path,
+                path=spot.request.path,
                 wave=wave,
                 spheres=spheres,
                 reach=reach,
-                half_patch=spot.asked.patch.half_side,
+                half_patch=spot.request.patch.half_side,
                 spacing=spot.spacing,
-                accuracy=spot.asked.accuracy,
+                accuracy=spot.request.accuracy,
             )
         if rest.any():
             far += _add_light(spot, spot.law, canvas, reach, replace(group, field=rest))
@@ -294,37 +296,37 @@ def _light_of_all(
     spot: Spot,
     response: Response,
     wave: PupilWave | RayWave,
-    at: Place,
+    place: Place,
     table: FieldTable | None,
     reach: RayReach,
 ) -> PointLight:
     """Follow the light of all microlenses over the whole detector at once; none is lost beyond patches."""
-    plane, lenses = spot.plane, spot.asked.path.microlenses
+    plane, lenses = spot.plane, spot.request.path.microlenses
     if isinstance(wave, RayWave):
         cells = [
-            shadowed(lenses, plane.cell, wave.lit, index, spot.asked.patch.cycles) for index in range(lenses.count)
+            shadowed(lenses, plane.cell, wave.lit, index, spot.request.patch.cycles) for index in range(lenses.count)
         ]
         plane = replace(plane, cell=padded(cells))
         field, transmission = wave.field(*plane.positions), plane.transmission(wave.source)
     else:
         assert spot.tables is not None
         assert table is not None  # waves to the array need one
-        field, transmission = spot.tables.field(at, table, *plane.positions), _transmission(spot, wave)
+        field, transmission = spot.tables.field(place, table, *plane.positions), _transmission(spot, wave)
     canvas, handed_over = over_detector(
         plane,
         wave,
         field,
         transmission,
-        to_detector=spot.asked.legs.to_detector,
+        to_detector=spot.request.legs.to_detector,
         response=response,
         reach=reach,
-        half_side=spot.asked.patch.half_side,
-        accuracy=spot.asked.accuracy,
+        half_side=spot.request.patch.half_side,
+        accuracy=spot.request.accuracy,
         threads=1,
     )
     return PointLight(
         intensity=squared_magnitude(canvas) / wave.power(),
-        far=np.zeros(spot.asked.path.pixels.shape),
+        far=np.zeros(spot.request.path.pixels.shape),
         handed_over=handed_over,
     )
 
@@ -339,17 +341,17 @@ class _Lit:
     transmission: ComplexArray
 
 
-def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None) -> Iterator[_Lit]:
+def _lit_groups(spot: Spot, wave: PupilWave | RayWave, place: Place, table: FieldTable | None) -> Iterator[_Lit]:
     """Microlenses that light of a source point reaches; those that the edge of a shadow cuts come one by one."""
-    lenses, plane = spot.asked.path.microlenses, spot.plane
+    lenses, plane = spot.request.path.microlenses, spot.plane
     if isinstance(wave, RayWave):
         share = lit_share(lenses, wave.lit)
         whole = np.flatnonzero(share == 1.0)
         for index in np.flatnonzero(share == 0.5):
-            cell = shadowed(lenses, plane.cell, wave.lit, int(index), spot.asked.patch.cycles)
+            cell = shadowed(lenses, plane.cell, wave.lit, int(index), spot.request.patch.cycles)
             if cell.x.size == 0:  # the edge passes between a corner of the aperture and the circle about it
                 continue
-            cut = replace(plane, path=replace(spot.asked.path, microlenses=lenses.only(int(index))), cell=cell)
+            cut = replace(plane, path=replace(spot.request.path, microlenses=lenses.only(int(index))), cell=cell)
             yield _Lit(
                 which=np.array([index]),
                 cell=cell,
@@ -358,19 +360,19 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
             )
     else:
         distance = np.linalg.norm(lenses.centres - wave.path.chief_point(wave.source), axis=1)
-        whole = np.flatnonzero(distance <= max(spot.asked.lit_within, float(distance.min())))
+        whole = np.flatnonzero(distance <= max(spot.request.lit_within, float(distance.min())))
     x, y = (c[whole] for c in plane.positions)
     if spot.tables is None or table is None:
         field = wave.field(x, y) if isinstance(wave, RayWave) else None
     else:
-        field = spot.tables.field(at, table, x, y)
+        field = spot.tables.field(place, table, x, y)
     if whole.size and field is not None:
         yield _Lit(which=whole, cell=plane.cell, field=field, transmission=_transmission(spot, wave)[whole])
 
 
 def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> FloatArray:
     """Add the light of some microlenses on their patches of the detector; return the light that leaves the patches."""
-    origin = np.asarray(spot.asked.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
+    origin = np.asarray(spot.request.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
     nearest = np.rint((reach.image[lit.which] - origin) / spot.spacing).astype(int)
     middles = origin + nearest * spot.spacing
     patches = patch_fields(
@@ -378,8 +380,8 @@ def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach,
         x=lit.cell.x,
         y=lit.cell.y,
         strengths=(lit.field * lit.transmission).astype(canvas.dtype),
-        middles=middles - spot.asked.path.microlenses.centres[lit.which],
-        tolerance=spot.asked.accuracy.tolerance / 20,
+        middles=middles - spot.request.path.microlenses.centres[lit.which],
+        tolerance=spot.request.accuracy.tolerance / 20,
     )
     _add_patches(canvas, patches, nearest - law.plan.half)
     sent = np.sum(squared_magnitude(lit.field) * lit.cell.weights, axis=-1)
@@ -387,14 +389,14 @@ def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach,
     half = law.plan.side * spot.spacing / 2
     # The law around a disc of rays assumes a round edge. Square apertures use the law of a point focus, which is their
     # mean far away.
-    round_edge = spot.asked.path.microlenses.aperture == "circular"
+    round_edge = spot.request.path.microlenses.aperture == "circular"
     radii = reach.spread[lit.which] if round_edge else np.zeros(lit.which.size)
-    return far_light(spot.asked.path.pixels, middles, half, np.maximum(sent - held, 0.0), radii)
+    return far_light(spot.request.path.pixels, middles, half, np.maximum(sent - held, 0.0), radii)
 
 
 def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
     """Phasors of the lenses; those of perfect lenses depend on the source."""
-    if spot.asked.path.microlenses.lens_phase == "perfect":
+    if spot.request.path.microlenses.lens_phase == "perfect":
         return spot.plane.transmission(wave.source)
     return spot.transmission
 
@@ -410,13 +412,15 @@ def _add_patches(canvas: ComplexArray, patches: ComplexArray, first: IndexArray)
 
 def mean_on_pixels(spot: Spot, part: Iterable[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
     """Weighted mean of points on the pixels, and the error of its integration over them."""
-    rows, columns = (n * spot.asked.patch.per_pixel + 2 * MARGIN for n in spot.asked.path.pixels.shape)
-    points, intensity, far = 0, np.zeros((rows, columns)), np.zeros(spot.asked.path.pixels.shape)
+    rows, columns = (n * spot.request.patch.per_pixel + 2 * MARGIN for n in spot.request.path.pixels.shape)
+    points, intensity, far = 0, np.zeros((rows, columns)), np.zeros(spot.request.path.pixels.shape)
     for n, light in part:
         points += n
         intensity += n * light.intensity
         far += n * light.far
-    pixels, error = light_on_pixels(intensity / points, spot.asked.path.pixels, per_pixel=spot.asked.patch.per_pixel)
+    pixels, error = light_on_pixels(
+        intensity / points, spot.request.path.pixels, per_pixel=spot.request.patch.per_pixel
+    )
     return pixels + far / points, error
 
 
@@ -446,15 +450,15 @@ class FollowedPoints:
 
 
 def follow_points(
-    asked: AskedSpot, places: FloatArray, weights: tuple[int, ...], alone: tuple[int, ...] = ()
+    request: SpotRequest, places: FloatArray, weights: tuple[int, ...], alone: tuple[int, ...] = ()
 ) -> FollowedPoints:
     """Follow weighted source points, shape (n, 2); `alone` lists those whose images are also returned separately."""
-    spot = asked.prepared()
-    at = [(float(x), float(y)) for x, y in places]
+    spot = request.prepared()
+    points = [(float(x), float(y)) for x, y in places]
     images, handed = [], [spot.tables.handed_over if spot.tables else 0.0]
 
     def followed() -> Iterator[tuple[int, PointLight]]:
-        for number, (weight, light) in enumerate(zip(weights, spot.lights(at), strict=True)):
+        for number, (weight, light) in enumerate(zip(weights, spot.lights(points), strict=True)):
             handed.append(light.handed_over)
             if number in alone:
                 images.append(light.on_pixels(spot))
