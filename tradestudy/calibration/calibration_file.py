@@ -131,14 +131,14 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
     try:
         require_regular_file(path)
         path.open("rb").close()  # raises with the message of the operating system
-        found = _READERS[path.suffix](path)
+        calibration = _READERS[path.suffix](path)
     except (OSError, ValueError, KeyError) as error:
         raise CalibrationFileError(
             f"{path.name} cannot be read",
             value=getattr(error, "strerror", None) or f"not a {path.suffix} file",
             remedy="check its path and the program that wrote it",
         ) from None
-    repeated = sorted({name for name in found.names if found.names.count(name) > 1 or not name})
+    repeated = sorted({name for name in calibration.names if calibration.names.count(name) > 1 or not name})
     if repeated:
         raise CalibrationFileError(
             f"{path.name} has unnamed parameters, or gives one name to several",
@@ -146,19 +146,27 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
             limit="each exactly once",
             remedy="rename the columns",
         )
-    if isinstance(found, CalibrationDraws):
-        _check_finite(path, found.draws, *(one for one in (found.best, found.reference) if one is not None))
-        if found.draws.ndim != 2 or found.draws.shape[1] != len(found.names) or len(found.draws) < MINIMUM_DRAWS:
+    if isinstance(calibration, CalibrationDraws):
+        _check_finite(
+            path,
+            calibration.draws,
+            *(table for table in (calibration.best, calibration.reference) if table is not None),
+        )
+        if (
+            calibration.draws.ndim != 2
+            or calibration.draws.shape[1] != len(calibration.names)
+            or len(calibration.draws) < MINIMUM_DRAWS
+        ):
             raise CalibrationFileError(
                 f"{path.name} contains too few draws, or draws of the wrong shape",
-                value=" × ".join(map(str, found.draws.shape)),
-                limit=f">= {MINIMUM_DRAWS} draws of {len(found.names)} parameters",
+                value=" × ".join(map(str, calibration.draws.shape)),
+                limit=f">= {MINIMUM_DRAWS} draws of {len(calibration.names)} parameters",
                 remedy="write one joint draw per row; for fewer draws, give their covariance instead, in a CSV file "
                 "with the first line parameter,mean,NAME,…",
             )
-        return found
-    _check_finite(path, found.covariance, found.mean)
-    return replace(found, covariance=_checked_covariance(path, found.names, found.covariance))
+        return calibration
+    _check_finite(path, calibration.covariance, calibration.mean)
+    return replace(calibration, covariance=_checked_covariance(path, calibration.names, calibration.covariance))
 
 
 def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
@@ -239,16 +247,16 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
                 limit="values as they are, in SI units",
                 remedy="write it without packing (encoding) in xarray or netCDF4",
             )
-        read = _READ_WITH_DRAWS if "draws" in file.variables else _READ_WITH_COVARIANCE
-        others = [one for one in file.variables if one not in (*read, *file.dimensions)]
-        variables = {one: values for one, values in file.variables.items() if one in read}
+        used = _READ_WITH_DRAWS if "draws" in file.variables else _READ_WITH_COVARIANCE
+        unused = [name for name in file.variables if name not in (*used, *file.dimensions)]
+        variables = {name: values for name, values in file.variables.items() if name in used}
         units = _stated_units(names, variables, file.attrs)
         attributes = _unread_attributes(variables, file.attrs, has_lens="best" in variables)
-        _refuse_missing(path, {one: variables[one] for one in _NUMBERS if one in variables})
+        _refuse_missing(path, {name: variables[name] for name in _NUMBERS if name in variables})
         if "draws" in file.variables:
-            _require_equal_draws(path, {one: file.variables[one] for one in others}, file.variables["draws"].shape)
-            found = _netcdf_draws(names, file.variables, str(file.attrs.get("lens_model", "")))
-            return replace(found, stated_units=units, unread=(*others, *attributes, *file.groups))
+            _require_equal_draws(path, {name: file.variables[name] for name in unused}, file.variables["draws"].shape)
+            draws = _netcdf_draws(names, file.variables, str(file.attrs.get("lens_model", "")))
+            return replace(draws, stated_units=units, unread=(*unused, *attributes, *file.groups))
         if "mean" not in file.variables:
             raise CalibrationFileError(
                 f"{path.name} has a covariance without its mean",
@@ -258,7 +266,7 @@ def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
             )
         mean = np.asarray(file.variables["mean"][...], dtype=np.float64)
         covariance = np.asarray(file.variables["covariance"][...], dtype=np.float64)
-        unread = (*others, *attributes, *file.groups)
+        unread = (*unused, *attributes, *file.groups)
         return CalibrationCovariance(names=names, mean=mean, covariance=covariance, stated_units=units, unread=unread)
 
 
@@ -266,7 +274,7 @@ def _texts(values: Any) -> tuple[str, ...]:
     """Text of a variable or of an attribute, also as a table of characters, as xarray writes bytes."""
     table = np.asarray(values)
     rows = [b"".join(row) for row in table] if table.dtype == "S1" and table.ndim == 2 else table.ravel()
-    return tuple(one.decode() if isinstance(one, bytes) else str(one) for one in rows)
+    return tuple(text.decode() if isinstance(text, bytes) else str(text) for text in rows)
 
 
 def _stated_units(
@@ -274,27 +282,27 @@ def _stated_units(
 ) -> tuple[tuple[str, str, str], ...]:
     """Variable, parameter and unit, of every unit that variables, their attributes or those of the file state."""
     statements = [(key, _texts(variables[key][...])) for key in _UNITS if key in variables]
-    owners = {"": attributes} | {one: values.attrs for one, values in variables.items() if one in _HAS_UNITS}
+    owners = {"": attributes} | {name: values.attrs for name, values in variables.items() if name in _HAS_UNITS}
     for owner, attrs in owners.items():
         for key in _UNITS:
             if key in attrs:
                 stated = tuple(unit.strip() for unit in ",".join(_texts(attrs[key])).split(","))
                 statements.append((owner or key, stated))
-    found: list[tuple[str, str, str]] = []
+    rows: list[tuple[str, str, str]] = []
     for variable, stated in statements:
         # One for all, or a list that does not match the parameters and hence is the unit of none.
         units = stated if len(stated) == len(names) else (", ".join(stated),) * len(names)
-        found += [(variable, name, unit) for name, unit in zip(names, units, strict=True)]
-    return tuple(found)
+        rows += [(variable, name, unit) for name, unit in zip(names, units, strict=True)]
+    return tuple(rows)
 
 
 def _unread_attributes(variables: Mapping[str, Any], attributes: Mapping[str, Any], *, has_lens: bool) -> list[str]:
     """Attributes of the file and, after a point, of the variables read, that may describe numbers and are not used."""
-    read = (*_UNITS, *_NOT_NUMBERS, *(["lens_model"] if has_lens else []))
-    unread = [key for key in attributes if key not in read]
+    used = (*_UNITS, *_NOT_NUMBERS, *(["lens_model"] if has_lens else []))
+    unread = [key for key in attributes if key not in used]
     for variable, values in variables.items():
-        read = (*_NOT_NUMBERS, *((*_UNITS, *_MISSING) if variable in _HAS_UNITS else ()))
-        unread += [f"{variable}.{key}" for key in values.attrs if key not in read]
+        used = (*_NOT_NUMBERS, *((*_UNITS, *_MISSING) if variable in _HAS_UNITS else ()))
+        unread += [f"{variable}.{key}" for key in values.attrs if key not in used]
     return unread
 
 
@@ -317,9 +325,9 @@ def _refuse_missing(path: Path, variables: Mapping[str, Any]) -> None:
                 )
 
 
-def _require_equal_draws(path: Path, others: Mapping[str, Any], shape: tuple[int, ...]) -> None:
+def _require_equal_draws(path: Path, unused: Mapping[str, Any], shape: tuple[int, ...]) -> None:
     """Refuse numbers that say that draws are not equally probable, or of different chains, unless all are equal."""
-    for name, values in others.items():
+    for name, values in unused.items():
         if shape[0] in values.shape and np.asarray(values[...]).dtype.kind in "biuf" and np.ptp(1.0 * values[...]) != 0:
             raise CalibrationFileError(
                 f"{path.name} has a number for each draw that is not read",

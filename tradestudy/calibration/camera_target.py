@@ -112,8 +112,8 @@ class TargetProblem:
         points : array (V, N, 3)
             Target points in their poses.
         """
-        seen = self.model(parameters[..., None, :], points)
-        values = np.where(np.isnan(self.observed), 0.0, (self.observed - seen) / self.target.noise)
+        predicted = self.model(parameters[..., None, :], points)
+        values = np.where(np.isnan(self.observed), 0.0, (self.observed - predicted) / self.target.noise)
         return values.reshape(*values.shape[:-2], -1)
 
 
@@ -254,7 +254,7 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
         A pose does not converge.
     """
     poses = np.tile(poses, (len(parameters), 1, 1))
-    found, rest = np.empty(len(parameters)), np.arange(len(parameters))
+    log_posterior, rest = np.empty(len(parameters)), np.arange(len(parameters))
     for _ in range(_MOST_POSE_STEPS):
         tried, start = parameters[rest], poses[rest]
         residuals = np.concatenate([problem.residuals(tried, start), _pose_misfit(problem, start)], axis=-1)
@@ -262,11 +262,12 @@ def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: F
         inner = np.swapaxes(basis, -1, -2) @ residuals[..., None]
         with np.errstate(divide="ignore"):  # a pose that runs away does not converge
             volume = np.log(np.abs(np.diagonal(factor, axis1=-2, axis2=-1))).sum(axis=(-2, -1))
-        found[rest] = problem.priors.log_density(tried) - 0.5 * np.sum(residuals**2, axis=(-2, -1)) - volume
+        # The value of the last step stays: the poses move so little after it that they are as good as refitted.
+        log_posterior[rest] = problem.priors.log_density(tried) - 0.5 * np.sum(residuals**2, axis=(-2, -1)) - volume
         poses[rest] = start + np.linalg.solve(factor, inner)[..., 0]
         rest = rest[~np.all(np.sum(inner**2, axis=(-2, -1)) < _SETTLED, axis=-1)]
         if not rest.size:
-            return found
+            return log_posterior
     raise NotConvergedError(
         "the pose of a target does not converge",
         value=f"{_MOST_POSE_STEPS} steps",
@@ -284,6 +285,7 @@ def _gauss_newton_step(
     basis, factor = _pose_basis(problem, parameters, poses)
     stacked = np.concatenate([residuals, _pose_misfit(problem, poses)], axis=-1)
     table = np.concatenate([by_parameters, np.zeros((len(poses), 6, len(parameters)))], axis=1)
+    # What no pose explains: from it, the Schur complement follows without cancellation.
     free = table - basis @ (np.swapaxes(basis, -1, -2) @ table)
     information = np.einsum("vmi,vmj->ij", free, free) + np.diag(priors.precision)
     gradient = np.einsum("vmi,vm->i", free, stacked) - priors.precision * (parameters - priors.mean)
@@ -315,6 +317,7 @@ def _frozen_log_posterior(
     result = problem.priors.log_density(parameters)
     rows = np.flatnonzero(np.isfinite(result))
     size = max(1, _CHUNK_NUMBERS // problem.observed.size)
+    # The last six rows belong to the priors of the poses, whose residuals do not depend on the parameters.
     split = basis.shape[1] - 6
     constant = np.einsum("vmk,vm->vk", basis[:, split:], misfit)
     for start in range(0, len(rows), size):
@@ -348,9 +351,12 @@ def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArra
     """QR factors of the derivatives with respect to the poses (..., V, 6), with rows for their priors."""
     points = move(poses, problem.target.points)
     step = _POINT_STEP * np.linalg.norm(points, axis=-1)
+    # Six shifted boards give the derivatives by all points, and by the chain rule those by all poses.
     shifts = np.multiply.outer(np.concatenate([np.eye(3), -np.eye(3)]), step)
-    seen = problem.model(parameters[..., None, :], points + np.moveaxis(shifts, 1, -1))
-    by_points = np.moveaxis((seen[:3] - seen[3:]) / (2.0 * step[..., None]), 0, -1) / problem.target.noise[:, None]
+    predicted = problem.model(parameters[..., None, :], points + np.moveaxis(shifts, 1, -1))
+    by_points = (
+        np.moveaxis((predicted[:3] - predicted[3:]) / (2.0 * step[..., None]), 0, -1) / problem.target.noise[:, None]
+    )
     by_points = np.where(np.isnan(problem.observed)[..., None], 0.0, by_points)
     by_poses = pose_derivatives(by_points, poses, points).reshape(*poses.shape[:-1], -1, 6)
     prior = np.broadcast_to(np.diag(np.sqrt(problem.target.pose_precision)), (*poses.shape, 6))
@@ -415,8 +421,8 @@ def target_problem(request: TargetToInfer) -> tuple[TargetProblem, np.random.Gen
     target = _target(request, rng)
     model = observer(camera, priors.names)
     truth = priors.draw(rng, 1)[0]
-    seen, target = _on_sensor(request.name, camera, observe_target(target, model, truth, rng), target)
-    return TargetProblem(observed=seen, target=target, model=model, priors=priors), rng
+    observed, target = _on_sensor(request.name, camera, observe_target(target, model, truth, rng), target)
+    return TargetProblem(observed=observed, target=target, model=model, priors=priors), rng
 
 
 def planned_calibration(request: TargetToInfer, plan: int) -> Calibration:
@@ -459,12 +465,12 @@ def planned_problem(request: TargetToInfer, plan: int) -> TargetProblem:
     camera, priors = request.camera, _as_normal(_priors(request.name, request.groups))
     target = _target(request, point_generator(seed=request.seed, point=f"target/{request.name}", replicate=plan))
     model = observer(camera, priors.names)
-    seen, target = _on_sensor(request.name, camera, model(priors.mean, move(target.poses, target.points)), target)
+    observed, target = _on_sensor(request.name, camera, model(priors.mean, move(target.poses, target.points)), target)
 
     def on_sensor(parameters: FloatArray, points: FloatArray) -> FloatArray:
-        return np.where(np.isnan(seen), np.nan, model(parameters, points))
+        return np.where(np.isnan(observed), np.nan, model(parameters, points))
 
-    return TargetProblem(observed=seen, target=target, model=on_sensor, priors=priors)
+    return TargetProblem(observed=observed, target=target, model=on_sensor, priors=priors)
 
 
 def _target(request: TargetToInfer, rng: np.random.Generator) -> SyntheticTarget:
@@ -538,8 +544,8 @@ def _on_sensor(
 
     A board that is seen from behind shows no corners.
     """
-    seen = camera.seen_on_sensor(observed) & faces(target.poses)[:, None, None]
-    taken = np.all(np.sum(seen, axis=1) >= LEAST_CORNERS, axis=-1)
+    visible = camera.seen_on_sensor(observed) & faces(target.poses)[:, None, None]
+    taken = np.all(np.sum(visible, axis=1) >= LEAST_CORNERS, axis=-1)
     if taken.sum() < _FEWEST_VIEWS:
         raise OutOfRangeError(
             f"{name}: the target is visible in too few views",
@@ -547,7 +553,7 @@ def _on_sensor(
             limit=f"at least {_FEWEST_VIEWS} with {LEAST_CORNERS} corners",
             remedy="turn the board towards the camera, use a smaller one, or place it farther away or nearer the axis",
         )
-    return np.where(seen, observed, np.nan)[taken], replace(target, poses=target.poses[taken])
+    return np.where(visible, observed, np.nan)[taken], replace(target, poses=target.poses[taken])
 
 
 def observer(camera: DepthCamera, names: tuple[str, ...]) -> CameraModel:
@@ -557,7 +563,7 @@ def observer(camera: DepthCamera, names: tuple[str, ...]) -> CameraModel:
     def observe(parameters: FloatArray, points: FloatArray) -> FloatArray:
         errors = {name: parameters[..., k, None] for k, name in enumerate(names)}
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
-        seen = camera.observe_target(errors, x, y, z)
-        return np.stack(np.broadcast_arrays(*seen), axis=-1) / pixel
+        components = camera.observe_target(errors, x, y, z)
+        return np.stack(np.broadcast_arrays(*components), axis=-1) / pixel
 
     return observe

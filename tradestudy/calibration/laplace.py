@@ -84,6 +84,7 @@ def covariance_from_information(information: FloatArray, names: tuple[str, ...])
     diagonal = np.diag(information)
     if not np.all(diagonal > 0.0):
         raise _undetermined([names[int(np.argmin(diagonal))]], np.inf)
+    # With a unit diagonal, the units of the parameters do not decide whether the matrix counts as singular.
     scale = 1.0 / np.sqrt(diagonal)
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     if values[0] * CONDITION_LIMIT < values[-1]:

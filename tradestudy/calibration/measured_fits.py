@@ -68,13 +68,13 @@ def _least_squares(columns: FloatArray, values: FloatArray, deviation: FloatArra
     size = np.linalg.norm(a, axis=0)
     size = np.where(size > 0.0, size, 1.0)
     a = a / size  # columns may have different units
-    found, _, rank, _ = np.linalg.lstsq(a, y, rcond=None)
+    solution, _, rank, _ = np.linalg.lstsq(a, y, rcond=None)
     if rank < columns.shape[1]:
         return unknown
-    variance = np.sum((y - a @ found) ** 2) / free
+    variance = np.sum((y - a @ solution) ** 2) / free
     errors = np.linalg.norm(np.linalg.inv(np.linalg.qr(a, mode="r")), axis=1) * math.sqrt(variance)
     return tuple(
-        _interval(float(one), float(error), free) for one, error in zip(found / size, errors / size, strict=True)
+        _interval(float(value), float(error), free) for value, error in zip(solution / size, errors / size, strict=True)
     )
 
 
@@ -108,19 +108,19 @@ def noise_and_floor(deviation: FloatArray, px_per_m: FloatArray) -> tuple[Fitted
     columns = np.column_stack([px_per_m**-2.0, np.ones_like(px_per_m)])
     weights = squares
     smallest = _SMALLEST_VARIANCE * squares
-    found: tuple[Fitted, ...] = (UNKNOWN, UNKNOWN)
+    fitted: tuple[Fitted, ...] = (UNKNOWN, UNKNOWN)
     for _ in range(_STEPS):
-        found = _least_squares(columns, squares, weights)
-        predicted = np.maximum(columns @ [one.value for one in found], smallest)
+        fitted = _least_squares(columns, squares, weights)
+        predicted = np.maximum(columns @ [part.value for part in fitted], smallest)
         if np.allclose(predicted, weights, rtol=1e-10) or not np.isfinite(predicted).all():
             break
         weights = predicted
-    return _root(found[0]), _root(found[1])
+    return _root(fitted[0]), _root(fitted[1])
 
 
 def _root(square: Fitted) -> Fitted:
     """The root of a fitted square; 0 where the square is negative."""
-    value, low, high = (math.sqrt(max(one, 0.0)) for one in (square.value, square.low, square.high))
+    value, low, high = (math.sqrt(max(end, 0.0)) for end in (square.value, square.low, square.high))
     if math.isnan(square.value):
         return UNKNOWN
     return Fitted(value=value, error=square.error / (2.0 * value) if value else high, low=low, high=high)
@@ -243,8 +243,8 @@ def _left_by_harmonics(errors: FloatArray, disparity: FloatArray, scale: float) 
     """The sum of squares that a mean and two harmonics leave; a fold at zero gives the second one."""
     x = 2.0 * np.pi * scale * disparity
     columns = np.column_stack([np.ones_like(x), np.cos(x), np.sin(x), np.cos(2.0 * x), np.sin(2.0 * x)])
-    found = np.linalg.lstsq(columns, errors, rcond=None)[0]
-    return float(np.sum((errors - columns @ found) ** 2))
+    coefficients = np.linalg.lstsq(columns, errors, rcond=None)[0]
+    return float(np.sum((errors - columns @ coefficients) ** 2))
 
 
 def _refined(errors: FloatArray, disparity: FloatArray, start: float, *, signed: bool, tried: float) -> Ripple:
@@ -259,14 +259,15 @@ def _refined(errors: FloatArray, disparity: FloatArray, start: float, *, signed:
     size, level = float(np.std(errors)) * math.sqrt(2.0), float(np.mean(errors))
     means = (level,) if signed else (level, level / 2.0, 0.0)
     starts = [(mean, size, phase, start) for mean in means for phase in np.arange(8) * np.pi / 4.0]
-    best = min((least_squares(residuals, one) for one in starts), key=lambda one: float(one.cost))
-    free, left, total = errors.size - 4, 2.0 * float(best.cost), float(np.sum((errors - level) ** 2))
-    ratio = (total - left) / 3.0 / (left / free) if left > 0.0 else math.inf
-    pairs = float(best.fun[1:] @ best.fun[:-1]) / left if left > 0.0 else 0.0
+    # Least squares ends in the nearest minimum: eight phases are tried and, for magnitudes, a mean below their average.
+    best = min((least_squares(residuals, values) for values in starts), key=lambda fit: float(fit.cost))
+    free, remaining, total = errors.size - 4, 2.0 * float(best.cost), float(np.sum((errors - level) ** 2))
+    ratio = (total - remaining) / 3.0 / (remaining / free) if remaining > 0.0 else math.inf
+    pairs = float(best.fun[1:] @ best.fun[:-1]) / remaining if remaining > 0.0 else 0.0
     wider = math.sqrt((1.0 + max(pairs, 0.0)) / (1.0 - max(pairs, 0.0)))
     try:
         jacobian = np.asarray(best.jac)
-        deviations = wider * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)) * left / free)
+        deviations = wider * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)) * remaining / free)
     except np.linalg.LinAlgError:
         raise OutOfRangeError(
             "sub-pixel locking cannot be fitted",
@@ -275,7 +276,7 @@ def _refined(errors: FloatArray, disparity: FloatArray, start: float, *, signed:
             remedy="check the column of errors",
         ) from None
     mean, amplitude, _, scale = (
-        _interval(float(one), float(error), free) for one, error in zip(best.x, deviations, strict=True)
+        _interval(float(value), float(error), free) for value, error in zip(best.x, deviations, strict=True)
     )
     turned = np.sign(amplitude.value) or 1.0  # b − A sin x is b + A sin(x + π)
     phase = float(best.x[2]) + (0.0 if turned > 0.0 else np.pi)
@@ -286,7 +287,7 @@ def _refined(errors: FloatArray, disparity: FloatArray, start: float, *, signed:
         amplitude=amplitude.times(turned),
         mean=mean,
         phase=phase % (2.0 * np.pi),
-        share=1.0 - left / total,
+        share=1.0 - remaining / total,
         probability=min(1.0, tried * float(f_distribution.sf(ratio, 3, free))),
         points=errors.size,
     )

@@ -148,7 +148,7 @@ def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], dict[str, tupl
             raise OutOfRangeError(
                 f"{path.name} has a column {'of an unknown name' if unknown else 'without a unit'}",
                 value=repr(cell),
-                limit=f"{', '.join(f'{one} [unit]' for one in _COLUMNS)}, {_NOTE}",
+                limit=f"{', '.join(f'{column} [unit]' for column in _COLUMNS)}, {_NOTE}",
                 remedy="remove it, or rename it" if unknown else f"write, for example, '{name} [mm]'",
             )
         if name in names:
@@ -198,7 +198,7 @@ def _require_possible(path: Path, lines: Sequence[int], values: Mapping[str, Flo
     distance, sigma, rms, mean, bias = (values[name] for name in _COLUMNS[:5])
     size, more = np.abs(bias), 1.0 + _ROUNDING
     with np.errstate(invalid="ignore"):
-        both = np.hypot(sigma, bias)
+        combined = np.hypot(sigma, bias)
         wrong = {
             "the distance must be above 0": ~(distance > 0.0),
             "sigma must be above 0": sigma <= 0.0,
@@ -206,7 +206,7 @@ def _require_possible(path: Path, lines: Sequence[int], values: Mapping[str, Flo
             "absolute_error must not be negative": mean < 0.0,
             "the bias must be above −distance, or measured depths are not positive": bias <= -distance,
             "the valid share must lie between 0 and 1": (values["valid"] < 0.0) | (values["valid"] > 1.0),
-            "RMS² must be σ² + bias²": np.abs(rms - both) > _ROUNDING * both,
+            "RMS² must be σ² + bias²": np.abs(rms - combined) > _ROUNDING * combined,
             "rms must not be smaller than sigma, bias or absolute_error": more * rms
             < np.fmax(np.fmax(sigma, size), mean),
             "absolute_error must not be smaller than the magnitude of the bias": more * mean < size,
@@ -214,7 +214,7 @@ def _require_possible(path: Path, lines: Sequence[int], values: Mapping[str, Flo
     for rule, rows in wrong.items():
         if rows.any():
             k = int(np.argmax(rows))
-            found = ", ".join(f"{name} {values[name][k]:.4g}" for name in _COLUMNS if np.isfinite(values[name][k]))
+            cells = ", ".join(f"{name} {values[name][k]:.4g}" for name in _COLUMNS if np.isfinite(values[name][k]))
             raise OutOfRangeError(
-                f"{path.name}, line {lines[k]}: {rule}", value=f"{found} (in m)", remedy="correct the row"
+                f"{path.name}, line {lines[k]}: {rule}", value=f"{cells} (in m)", remedy="correct the row"
             )

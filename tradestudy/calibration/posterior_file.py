@@ -89,15 +89,15 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     GeometryContradictionError
         The file contradicts the declared geometry.
     """
-    found = read_calibration(path)
-    if isinstance(found, CalibrationDraws) and found.best is not None:
-        calibration = _of_rig(path, name, camera, found)
-        _require_units(path, found, calibration.vocabulary or {})
-        return replace(calibration, remark=_not_used(found.unread))
-    _require_known(path, found.names, [name for name in camera.error_vocabulary if name != PIXEL_NOISE])
-    _require_units(path, found, camera.error_vocabulary)
-    group, remark = _group(path, camera, found)
-    remark = "; ".join(filter(None, (remark, _not_used(found.unread))))
+    contents = read_calibration(path)
+    if isinstance(contents, CalibrationDraws) and contents.best is not None:
+        calibration = _of_rig(path, name, camera, contents)
+        _require_units(path, contents, calibration.vocabulary or {})
+        return replace(calibration, remark=_not_used(contents.unread))
+    _require_known(path, contents.names, [name for name in camera.error_vocabulary if name != PIXEL_NOISE])
+    _require_units(path, contents, camera.error_vocabulary)
+    group, remark = _group(path, camera, contents)
+    remark = "; ".join(filter(None, (remark, _not_used(contents.unread))))
     return Calibration(groups=(group,), source="posterior", remark=remark)
 
 
@@ -160,7 +160,7 @@ def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
     return replace(calibration, measurement=measurement, vocabulary=measurement.vocabulary)
 
 
-def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:
+def _of_rig(path: Path, name: str, camera: DepthCamera, posterior: CalibrationDraws) -> Calibration:
     """The posterior of a rig calibrated from corners; refuses any camera but a stereo rig."""
     if not camera.corners_calibrate:
         raise CalibrationFileError(
@@ -168,9 +168,9 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
             limit="the posterior of a camera of the same kind",
             remedy="use a file that a run wrote for a camera of this kind",
         )
-    names = shared_names(found.lens.free)
-    _require_known(path, found.names, names)
-    if lacking := [name for name in names if name not in found.names]:
+    names = shared_names(posterior.lens.free)
+    _require_known(path, posterior.names, names)
+    if lacking := [name for name in names if name not in posterior.names]:
         raise CalibrationFileError(
             f"{path.name} lacks parameters of a rig",
             value=", ".join(lacking),
@@ -184,42 +184,42 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
             remedy="remove calibration.posterior, or right_sensor",
         )
     size = (camera.sensor.columns, camera.sensor.rows)
-    if found.pixels != size:
+    if posterior.pixels != size:
         raise CalibrationFileError(
             f"{path.name} belongs to pictures of another size",
-            value=" × ".join(map(str, found.pixels or ())),
+            value=" × ".join(map(str, posterior.pixels or ())),
             limit=f"{size[0]} × {size[1]}, the pixels of the sensor",
             remedy="correct the pixels of the sensor, or use a posterior of such pictures",
         )
-    assert found.best is not None
-    if found.names != names:  # the exact model takes them by position
-        order = [found.names.index(name) for name in names]
-        draws = np.ascontiguousarray(found.draws[:, order])
-        found = replace(found, names=names, draws=draws, best=found.best[order])
-    assert found.best is not None
+    assert posterior.best is not None
+    if posterior.names != names:  # the exact model takes them by position
+        order = [posterior.names.index(name) for name in names]
+        draws = np.ascontiguousarray(posterior.draws[:, order])
+        posterior = replace(posterior, names=names, draws=draws, best=posterior.best[order])
+    assert posterior.best is not None
     pair = cast(PairGeometry, camera)
-    check_geometry(name, pair, found.best, found.draws, says="the posterior says", lens=found.lens)
-    return rig_calibration(pair, found, source="posterior")
+    check_geometry(name, pair, posterior.best, posterior.draws, says="the posterior says", lens=posterior.lens)
+    return rig_calibration(pair, posterior, source="posterior")
 
 
-def _group(path: Path, camera: DepthCamera, found: CalibrationCovariance | CalibrationDraws) -> tuple[Group, str]:
+def _group(path: Path, camera: DepthCamera, contents: CalibrationCovariance | CalibrationDraws) -> tuple[Group, str]:
     """The errors, and a remark if the file has values of the parameters instead."""
-    if isinstance(found, CalibrationCovariance):
-        zero, remark = _reference(path, camera, found.names, found.mean, np.sqrt(np.diag(found.covariance)))
+    if isinstance(contents, CalibrationCovariance):
+        zero, remark = _reference(path, camera, contents.names, contents.mean, np.sqrt(np.diag(contents.covariance)))
         return JointNormal(
             name=CALIBRATION,
-            parameters=found.names,
-            mean=found.mean - zero,
-            covariance=found.covariance,
+            parameters=contents.names,
+            mean=contents.mean - zero,
+            covariance=contents.covariance,
             error_class=ErrorClass.RIG,
         ), remark
-    spread = found.draws.std(axis=0)
-    if found.reference is None:
-        zero, remark = _reference(path, camera, found.names, found.draws.mean(axis=0), spread)
+    spread = contents.draws.std(axis=0)
+    if contents.reference is None:
+        zero, remark = _reference(path, camera, contents.names, contents.draws.mean(axis=0), spread)
     else:
-        zero, remark = _reference(path, camera, found.names, found.reference, spread, what="reference")
-    errors = found.draws - zero
-    return JointDraws(name=CALIBRATION, parameters=found.names, draws=errors, error_class=ErrorClass.RIG), remark
+        zero, remark = _reference(path, camera, contents.names, contents.reference, spread, what="reference")
+    errors = contents.draws - zero
+    return JointDraws(name=CALIBRATION, parameters=contents.names, draws=errors, error_class=ErrorClass.RIG), remark
 
 
 def _reference(
@@ -240,7 +240,9 @@ def _reference(
     away = from_declared if are_values else from_zero
     worst = int(np.argmax(away))
     if away[worst] > _DEVIATIONS:
-        value, spread, usual = (in_words(each[worst], camera, names[worst]) for each in (mean, deviation, declared))
+        value, spread, usual = (
+            in_words(numbers[worst], camera, names[worst]) for numbers in (mean, deviation, declared)
+        )
         raise CalibrationFileError(
             f"the {what} of {names[worst]} in {path.name} is neither that of an error nor the declared value",
             value=f"{value}, with a standard deviation of {spread}",
@@ -278,19 +280,19 @@ def _declared_values(camera: DepthCamera) -> dict[str, float]:
     return {"baseline": rig.baseline, "yaw": rig.convergence_angle, **focal}
 
 
-def _require_known(path: Path, names: tuple[str, ...], known: Collection[str]) -> None:
-    if unknown := [name for name in names if name not in known]:
+def _require_known(path: Path, names: tuple[str, ...], allowed: Collection[str]) -> None:
+    if unknown := [name for name in names if name not in allowed]:
         raise CalibrationFileError(
             f"{path.name} names parameters that the camera does not have",
             value=", ".join(unknown),
-            limit=", ".join(known),
+            limit=", ".join(allowed),
             remedy="rename or remove them",
         )
 
 
-def _require_units(path: Path, found: CalibrationCovariance | CalibrationDraws, vocabulary: ErrorVocabulary) -> None:
+def _require_units(path: Path, contents: CalibrationCovariance | CalibrationDraws, vocabulary: ErrorVocabulary) -> None:
     """Refuse a stated unit that is not the one in which numbers are read."""
-    for variable, name, stated in found.stated_units:
+    for variable, name, stated in contents.stated_units:
         unit: str = vocabulary[name].unit
         unit = f"{unit}^2" if variable == "covariance" and unit != "1" else unit
         expected = None if unit == "1" else resolve_unit(unit, absolute=False)

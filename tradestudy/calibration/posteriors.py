@@ -99,6 +99,7 @@ def sample_rig(fit: RigFit, *, rng: np.random.Generator, maximum_steps: int = 20
     laplace = _joint_laplace(fit, views)
     walkers = 2 * len(laplace.names) + 2
     starts = laplace.draw(rng, MINIMUM_ENSEMBLES * walkers)
+    # The normal approximation does not know the bounds of the scale of the motions.
     starts[:, -1] = np.minimum(np.abs(starts[:, -1]), largest_motion)
     with part_of_point(0.0, _SAMPLED):
         sample = sample_posterior(
@@ -152,6 +153,7 @@ def _joint_laplace(fit: RigFit, views: CompressedViews) -> LaplaceFit:
     explained, names = fit.explained, posterior_names(fit.corners.lens.free)
     covariance = np.zeros((len(names), len(names)))
     covariance[:-2, :-2] = fit.joint_covariance
+    # The logarithm of a standard deviation of N numbers has the variance 1/(2 N); a corner has four coordinates.
     covariance[-2, -2] = 1.0 / (8.0 * fit.corners.corner_count)
     covariance[-1, -1] = _motion_deviation(explained, views) ** 2
     mean = np.concatenate([views.centre, [np.log(explained.noise_px), explained.motion_scale]])
@@ -167,6 +169,7 @@ def _motion_deviation(fit: PairResidualFit, views: CompressedViews) -> float:
     def excess(step: float) -> float:
         return best - 0.5 - views.restricted_log_likelihood(fit.noise_px, fit.motion_scale + step)
 
+    # By the same rule, the step that would suffice if the six components of every motion were seen without noise.
     far = fit.motion_scale / np.sqrt(12.0 * len(fit.states.poses))
     while excess(far) < 0.0 and far < fit.lever:
         far *= 2.0
@@ -300,14 +303,14 @@ def infer_from_target(request: TargetToInfer) -> InferredCalibration:
     """
     problem, rng = target_problem(request)
     fit = fit_target(problem)
-    found = sample_target(problem, fit, rng=rng, maximum_steps=request.part.max_steps)
-    posterior = propagated(problem.priors.names, found.sample)
+    checked = sample_target(problem, fit, rng=rng, maximum_steps=request.part.max_steps)
+    posterior = propagated(problem.priors.names, checked.sample)
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
     return InferredCalibration(
         calibration=Calibration(groups=(group,), source="target"),
         posterior=posterior,
-        sample=found.sample,
-        check=found.check,
+        sample=checked.sample,
+        check=checked.check,
         laplace_deviation=fit.laplace.standard_deviation,
         laplace_seconds=fit.seconds,
         prior_deviation=problem.priors.standard_deviation,
@@ -343,29 +346,29 @@ def infer_from_corners(request: CornersToInfer) -> InferredCalibration:
         The views do not determine the parameters.
     """
     rig = cast(PairGeometry, request.camera)  # the schema admits no other kind
-    corners_of(request)
+    corners_of(request)  # refuses corners beyond the sensor before the fit
     fit, normal = _fitted(request, few=False)
     lens, names = fit.corners.lens, normal.names
     tell(_FITTED)
     rng = point_generator(seed=request.seed, point=f"corners/{request.name}", replicate=0)
     with part_of_point(_LOADED, _CHECKED):
-        found = sample_rig(fit, rng=rng, maximum_steps=request.part.max_steps)
-    draws_kept = propagated(names, found.sample)
+        checked = sample_rig(fit, rng=rng, maximum_steps=request.part.max_steps)
+    draws_kept = propagated(names, checked.sample)
     posterior = replace(
         draws_kept,
         draws=with_square_size(draws_kept.draws, request.part.square_size_uncertainty, rng),
-        best=found.sample.draws[:, : len(names)].mean(axis=0),
+        best=checked.sample.draws[:, : len(names)].mean(axis=0),
         lens=lens,
         pixels=(rig.sensor.columns, rig.sensor.rows),
     )
     return InferredCalibration(
         calibration=rig_calibration(rig, posterior, source="corners"),
         posterior=posterior,
-        sample=found.sample,
-        check=found.check,
+        sample=checked.sample,
+        check=checked.check,
         laplace_deviation=np.concatenate([normal.standard_deviation, fit.warp_deviation, [np.nan, np.nan]]),
         laplace_seconds=fit.explained.seconds,
-        prior_deviation=np.full(len(found.sample.names), np.inf),
+        prior_deviation=np.full(len(checked.sample.names), np.inf),
         fit=fit,
         trust=examine(fit, (rig.sensor.columns, rig.sensor.rows), others=[*map(lens_of, request.part.compared_with)]),
     )

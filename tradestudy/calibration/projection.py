@@ -142,8 +142,8 @@ def project_with_jacobians(
         u, v = lens.image(points[..., 0], points[..., 1], points[..., 2])
         by_points, by_coefficients = lens.derivatives(points, free)
     focal = np.stack([intrinsics[..., 0, None], intrinsics[..., 1, None]], axis=-1)[..., None]
-    zero, one = np.zeros_like(u), np.where(np.isnan(u), np.nan, 1.0)
-    by_camera = np.stack([np.stack([u, zero, one, zero], axis=-1), np.stack([zero, v, zero, one], axis=-1)], axis=-2)
+    zero, unit = np.zeros_like(u), np.where(np.isnan(u), np.nan, 1.0)
+    by_camera = np.stack([np.stack([u, zero, unit, zero], axis=-1), np.stack([zero, v, zero, unit], axis=-1)], axis=-2)
     by_intrinsics = np.concatenate([by_camera, focal * by_coefficients], axis=-1)
     return _pixels(intrinsics, u, v), by_intrinsics, focal * by_points
 

@@ -289,10 +289,11 @@ def sample_posterior(
     while True:
         steps = min(max(FIRST_ROUND, steps * 3 // 2), maximum_steps)
         for sampler, start in zip(samplers, starts, strict=True):
-            done = sampler.iteration
-            sampler.run_mcmc(start if done == 0 else None, steps - done, skip_initial_state_check=True)
-            tell(chains_fraction * min(1.0, sum(one.iteration for one in samplers) / (len(samplers) * first)))
+            finished = sampler.iteration
+            sampler.run_mcmc(start if finished == 0 else None, steps - finished, skip_initial_state_check=True)
+            tell(chains_fraction * min(1.0, sum(sampler.iteration for sampler in samplers) / (len(samplers) * first)))
         walks = np.stack([sampler.get_chain() for sampler in samplers])
+        # The second half shows the autocorrelation without the drift from the starts.
         half = walks.shape[1] // 2
         warm_up = int(min(half, np.ceil(_WARM_UP_TIMES * autocorrelation_times(walks[:, half:]).max())))
         kept = walks[:, warm_up:]

@@ -92,10 +92,10 @@ def calibration_of(
     if posterior is None:
         return Calibration(groups=(*groups, *stability), environment=environment)
     determined = {name for group in posterior.groups for name in group.parameters}
-    left = [group for group in groups if not determined.intersection(group.parameters)]
+    remaining = [group for group in groups if not determined.intersection(group.parameters)]
     return replace(
         posterior,
-        groups=(*left, *posterior.groups, *stability),
+        groups=(*remaining, *posterior.groups, *stability),
         environment=environment,
         source=part.source,
     )
@@ -138,7 +138,7 @@ def declared_groups(part: CalibrationPart, camera: DepthCamera, folder: Path) ->
     tied = {name: group for group in correlated(part.correlations) for name in group}
     groups: list[Group] = []
     for name, marginal in marginals.items():
-        together = tuple(other for other in marginals if other in tied.get(name, ()))
+        together = tuple(partner for partner in marginals if partner in tied.get(name, ()))
         if not together:
             groups.append(Source(name=name, distribution=marginal, error_class=vocabulary[name].error_class))
         elif name == together[0]:
@@ -146,7 +146,7 @@ def declared_groups(part: CalibrationPart, camera: DepthCamera, folder: Path) ->
                 GaussianCopula(
                     name=" and ".join(together),
                     parameters=together,
-                    marginals=tuple(marginals[other] for other in together),
+                    marginals=tuple(marginals[partner] for partner in together),
                     correlation=correlation_matrix(together, part.correlations),
                     error_class=vocabulary[name].error_class,
                 )
@@ -309,9 +309,9 @@ def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
 def _other_unit(column: str, dimension: Dimension) -> str:
     """The unit at the end of a column's name, as in ``error_mm`` and ``error [mm]``, if it is not the SI unit."""
     before, *words = re.split(r"[\s_()\[\]]+", column.rstrip(")] "))
-    for known in (dimension, *_DIMENSIONS) if before and words else ():
+    for candidate in (dimension, *_DIMENSIONS) if before and words else ():
         with suppress(UnitError):
-            return "" if parse(f"1 {words[-1]}", known) == 1.0 and known == dimension else words[-1]
+            return "" if parse(f"1 {words[-1]}", candidate) == 1.0 and candidate == dimension else words[-1]
     return ""
 
 
@@ -336,13 +336,13 @@ def impossible_errors(camera: DepthCamera, distance: FloatArray) -> Iterator[str
     # The first row has no deviation; each other row has that of one parameter, down or up.
     moved = np.concatenate([np.zeros((1, len(sizes))), *(sign * np.diag([*sizes.values()]) for sign in (-1.0, 1.0))])
     drawn = {name: calibration.means[name] + moved[:, k : k + 1] for k, name in enumerate(sizes)}
-    found = camera.measured_depth(distance, 0.0, drawn)
-    measures = np.isfinite(found.inverse_depth) & ~found.no_overlap & ~found.out_of_range
-    known = np.any(np.broadcast_to(measures, (len(moved), distance.size)), axis=1)
-    if not known[0]:
+    measured = camera.measured_depth(distance, 0.0, drawn)
+    measures = np.isfinite(measured.inverse_depth) & ~measured.no_overlap & ~measured.out_of_range
+    works = np.any(np.broadcast_to(measures, (len(moved), distance.size)), axis=1)
+    if not works[0]:
         return
     for number, (name, size) in enumerate(sizes.items(), start=1):
-        if not (known[number] and known[number + len(sizes)]):
+        if not (works[number] and works[number + len(sizes)]):
             yield (
                 f"a deviation of {name} by one standard deviation, {in_words(size, camera, name)}, leaves no camera "
                 "that measures depth; check its unit"

@@ -233,5 +233,5 @@ def observe_target(
     """
     deviation = np.repeat([target.rotation_deviation, target.translation_deviation], 3)
     offset = np.where(np.isfinite(deviation), deviation, 0.0) * rng.standard_normal(target.poses.shape)
-    seen = model(parameters, move(target.poses + offset, target.points))
-    return seen + target.noise * rng.standard_normal(seen.shape)
+    observed = model(parameters, move(target.poses + offset, target.points))
+    return observed + target.noise * rng.standard_normal(observed.shape)

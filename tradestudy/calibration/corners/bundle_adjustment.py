@@ -279,6 +279,7 @@ def _minimise(
             tried_cost = np.inf
         if tried_cost <= cost:  # False for NaN: a board behind the camera
             shared, poses, blocks = shared + step, poses + pose_step, tried
+        # Judged by the predicted decrease: at the minimum, rounding decides whether the actual one is positive.
         if expected <= _ROUNDING * cost + _NO_NOISE**2 * blocks.residuals.size:
             return shared, poses, blocks
         better = tried_cost <= cost
@@ -297,6 +298,7 @@ def _minimise(
 def _damped_step(blocks: ViewBlocks, damping: float) -> tuple[FloatArray, FloatArray, float]:
     """Steps of the shared parameters and of the poses, and the predicted decrease of the sum of squares [px²]."""
     views, _, count = blocks.by_shared.shape
+    # Damping as additional rows: normal equations would lose half of the digits.
     root = np.sqrt(damping)
     held = root * np.linalg.norm(blocks.by_pose, axis=1)[:, None] * np.eye(6)
     basis, factor = np.linalg.qr(np.concatenate([blocks.by_pose, held], axis=1))

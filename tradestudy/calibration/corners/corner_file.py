@@ -206,7 +206,7 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...],
     lower = [column.strip().lower() for column in header]
     header = [low if low in _COLUMNS else column.strip() for low, column in zip(lower, header, strict=True)]
     unit, required = _required(f"{name}:{first}", header)
-    seen = [column for column in header if _SEEN.search(column)]
+    truth_columns = [column for column in header if _SEEN.search(column)]
     rows, texts, total = [], [], 0
     false: Counter[str] = Counter()
     for line, fields in lines:
@@ -219,7 +219,7 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...],
                 remedy="write decimal points, not commas, and remove surplus fields",
             )
         row = dict(zip(header, fields, strict=False))
-        unseen = [column for column in seen if not _is_true(where, column, row.get(column, ""))]
+        unseen = [column for column in truth_columns if not _is_true(where, column, row.get(column, ""))]
         false.update(unseen)
         total += 1
         if not unseen:
@@ -245,12 +245,12 @@ def _read_table(name: str, text: str) -> tuple[FloatArray, str, tuple[str, ...],
                     limit="detected corners",
                     remedy="remove these rows",
                 )
-    unused = tuple(column for column in header if column and column not in (*required, *seen))
+    unused = tuple(column for column in header if column and column not in (*required, *truth_columns))
     for column in unused:
         for pattern, says, remedy in _CONSTANT:
             different = {_number(row.get(column, "")) for row in texts} if pattern.search(column) else ()
             if len(different) > 1:
-                values = sorted(one if isinstance(one, str) else f"{one:g}" for one in different)
+                values = sorted(value if isinstance(value, str) else f"{value:g}" for value in different)
                 raise CornerFileError(
                     f"{name}: the column {column} {says}",
                     value=f"{values[0] or 'nothing'} and {values[-1]}",
@@ -265,7 +265,7 @@ def _without_comment(line: str) -> str:
     if not line.lstrip().startswith("#"):
         return line
     names = line.lstrip("# \t")
-    return names if {"view", "corner"} <= {one.strip().lower() for one in names.split(",")} else "\n"
+    return names if {"view", "corner"} <= {column.strip().lower() for column in names.split(",")} else "\n"
 
 
 def _required(where: str, header: Sequence[str]) -> tuple[str, tuple[str, ...]]:
@@ -285,13 +285,13 @@ def _required(where: str, header: Sequence[str]) -> tuple[str, tuple[str, ...]]:
         )
     if missing:
         stems = tuple(column.removesuffix(f"_{unit}").removesuffix("_px") for column in missing if "_" in column)
-        others = [column for column in header if column.startswith(stems)]
-        read = f"positions are read in mm or m on the board, and in px in pictures; convert {', '.join(others)}"
+        alike = [column for column in header if column.startswith(stems)]
+        advice = f"positions are read in mm or m on the board, and in px in pictures; convert {', '.join(alike)}"
         raise CornerFileError(
             f"{where.rpartition(':')[0]} lacks columns",
             value=", ".join(missing),
             limit=", ".join(required),
-            remedy=read if others else "name the columns in the first line",
+            remedy=advice if alike else "name the columns in the first line",
         )
     if len(units) > 1 or len(set(header)) < len(header):
         twice = [column for column in header if header.count(column) > 1] or [f"board_x_{unit}" for unit in units]
@@ -376,9 +376,9 @@ def _group_views(table: FloatArray) -> dict[int, FloatArray]:
 
 def _refuse_repeated(groups: dict[int, FloatArray]) -> None:
     """Refuse a view that occurs twice, because it would count as two measurements."""
-    seen: dict[bytes, int] = {}
+    first_views: dict[bytes, int] = {}
     for view, group in groups.items():
-        first = seen.setdefault(np.ascontiguousarray(group[:, 1:]).tobytes(), view)
+        first = first_views.setdefault(np.ascontiguousarray(group[:, 1:]).tobytes(), view)
         if first != view:
             raise CornerFileError(
                 f"view {view} repeats view {first} exactly",
@@ -444,9 +444,9 @@ def _check_counts(corners: StereoCorners) -> None:
 def handedness(board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
     """Sign of the determinant of the affine map from board to image, per view, shape (V,); −1 means a mirror image."""
     signs = np.empty(len(board))
-    for row, there in enumerate(present):
-        design = np.column_stack([board[row, there], np.ones(int(there.sum()))])
-        affine = np.linalg.lstsq(design, image[row, there], rcond=None)[0][:2]
+    for row, exists in enumerate(present):
+        design = np.column_stack([board[row, exists], np.ones(int(exists.sum()))])
+        affine = np.linalg.lstsq(design, image[row, exists], rcond=None)[0][:2]
         signs[row] = np.sign(np.linalg.det(affine))
     return signs
 
@@ -474,12 +474,12 @@ def _check_handedness(corners: StereoCorners) -> None:
     raise CornerFileError(what, value=value, limit=limit, remedy=remedy)
 
 
-def _mirrored_image(side: str, image: FloatArray, other: FloatArray, present: BoolArray) -> tuple[str, str]:
+def _mirrored_image(side: str, image: FloatArray, reference: FloatArray, present: BoolArray) -> tuple[str, str]:
     """Swapped columns or a mirrored picture, whichever brings the two images closer together."""
     flipped = image.copy()
     flipped[..., 0] = image[present][:, 0].max() + image[present][:, 0].min() - image[..., 0]
-    swapped_fits = _shape_mismatch(image[..., ::-1], other, present)
-    flipped_fits = _shape_mismatch(flipped, other, present)
+    swapped_fits = _shape_mismatch(image[..., ::-1], reference, present)
+    flipped_fits = _shape_mismatch(flipped, reference, present)
     if swapped_fits < flipped_fits:
         return (
             f"the columns {side}_x_px and {side}_y_px are swapped",

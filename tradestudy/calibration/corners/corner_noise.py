@@ -73,19 +73,19 @@ def maximise(likelihood: Callable[[FloatArray], LocalLikelihood], start: FloatAr
     NotConvergedError
         No maximum is found.
     """
-    place, here = start, likelihood(start)
-    information = here.information
-    for _ in range(_MOST_STEPS if np.isfinite([here.value, *here.gradient]).all() else 0):
-        step = _short_step(information, here.gradient)
-        while (gain := 0.5 * float(step @ here.gradient)) > settled:
-            there = likelihood(place + step)
-            if there.value >= here.value:
+    place, current = start, likelihood(start)
+    information = current.information
+    for _ in range(_MOST_STEPS if np.isfinite([current.value, *current.gradient]).all() else 0):
+        step = _short_step(information, current.gradient)
+        while (gain := 0.5 * float(step @ current.gradient)) > settled:
+            trial = likelihood(place + step)
+            if trial.value >= current.value:
                 break
             step = 0.5 * step
         if not gain > settled:
             return place
-        information = _agreeing(there.information, step, here.gradient - there.gradient)
-        place, here = place + step, there
+        information = _agreeing(trial.information, step, current.gradient - trial.gradient)
+        place, current = place + step, trial
     raise NotConvergedError(
         "the scales of the corners' noise do not settle",
         value=f"{_MOST_STEPS} steps",
@@ -233,11 +233,11 @@ def estimate_noise(
         return _local_likelihood(table[some], weights[some], layouts, _Correlation.at(place, spacing))
 
     first = np.zeros(2) if start is None or not start.share else _place(start, spacing)
-    found = _Correlation.at(maximise(likelihood, first, _SETTLED), spacing)
-    whitening = _Layouts.of(board, weights).of_views(found.share, found.length)
+    correlation = _Correlation.at(maximise(likelihood, first, _SETTLED), spacing)
+    whitening = _Layouts.of(board, weights).of_views(correlation.share, correlation.length)
     lengths = np.abs(triangular_factor(_whitened(table, whitening))[:, -1, -1])
     return _noise(
-        whitening, weights, share=found.share, length=found.length,
+        whitening, weights, share=correlation.share, length=correlation.length,
         deviation=_deviations(lengths, weights, by_view.shape[-1]),
     )  # fmt: skip
 
@@ -284,25 +284,25 @@ def _local_likelihood(
     of_layouts = layouts.whitening(correlation.share, correlation.length)
     whitened = _whitened(table, of_layouts[layouts.number])
     basis, triangle = np.linalg.qr(whitened[..., :-1])
-    left = whitened[..., -1] - np.einsum("vrp,vp->vr", basis, np.einsum("vrp,vr->vp", basis, whitened[..., -1]))
-    deviation = _deviations(np.linalg.norm(left, axis=-1), weights, basis.shape[-1])
-    left = left / deviation[:, None]
+    residual = whitened[..., -1] - np.einsum("vrp,vp->vr", basis, np.einsum("vrp,vr->vp", basis, whitened[..., -1]))
+    deviation = _deviations(np.linalg.norm(residual, axis=-1), weights, basis.shape[-1])
+    residual = residual / deviation[:, None]
     changes = layouts.changes(correlation)
     changes = of_layouts @ changes @ np.swapaxes(of_layouts, -1, -2)
     # twice, because both coordinates of a corner are alike
     traces = 2.0 * np.trace(changes, axis1=-2, axis2=-1)[:, layouts.number].sum(axis=(-2, -1))
-    both = np.concatenate([basis, left[..., None]], axis=-1)
-    changed = np.stack([_whitened(both, one[layouts.number]) for one in changes])
+    columns = np.concatenate([basis, residual[..., None]], axis=-1)
+    changed = np.stack([_whitened(columns, change[layouts.number]) for change in changes])
     free = traces - np.einsum("vrp,ivrp->i", basis, changed[..., :-1])
     count = _freedom(weights, basis.shape[-1])
     # Beside a fitted deviation, a change along the residuals themselves tells nothing.
-    known = np.concatenate([basis, (left / np.sqrt(count)[:, None])[..., None]], axis=-1)
+    explained = np.concatenate([basis, (residual / np.sqrt(count)[:, None])[..., None]], axis=-1)
     volume = np.log(np.abs(np.diagonal(triangle, axis1=-2, axis2=-1))).sum()
     determinants = 2.0 * np.log(np.diagonal(of_layouts[layouts.number], axis1=-2, axis2=-1)).sum()
     return LocalLikelihood(
         value=float(determinants - volume - np.sum(count * np.log(deviation))),
-        gradient=-0.5 * (free - np.einsum("vr,ivr->i", left, changed[..., -1])),
-        information=average_information(known, changed[..., -1]),
+        gradient=-0.5 * (free - np.einsum("vr,ivr->i", residual, changed[..., -1])),
+        information=average_information(explained, changed[..., -1]),
     )
 
 
@@ -344,19 +344,19 @@ class _Layouts:
     def of(cls, board: FloatArray, weights: FloatArray) -> _Layouts:
         """Collect the layouts of boards (V, N, 2) [m] and weights (V, 2, N)."""
         views, _, corners = weights.shape
-        seen = np.concatenate([np.repeat(board.reshape(views, 1, -1), 2, axis=1), weights], axis=-1)
-        found, number = np.unique(seen.reshape(2 * views, -1), axis=0, return_inverse=True)
-        own = found[:, : 2 * corners].reshape(-1, corners, 2)
+        rows = np.concatenate([np.repeat(board.reshape(views, 1, -1), 2, axis=1), weights], axis=-1)
+        distinct, number = np.unique(rows.reshape(2 * views, -1), axis=0, return_inverse=True)
+        positions = distinct[:, : 2 * corners].reshape(-1, corners, 2)
         return cls(
-            square=np.sum((own[:, :, None] - own[:, None]) ** 2, axis=-1),
-            weights=found[:, 2 * corners :],
+            square=np.sum((positions[:, :, None] - positions[:, None]) ** 2, axis=-1),
+            weights=distinct[:, 2 * corners :],
             number=number.reshape(views, 2),
         )
 
     def whitening(self, share: float, length: float) -> FloatArray:
         """Inverse Cholesky factors for unit deviation, shape (L, N, N); identity where a corner is absent."""
-        own = np.where(self._there, (1.0 - share) / self._safe, 1.0)
-        return np.tril(np.linalg.inv(np.linalg.cholesky(share * self._fall(length) + _diagonal(own))))
+        independent = np.where(self._present, (1.0 - share) / self._safe, 1.0)
+        return np.tril(np.linalg.inv(np.linalg.cholesky(share * self._fall(length) + _diagonal(independent))))
 
     def of_views(self, share: float, length: float) -> FloatArray:
         """Those factors for every view and camera, shape (V, 2, N, N)."""
@@ -365,23 +365,23 @@ class _Layouts:
     def changes(self, correlation: _Correlation) -> FloatArray:
         """Derivatives of the covariances by the parameters of the correlation, shape (2, L, N, N)."""
         fall = self._fall(correlation.length)
-        by_share = fall - _diagonal(np.where(self._there, 1.0 / self._safe, 0.0))
+        by_share = fall - _diagonal(np.where(self._present, 1.0 / self._safe, 0.0))
         by_length = correlation.share * 2.0 * fall * (1.0 - fall)  # by the logarithm; zero where a corner is absent
         return np.stack([by_share, by_length]) * correlation.by_place[:, None, None, None]
 
     @property
-    def _there(self) -> BoolArray:
+    def _present(self) -> BoolArray:
         return self.weights > 0.0
 
     @property
     def _safe(self) -> FloatArray:
         """The weights, with 1 where a corner is absent."""
-        return np.where(self._there, self.weights, 1.0)
+        return np.where(self._present, self.weights, 1.0)
 
     def _fall(self, length: float) -> FloatArray:
         """Correlation between corners, 1/(1 + d²/ℓ²); zero where one is absent."""
-        both = self._there[:, :, None] & self._there[:, None]
-        return np.where(both, 1.0 / (1.0 + self.square / length**2), 0.0)
+        pairs = self._present[:, :, None] & self._present[:, None]
+        return np.where(pairs, 1.0 / (1.0 + self.square / length**2), 0.0)
 
 
 def _diagonal(values: FloatArray) -> FloatArray:

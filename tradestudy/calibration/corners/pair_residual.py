@@ -96,8 +96,8 @@ class CompressedViews:
     def with_lever(self, factor: float) -> CompressedViews:
         """The same views with the lever multiplied by a factor; a longer lever means less rotation."""
         columns = self.motion_columns / np.array([*[factor] * 3, *[1.0] * 3])
-        left, gains, _ = np.linalg.svd(columns)
-        back = np.swapaxes(left, -1, -2)
+        turn, gains, _ = np.linalg.svd(columns)
+        back = np.swapaxes(turn, -1, -2)
         return replace(self, motion_rows=back @ self.motion_rows, motion_gains=gains**2, motion_columns=back @ columns)
 
     def log_likelihood(self, shared: FloatArray, noise_px: FloatArray, motion_scale: FloatArray) -> FloatArray:
@@ -121,9 +121,9 @@ class CompressedViews:
         rows = self.motion_rows.reshape(-1, step.shape[-1])
         variance = noise_px[..., None] ** 2 + motion_scale[..., None] ** 2 * self.motion_gains.ravel()
         # residual(θ) = r₀ + A (centre − θ)
-        seen = np.sum((step @ rows.T) ** 2 / variance + np.log(variance), axis=-1)
+        by_motion = np.sum((step @ rows.T) ** 2 / variance + np.log(variance), axis=-1)
         rest = np.sum((step @ self.rest.T) ** 2, axis=-1) / noise_px**2
-        total: FloatArray = -0.5 * (seen + rest) - self.rest_count * np.log(noise_px)
+        total: FloatArray = -0.5 * (by_motion + rest) - self.rest_count * np.log(noise_px)
         return total
 
     def restricted_log_likelihood(self, noise_px: float, motion_scale: float) -> float:
@@ -148,17 +148,17 @@ class CompressedViews:
         """
         columns = self.motion_columns * (motion_scale / np.array([*[stretch] * 3, *[1.0] * 3]))
         moved, turned = (part @ np.swapaxes(part, -1, -2) for part in (columns, columns[..., :3]))
-        own = noise_px**2 * np.eye(6)
-        factor = np.linalg.cholesky(moved + own)
+        independent = noise_px**2 * np.eye(6)
+        factor = np.linalg.cholesky(moved + independent)
         whitening = np.linalg.inv(factor)
         rows = (whitening @ self.motion_rows).reshape(-1, self.rest.shape[-1])
         table = np.concatenate([rows, self.rest / noise_px])
         basis, triangle = np.linalg.qr(table[:, :-1])
-        left = table[:, -1] - basis @ (basis.T @ table[:, -1])
+        residual = table[:, -1] - basis @ (basis.T @ table[:, -1])
         volume = np.log(np.abs(np.diagonal(triangle))).sum() + np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum()
         # The whitened covariance of the remaining rows, of which only the noise changes the scale, is the identity.
         changes = 2.0 * (
-            whitening @ np.stack(np.broadcast_arrays(own, moved, -turned)) @ np.swapaxes(whitening, -1, -2)
+            whitening @ np.stack(np.broadcast_arrays(independent, moved, -turned)) @ np.swapaxes(whitening, -1, -2)
         )
         of_rest = np.array([2.0, 0.0, 0.0])
         traces = np.trace(changes, axis1=-2, axis2=-1).sum(axis=-1) + of_rest * self.rest_count
@@ -168,12 +168,12 @@ class CompressedViews:
             rest = of_rest[:, None, None] * values[len(rows) :]
             return np.concatenate([seen.reshape(3, len(rows), -1), rest], axis=1)
 
-        both = changed(np.concatenate([basis, left[:, None]], axis=1))
-        free = traces - np.einsum("rp,irp->i", basis, both[..., :-1])
+        transformed = changed(np.concatenate([basis, residual[:, None]], axis=1))
+        free = traces - np.einsum("rp,irp->i", basis, transformed[..., :-1])
         return LocalLikelihood(
-            value=float(-volume - 0.5 * left @ left - self.rest_count * np.log(noise_px)),
-            gradient=-0.5 * (free - both[..., -1] @ left),
-            information=average_information(basis[None], both[:, None, :, -1]),
+            value=float(-volume - 0.5 * residual @ residual - self.rest_count * np.log(noise_px)),
+            gradient=-0.5 * (free - transformed[..., -1] @ residual),
+            information=average_information(basis[None], transformed[:, None, :, -1]),
         )
 
     def information(self, noise_px: float, motion_scale: float) -> tuple[FloatArray, FloatArray]:
@@ -240,9 +240,10 @@ def compress_views(
         shared = np.concatenate([shared, np.zeros(extra.shape[-1])])
     table = np.concatenate([by_states, by_shared, residuals[..., None]], axis=-1)
     triangle = triangular_factor(table)
+    # Only the first six rows depend on the pose of a view, which fits them exactly: they tell nothing else.
     motion, rows = triangle[:, 6:12, 6:12], triangle[:, 6:12, 12:]
-    left, gains, _ = np.linalg.svd(motion)
-    back = np.swapaxes(left, -1, -2)
+    turn, gains, _ = np.linalg.svd(motion)
+    back = np.swapaxes(turn, -1, -2)
     return CompressedViews(
         centre=shared,
         motion_rows=back @ rows,
@@ -483,6 +484,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners, start: PairResidualF
         information, gradient = compressed.information(noise, scale)
         step = np.linalg.solve(information, gradient)
         shared = shared + step
+        # Rotations are stored as displacements at the lever, which has changed.
         states = replace(states, motions=states.motions * np.array([*[factor] * 3, *[1.0] * 3]))
         states = settle_views(shared, states, corners, lever, noise_px=noise, motion_scale=scale)
         compressed = compress_views(shared, states, corners, lever)
@@ -542,14 +544,14 @@ def _best_scales(compressed: CompressedViews, noise_px: float, stretch: float) -
 
     def likelihood(logs: FloatArray) -> LocalLikelihood:
         noise, scale, factor = np.exp(logs)
-        found = compressed.restricted_likelihood(noise, scale, factor)
+        restricted = compressed.restricted_likelihood(noise, scale, factor)
         unusual = (np.log(stretch) + logs[2]) / _LEVER_DEVIATION
         return LocalLikelihood(
-            value=found.value - 0.5 * float(unusual**2),
-            gradient=found.gradient - np.array([0.0, 0.0, unusual / _LEVER_DEVIATION]),
-            information=found.information + np.diag([0.0, 0.0, _LEVER_DEVIATION**-2]),
+            value=restricted.value - 0.5 * float(unusual**2),
+            gradient=restricted.gradient - np.array([0.0, 0.0, unusual / _LEVER_DEVIATION]),
+            information=restricted.information + np.diag([0.0, 0.0, _LEVER_DEVIATION**-2]),
         )
 
-    found = maximise(likelihood, np.array([np.log(noise_px), np.log(explains), 0.0]), _SCALES_SETTLED)
-    noise, scale, factor = np.exp(found)
+    best = maximise(likelihood, np.array([np.log(noise_px), np.log(explains), 0.0]), _SCALES_SETTLED)
+    noise, scale, factor = np.exp(best)
     return float(noise), float(scale), float(factor)

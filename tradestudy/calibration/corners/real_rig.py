@@ -58,8 +58,8 @@ def check_warp_shown(corners: StereoCorners) -> None:
     """
     shapes, weight = warp_shapes(corners, gyration_radius(corners)), corners.present[..., None].astype(np.float64)
     flat = np.concatenate([weight, weight * corners.board], axis=-1)
-    left = weight * shapes - flat @ (np.linalg.pinv(flat) @ (weight * shapes))
-    shown = np.linalg.svd(left.reshape(-1, shapes.shape[-1]), compute_uv=False)
+    unexplained = weight * shapes - flat @ (np.linalg.pinv(flat) @ (weight * shapes))
+    shown = np.linalg.svd(unexplained.reshape(-1, shapes.shape[-1]), compute_uv=False)
     if shown[-1] < _LEAST_SHOWN * shown[0]:
         raise CornerFileError(
             "the corners cannot show whether the board is bent",
@@ -316,11 +316,11 @@ def _with_noise_and_warp(
     As long as a bent board is treated as flat, its warp counts as noise, so that a strong warp takes several rounds.
     """
     warp = np.zeros(3)
-    for done in range(_MOST_ROUNDS):
+    for number in range(_MOST_ROUNDS):
         last = explained.noise_px
         corners = replace(corners, noise=_noise_of(corners, explained, weights))
         explained = fit_pair_residual(pair, corners, explained)
-        if done >= _LEAST_ROUNDS and abs(explained.noise_px / last - 1.0) < _NOISE_SETTLED:
+        if number >= _LEAST_ROUNDS and abs(explained.noise_px / last - 1.0) < _NOISE_SETTLED:
             return corners, explained, warp
         information, gradient = _with_warp(explained, corners, warp)
         warp = warp + (inverse_information(information) @ gradient)[-3:]
@@ -369,10 +369,10 @@ def _weighted(sides: Sequence[_Side], left: CameraFit, right: CameraFit) -> tupl
     present = sides[0].corners.present
     weights = np.repeat(present[:, None].astype(np.float64), 2, axis=1)
     for _ in range(_MOST_WEIGHTINGS):
-        found = np.stack([outlier_weights(fit.residuals_px, present) for fit in (left, right)], axis=1)
-        if np.max(np.abs(found - weights)) < _WEIGHTS_SETTLED:
+        updated = np.stack([outlier_weights(fit.residuals_px, present) for fit in (left, right)], axis=1)
+        if np.max(np.abs(updated - weights)) < _WEIGHTS_SETTLED:
             break
-        weights = found
+        weights = updated
         left, right = (side.fit(weights[:, k]) for k, side in enumerate(sides))
     return left, right, weights
 

@@ -105,8 +105,8 @@ def shared_area(
         along = (distance[:, None] - centre[2]) / from_right[2]
     in_left = project(of_left, _on_rays(centre, from_right, np.where(along > 0.0, along, np.nan)), lenses[0], free)
     places = zip((in_right, in_left), sizes[::-1], strict=True)
-    both = [_share_inside(seen, size).reshape(distance.shape) for seen, size in places]
-    return np.minimum(*both)
+    shares = [_share_inside(images, size).reshape(distance.shape) for images, size in places]
+    return np.minimum(*shares)
 
 
 def _directions(camera: FloatArray, nodes: FloatArray, lens: LensModel, free: Sequence[str]) -> FloatArray:
@@ -120,15 +120,16 @@ def _on_rays(start: FloatArray, directions: FloatArray, along: FloatArray) -> Fl
     return np.moveaxis(start[:, None, None] + along * directions[:, None], 0, -1)
 
 
-def _share_inside(seen: FloatArray, pixels: tuple[int, int]) -> FloatArray:
+def _share_inside(images: FloatArray, pixels: tuple[int, int]) -> FloatArray:
     """Share of a picture's area, shape (D,), that another picture shows; (D, N, 2) [px] are the nodes' images there."""
-    across, down = (size / 2.0 - np.abs(seen[..., axis] - (size - 1.0) / 2.0) for axis, size in enumerate(pixels))
+    across, down = (size / 2.0 - np.abs(images[..., axis] - (size - 1.0) / 2.0) for axis, size in enumerate(pixels))
     inside = np.asarray(np.minimum(across, down)).reshape(-1, *_NODES[::-1])
     inside[np.isnan(inside)] = _OUTSIDE
     corners = inside[:, :-1, :-1], inside[:, :-1, 1:], inside[:, 1:, :-1], inside[:, 1:, 1:]
     held = np.stack([corner >= 0.0 for corner in corners])
     shares = np.all(held, axis=0).astype(np.float64)
     cut = (shares == 0.0) & np.any(held, axis=0)  # few, on the edge of the other picture
+    # Each cell is cut into two triangles, on which the distance from the edge is linear.
     a, b, c, d = (corner[cut] for corner in corners)
     shares[cut] = _positive_part(np.sort([[a, a], [b, c], [d, d]], axis=0)).mean(axis=0)
     return np.asarray(shares.mean(axis=(1, 2)))
@@ -138,9 +139,11 @@ def _positive_part(corners: FloatArray) -> FloatArray:
     """Share of triangles in which a linear function is not negative, from ascending values (3, ...)."""
     low, middle, high = corners
     with np.errstate(divide="ignore", invalid="ignore"):
-        one = high**2 / ((high - low) * (high - middle))
-        two = 1.0 - low**2 / ((middle - low) * (high - low))
-    return np.select([low >= 0.0, high <= 0.0, middle <= 0.0], [np.ones_like(low), np.zeros_like(low), one], two)
+        one_positive = high**2 / ((high - low) * (high - middle))
+        two_positive = 1.0 - low**2 / ((middle - low) * (high - low))
+    return np.select(
+        [low >= 0.0, high <= 0.0, middle <= 0.0], [np.ones_like(low), np.zeros_like(low), one_positive], two_positive
+    )
 
 
 LENGTH_LIMIT = 0.05  # of a declared focal length or baseline
@@ -183,11 +186,11 @@ def check_geometry(
         the field of view, or the principal point lies farther from the centre of the sensor than 15 % of its size.
         Where five standard deviations are larger than one of these limits, they replace it.
     """
-    if found := tuple(_contradictions(name, rig, best, draws, says, lens)):
-        raise GeometryContradictionError("\n".join(found))
+    if contradictions := tuple(_contradictions(name, rig, best, draws, says, lens)):
+        raise GeometryContradictionError("\n".join(contradictions))
 
 
-def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
+def check_inside(name: str, rig: PairGeometry, corners: FloatArray) -> None:
     """Refuse corners (N, 2) [px] outside the declared sensor, which mean that the pictures have another size.
 
     Raises
@@ -196,9 +199,9 @@ def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
         A corner lies outside.
     """
     size = np.array([rig.sensor.columns, rig.sensor.rows])
-    if np.all((seen >= -0.5) & (seen <= size - 0.5)):
+    if np.all((corners >= -0.5) & (corners <= size - 0.5)):
         return
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    low, high = corners.min(axis=0), corners.max(axis=0)
     raise GeometryContradictionError(
         f"declared sensor {size[0]} × {size[1]} px, but corners lie between ({low[0]:.0f}, {low[1]:.0f}) and "
         f"({high[0]:.0f}, {high[1]:.0f}) px; correct cameras.{name}.sensor.pixels or use another corner file"
@@ -229,18 +232,18 @@ def _contradictions(
             ANGLE_LIMIT * rig.field_of_view,
         ),
     )
-    for (what, key, unit, per_unit, said, found, allowed), spread in zip(rows, deviation, strict=True):
-        if abs(said - found) > max(allowed, _DEVIATIONS * spread):
+    for (what, key, unit, per_unit, said, measured, allowed), spread in zip(rows, deviation, strict=True):
+        if abs(said - measured) > max(allowed, _DEVIATIONS * spread):
             label = unit if unit == "°" else f" {unit}"
             yield (
                 f"declared {what} {significant(said * per_unit, 4)}{label}, {says} "
-                f"{with_deviation(float(found) * per_unit, float(spread) * per_unit, digits=1)}{label}; "
+                f"{with_deviation(float(measured) * per_unit, float(spread) * per_unit, digits=1)}{label}; "
                 f"correct cameras.{name}.{key} or use {instead}"
             )
     size = np.array([rig.sensor.columns, rig.sensor.rows])
     far: dict[str, str] = {}
-    for side, own, drawn in zip(("left", "right"), cameras_of(best), cameras_of(draws), strict=True):
-        centre, spread = own[2:4], drawn[:, 2:4].std(axis=0)
+    for side, intrinsics, drawn in zip(("left", "right"), cameras_of(best), cameras_of(draws), strict=True):
+        centre, spread = intrinsics[2:4], drawn[:, 2:4].std(axis=0)
         if np.any(np.abs(centre - (size - 1) / 2.0) > np.maximum(CENTRE_LIMIT * size, _DEVIATIONS * spread)):
             far[side] = f"({centre[0]:.0f}, {centre[1]:.0f})"
     if far:
@@ -344,17 +347,21 @@ class RigMeasurement:
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
         rigs = [np.shape(error) for name, error in errors.items() if name != PIXEL_NOISE]
+        # Errors that differ from distance to distance describe another rig at each.
         if any(len(shape) == 2 and shape[1] > 1 for shape in rigs):
             return self._at_each(distance, field, errors, environment)
         points = self._points(np.asarray(distance, dtype=np.float64), field)
-        seen = observe_pair(self._true_rig(errors, environment), points, self.lenses, self.free)
+        images = observe_pair(self._true_rig(errors, environment), points, self.lenses, self.free)
         size = np.array([*self.pixels, *(self.right_pixels or self.pixels)], dtype=np.float64)
         if environment is not None:
-            seen = (size - 1.0) / 2.0 + (seen - (size - 1.0) / 2.0) / environment.scale_factor(errors)[..., None]
-        inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # False for NaN, outside the field of a lens
+            images = (size - 1.0) / 2.0 + (images - (size - 1.0) / 2.0) / environment.scale_factor(errors)[..., None]
+        inside = np.all(
+            (images >= -0.5) & (images <= size - 0.5), axis=-1
+        )  # False for NaN, outside the field of a lens
         left, right = self._noise_shares
         noise = value_of(errors, PIXEL_NOISE)[..., None] / self.pixel_pitch
-        measured = np.where(inside[..., None], seen, size / 2.0) + noise * np.array([left, 0.0, -right, 0.0])
+        # Points that no picture shows are marked below; the middle of the picture stands in for them.
+        measured = np.where(inside[..., None], images, size / 2.0) + noise * np.array([left, 0.0, -right, 0.0])
         inverse = inverse_depth(self._calibrated_rigs(errors), measured, self.lenses, self.free)
         return MeasuredInverseDepth(
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
@@ -381,20 +388,20 @@ class RigMeasurement:
 
         If the pictures differ in size, only the left one is cropped.
         """
-        best, own = self.best.copy(), (len(self.best) - 6) // 2
+        best, per_camera = self.best.copy(), (len(self.best) - 6) // 2
         for axis, size in enumerate((columns, rows)):
-            best[[2 + axis, own + 2 + axis] if self.right_pixels is None else [2 + axis]] += (
+            best[[2 + axis, per_camera + 2 + axis] if self.right_pixels is None else [2 + axis]] += (
                 size - self.pixels[axis]
             ) / 2.0
         return replace(self, best=best, pixels=(columns, rows))
 
     def disparity_px(self, distance: FloatArray) -> FloatArray:
         """See `CalibratedMeasurement`; infinity is computed as a distance of 10¹² m."""
-        seen = observe_pair(
+        images = observe_pair(
             self.best, points_midway(self.best, np.minimum(distance, _FARTHEST)), self.lenses, self.free
         )
         (left, right), (of_left, of_right) = cameras_of(self.best), self._noise_shares
-        return np.asarray(2.0 * (of_left * (seen[..., 0] - left[2]) - of_right * (seen[..., 2] - right[2])))
+        return np.asarray(2.0 * (of_left * (images[..., 0] - left[2]) - of_right * (images[..., 2] - right[2])))
 
     def shared_area(self, distance: FloatArray) -> FloatArray:
         """See `CalibratedMeasurement`."""
@@ -404,19 +411,22 @@ class RigMeasurement:
         self, distance: FloatArray, field: Field, errors: Errors, environment: Environment | None
     ) -> MeasuredInverseDepth:
         """Measure one distance at a time, for errors of shape (draws, distances)."""
-        found = []
+        measured = []
         for k in range(len(distance)):
             values = {name: value_of(errors, name) for name in errors}
-            here = {
-                name: one[:, k : k + 1] if one.shape[-1:] == distance.shape else one for name, one in values.items()
+            at_distance = {
+                name: error[:, k : k + 1] if error.shape[-1:] == distance.shape else error
+                for name, error in values.items()
             }
-            found.append(self(distance[k : k + 1], field, here, environment))
-        columns = np.broadcast_arrays(*(one.inverse_depth for one in found))
+            measured.append(self(distance[k : k + 1], field, at_distance, environment))
+        columns = np.broadcast_arrays(*(part.inverse_depth for part in measured))
         return MeasuredInverseDepth(
             inverse_depth=np.concatenate(columns, axis=-1),
-            no_overlap=np.concatenate([np.broadcast_to(one.no_overlap, columns[0].shape) for one in found], axis=-1),
+            no_overlap=np.concatenate(
+                [np.broadcast_to(part.no_overlap, columns[0].shape) for part in measured], axis=-1
+            ),
             out_of_range=np.concatenate(
-                [np.broadcast_to(one.out_of_range, columns[0].shape) for one in found], axis=-1
+                [np.broadcast_to(part.out_of_range, columns[0].shape) for part in measured], axis=-1
             ),
         )
 
@@ -445,8 +455,8 @@ class RigMeasurement:
     def _calibrated_rigs(self, errors: Errors) -> FloatArray:
         """The rigs that calibrations with errors describe, shape (draws, P)."""
         names = shared_names(self.free)
-        own = np.broadcast_arrays(*(_of_draws(errors, name) for name in names))
-        rigs: FloatArray = self.best + np.stack(own, axis=-1)
+        drawn = np.broadcast_arrays(*(_of_draws(errors, name) for name in names))
+        rigs: FloatArray = self.best + np.stack(drawn, axis=-1)
         if aged := {name for name in errors if name not in names and name in self.vocabulary} - {PIXEL_NOISE}:
             rigs = rigs + self._interior(errors)
         return _posed(rigs, errors) if aged & set(_POSE) else rigs

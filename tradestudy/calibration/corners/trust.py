@@ -83,61 +83,61 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
         by NaN, with the reason.
     """
     explained, lens = fit.explained, fit.corners.lens
-    seen = _seen(fit, z)
-    own = _leave_one_out(fit, lens, explained.shared, explained.states, explained.lever, seen)
-    found = {}
+    images = _images(fit, z)
+    in_use = _leave_one_out(fit, lens, explained.shared, explained.states, explained.lever, images)
+    compared = {}
     for names in EXTENSIONS if isinstance(lens.model, Rational) else ():
         if more := tuple(name for name in names if name not in lens.free):
             wider = FreeLens(model=lens.model, free=(*lens.free, *more))
             # The additional coefficients of both cameras start at their values in the model.
             added, (left, right) = [getattr(lens.model, name) for name in more], cameras_of(explained.shared)
             start = np.array([*left, *added, *right, *added, *explained.shared[RELATIVE]])
-            other = _leave_one_out(fit, wider, start, explained.states, explained.lever, seen)
-            found[lens_in_words(lens.model.name, wider.free)] = _compared(own, other, z)
+            extended = _leave_one_out(fit, wider, start, explained.states, explained.lever, images)
+            compared[lens_in_words(lens.model.name, wider.free)] = _compared(in_use, extended, z)
     for other_lens in others:
         name = lens_in_words(other_lens.model.name, other_lens.free)
         try:
-            found[name] = _compared(own, _fitted(fit, other_lens, seen), z)
+            compared[name] = _compared(in_use, _fitted(fit, other_lens, images), z)
         except TradestudyError as error:
             nothing = np.full_like(z, np.nan)
-            found[name] = ComparedLens(
+            compared[name] = ComparedLens(
                 support=np.nan,
                 support_deviation=np.nan,
                 depth_change=nothing,
                 depth_change_deviation=nothing,
                 failure=str(error),
             )
-    return found
+    return compared
 
 
-def _fitted(fit: RigFit, lens: FreeLens, seen: FloatArray) -> _LeaveOneOut:
+def _fitted(fit: RigFit, lens: FreeLens, images: FloatArray) -> _LeaveOneOut:
     """Another lens model, fitted anew to the same corners."""
     corners = replace(fit.corners, lens=lens)
     white = replace(corners, noise=None)
     cameras = [fit_camera(white.board, side, white.present, lens=lens) for side in (white.left, white.right)]
     anew = fit_pair_residual(fit_pair(white, *cameras), corners)
-    return _leave_one_out(fit, lens, anew.shared, anew.states, anew.lever, seen)
+    return _leave_one_out(fit, lens, anew.shared, anew.states, anew.lever, images)
 
 
-def _seen(fit: RigFit, z: FloatArray) -> FloatArray:
+def _images(fit: RigFit, z: FloatArray) -> FloatArray:
     """Image coordinates of points midway between the cameras in both pictures, shape (D, 4) [px]."""
     lens, shared = fit.corners.lens, fit.explained.shared
     return observe_pair(shared, points_midway(shared, z), (lens.model, lens.model), lens.free)
 
 
-def _read(lens: FreeLens, shared: FloatArray, seen: FloatArray) -> FloatArray:
-    return inverse_depth(shared, seen, (lens.model, lens.model), lens.free)
+def _inverse_depths(lens: FreeLens, shared: FloatArray, images: FloatArray) -> FloatArray:
+    return inverse_depth(shared, images, (lens.model, lens.model), lens.free)
 
 
-def _slopes(lens: FreeLens, shared: FloatArray, deviation: FloatArray, seen: FloatArray) -> FloatArray:
+def _slopes(lens: FreeLens, shared: FloatArray, deviation: FloatArray, images: FloatArray) -> FloatArray:
     """Derivatives of inverse depth with respect to the shared parameters, shape (D, P)."""
     step = _STEP * deviation
-    up, down = (_read(lens, shared + sign * np.diag(step), seen) for sign in (1.0, -1.0))
+    up, down = (_inverse_depths(lens, shared + sign * np.diag(step), images) for sign in (1.0, -1.0))
     return np.asarray(((up - down) / (2.0 * step[:, None])).T)
 
 
 def _leave_one_out(
-    fit: RigFit, lens: FreeLens, shared: FloatArray, states: ViewStates, lever: float, seen: FloatArray
+    fit: RigFit, lens: FreeLens, shared: FloatArray, states: ViewStates, lever: float, images: FloatArray
 ) -> _LeaveOneOut:
     """Fits to all views, and to all but each one, by linear steps from the given parameters."""
     noise, scale = fit.explained.noise_px, fit.explained.motion_scale
@@ -145,27 +145,27 @@ def _leave_one_out(
     information, gradient = compressed.information(noise, scale)
     covariance = inverse_information(information)
     best = shared + covariance @ gradient
-    slopes = _slopes(lens, best, np.sqrt(np.diag(covariance)), seen)
+    slopes = _slopes(lens, best, np.sqrt(np.diag(covariance)), images)
     inverses, log_likelihoods = [], []
     for view in range(len(states.poses)):
-        one = compressed.of(np.array([view]))
-        own_information, own_gradient = one.information(noise, scale)
-        step = inverse_information(information - own_information) @ (gradient - own_gradient)
+        single = compressed.of(np.array([view]))
+        view_information, view_gradient = single.information(noise, scale)
+        step = inverse_information(information - view_information) @ (gradient - view_gradient)
         inverses.append(slopes @ (shared + step - best))
-        log_likelihoods.append(float(one.log_likelihood(shared + step, np.asarray(noise), np.asarray(scale))))
-    inverse = _read(lens, best, seen)
+        log_likelihoods.append(float(single.log_likelihood(shared + step, np.asarray(noise), np.asarray(scale))))
+    inverse = _inverse_depths(lens, best, images)
     return _LeaveOneOut(
         inverse=inverse, inverses=inverse + np.array(inverses), log_likelihoods=np.array(log_likelihoods)
     )
 
 
-def _compared(own: _LeaveOneOut, other: _LeaveOneOut, z: FloatArray) -> ComparedLens:
-    gains = other.log_likelihoods - own.log_likelihoods
-    jackknife = (len(gains) - 1) * np.var(other.inverses - own.inverses, axis=0)
+def _compared(in_use: _LeaveOneOut, alternative: _LeaveOneOut, z: FloatArray) -> ComparedLens:
+    gains = alternative.log_likelihoods - in_use.log_likelihoods
+    jackknife = (len(gains) - 1) * np.var(alternative.inverses - in_use.inverses, axis=0)
     return ComparedLens(
         support=float(gains.sum()),
         support_deviation=float(np.sqrt(len(gains)) * np.std(gains, ddof=1)),
-        depth_change=1.0 / other.inverse - 1.0 / own.inverse,
+        depth_change=1.0 / alternative.inverse - 1.0 / in_use.inverse,
         depth_change_deviation=z**2 * np.sqrt(jackknife),
     )
 
@@ -244,7 +244,7 @@ def examine(
     z = np.array(distances)
     explained = fit.explained
     compressed = compress_views(explained.shared, explained.states, fit.corners, explained.lever)
-    slopes = _slopes(fit.corners.lens, explained.shared, np.sqrt(np.diag(fit.covariance)), _seen(fit, z))
+    slopes = _slopes(fit.corners.lens, explained.shared, np.sqrt(np.diag(fit.covariance)), _images(fit, z))
     difference, claim = _halves(fit, compressed, slopes)
     return CalibrationTrust(
         distances=z,
@@ -281,17 +281,17 @@ def _halves(fit: RigFit, compressed: CompressedViews, slopes: FloatArray) -> tup
 def _residuals(fit: RigFit) -> FloatArray:
     """Residuals of the cameras fitted separately [px], shape (2, V, N, 2); NaN where a corner does not count."""
     present = fit.corners.present
-    both = np.stack([one.residuals_px.reshape(*present.shape, 2) for one in (fit.left, fit.right)])
-    return np.where(present[None, ..., None], both, np.nan)
+    residuals = np.stack([camera_fit.residuals_px.reshape(*present.shape, 2) for camera_fit in (fit.left, fit.right)])
+    return np.where(present[None, ..., None], residuals, np.nan)
 
 
 def _residual_map(fit: RigFit, pixels: tuple[int, int]) -> FloatArray:
     cells, size = np.array(_CELLS), np.array(pixels)
     sums, counts = np.zeros((2, cells[1], cells[0], 2)), np.zeros((2, cells[1], cells[0], 1))
     for side, image in enumerate((fit.corners.left, fit.corners.right)):
-        there = fit.corners.present
-        column, row = np.clip(image[there] / size * cells, 0, cells - 1).astype(int).T
-        np.add.at(sums, (side, row, column), _residuals(fit)[side][there])
+        present = fit.corners.present
+        column, row = np.clip(image[present] / size * cells, 0, cells - 1).astype(int).T
+        np.add.at(sums, (side, row, column), _residuals(fit)[side][present])
         np.add.at(counts, (side, row, column), 1.0)
     return np.asarray(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), np.nan))
 
@@ -300,15 +300,15 @@ def _neighbour_correlation(fit: RigFit) -> FloatArray:
     """Mean product of neighbouring residuals divided by their mean square, along board x and y, shape (2 sides, 2)."""
     residuals, board = _residuals(fit), fit.corners.board
     apart = board[:, None] - board[:, :, None]
-    there = fit.corners.present
-    both = there[:, None] & there[:, :, None]
-    length = np.where(both, np.linalg.norm(apart, axis=-1), np.inf)
+    present = fit.corners.present
+    pairs = present[:, None] & present[:, :, None]
+    length = np.where(pairs, np.linalg.norm(apart, axis=-1), np.inf)
     length = np.where(length > 0.0, length, np.inf)
     nearest = 1.2 * length.min(axis=(1, 2), keepdims=True)
     products = np.nan_to_num(np.einsum("svnk,svmk->svnm", residuals, residuals)) / 2.0
-    found = []
+    correlations = []
     for along in (0, 1):
         neighbours = (length < nearest) & (np.abs(apart[..., along]) > 0.7 * length)
         mean = np.sum(products * neighbours, axis=(1, 2, 3)) / max(int(neighbours.sum()), 1)
-        found.append(mean / (np.nanmean(residuals**2, axis=(1, 2, 3))))
-    return np.stack(found, axis=-1)
+        correlations.append(mean / (np.nanmean(residuals**2, axis=(1, 2, 3))))
+    return np.stack(correlations, axis=-1)

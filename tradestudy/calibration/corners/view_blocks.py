@@ -41,8 +41,8 @@ ROTATION, TRANSLATION = slice(-6, -3), slice(-3, None)
 
 def shared_names(free: Sequence[str]) -> tuple[str, ...]:
     """Names of the parameters of a pair whose lenses have these free coefficients."""
-    own = intrinsic_names(free)
-    return (*(f"left_{name}" for name in own), *(f"right_{name}" for name in own), *RELATIVE_POSE_NAMES)
+    intrinsic = intrinsic_names(free)
+    return (*(f"left_{name}" for name in intrinsic), *(f"right_{name}" for name in intrinsic), *RELATIVE_POSE_NAMES)
 
 
 def cameras_of(shared: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -231,11 +231,11 @@ def homography(board: FloatArray, image: FloatArray) -> FloatArray:
     to_board, to_image = _centring(board), _centring(image)
     x, y = (board @ to_board[:2, :2].T + to_board[:2, 2]).T
     u, v = (image @ to_image[:2, :2].T + to_image[:2, 2]).T
-    one, zero = np.ones_like(x), np.zeros_like(x)
+    ones, zeros = np.ones_like(x), np.zeros_like(x)
     rows = np.concatenate(
         [
-            np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u]),
-            np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v]),
+            np.column_stack([x, y, ones, zeros, zeros, zeros, -u * x, -u * y, -u]),
+            np.column_stack([zeros, zeros, zeros, x, y, ones, -v * x, -v * y, -v]),
         ]
     )
     solution = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
@@ -280,11 +280,12 @@ def first_values(
     best, values = np.inf, (np.concatenate([tried[0], lens.start]), np.zeros((len(board), 6)))
     for camera in tried:
         intrinsics = np.concatenate([camera, lens.start])
-        seen = ray_slopes(intrinsics, image, lens.model, lens.free)
-        there = present & np.all(np.isfinite(seen), axis=-1)
-        if np.any(2 * there.sum(axis=1) < present.sum(axis=1)):
+        rays = ray_slopes(intrinsics, image, lens.model, lens.free)
+        usable = present & np.all(np.isfinite(rays), axis=-1)
+        # Too few of the corners lie in the field of a lens with this focal length.
+        if np.any(2 * usable.sum(axis=1) < present.sum(axis=1)):
             continue
-        poses = first_poses(_UNIT, board, seen, there)
+        poses = first_poses(_UNIT, board, rays, usable)
         residuals = camera_blocks(intrinsics, poses, board, image, present, lens).residuals
         if (cost := float(np.sum(residuals**2))) < best:
             best, values = cost, (intrinsics, poses)
@@ -324,8 +325,8 @@ def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -
     """
     normalise = _centring(image[present])
     conditions = []
-    for row, there in enumerate(present):
-        columns = (normalise @ homography(board[row, there], image[row, there])).T
+    for row, exists in enumerate(present):
+        columns = (normalise @ homography(board[row, exists], image[row, exists])).T
         columns = columns / np.linalg.norm(columns[:2])
         conditions += [
             _conic_row(columns[0], columns[1]),
@@ -367,14 +368,14 @@ def first_poses(intrinsics: FloatArray, board: FloatArray, image: FloatArray, pr
     """
     camera = np.array([[intrinsics[0], 0.0, intrinsics[2]], [0.0, intrinsics[1], intrinsics[3]], [0.0, 0.0, 1.0]])
     poses = np.empty((len(board), 6))
-    for row, there in enumerate(present):
-        columns = np.linalg.solve(camera, homography(board[row, there], image[row, there]))
+    for row, exists in enumerate(present):
+        columns = np.linalg.solve(camera, homography(board[row, exists], image[row, exists]))
         columns = columns / np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
-        if columns[2, 2] < 0.0:
+        if columns[2, 2] < 0.0:  # a homography has no sign, but the board lies in front of the camera
             columns = -columns
         frame = np.column_stack([columns[:, 0], columns[:, 1], np.cross(columns[:, 0], columns[:, 1])])
-        left, _, right = np.linalg.svd(frame)
-        poses[row, :3] = rotation_vector(left @ right)
+        u, _, vh = np.linalg.svd(frame)  # for the nearest rotation: noise makes the columns not quite orthonormal
+        poses[row, :3] = rotation_vector(u @ vh)
         poses[row, 3:] = columns[:, 2]
     return poses
 
