@@ -143,10 +143,10 @@ class DaskCluster:
                 "the Dask cluster has no workers", value=self.address, remedy=f"start one: dask worker {self.address}"
             ) from error
         try:
-            found: dict[str, dict[str, str]] = client.run(environment)
+            environments: dict[str, dict[str, str]] = client.run(environment)
         except Exception as error:
             raise self._unable(error) from error
-        for worker, theirs in found.items():
+        for worker, theirs in environments.items():
             differing = [
                 f"{name} {theirs.get(name, 'none')[:12]} there, {ours[:12]} here"
                 for name, ours in environment().items()
@@ -165,14 +165,14 @@ class DaskCluster:
         while time.monotonic() - with_workers < _WITHOUT_WORKERS:
             try:
                 with client.as_current():
-                    found = wait(list(underway), timeout=_LOOK_AGAIN, return_when="FIRST_COMPLETED")
+                    finished = wait(list(underway), timeout=_LOOK_AGAIN, return_when="FIRST_COMPLETED")
             except TimeoutError:  # time to check the cluster
                 if self._has_workers(client):
                     with_workers = time.monotonic()
             except Exception as error:  # futures are cancelled when the scheduler is lost
                 raise self._lost() from error
             else:
-                done: set[Future[Any]] = found.done
+                done: set[Future[Any]] = finished.done
                 return done
         raise self._lost()
 

@@ -164,9 +164,9 @@ class _Unpickler(pickle.Unpickler):
         if module.split(".")[0] == "numpy" and name in _NUMPY:
             return super().find_class(module, name)
         if module.split(".")[0] == "tradestudy" and "." not in name:
-            found = getattr(importlib.import_module(module), name)
-            if isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum)):
-                return found
+            loaded = getattr(importlib.import_module(module), name)
+            if isinstance(loaded, type) and (is_dataclass(loaded) or issubclass(loaded, Enum)):
+                return loaded
         raise pickle.UnpicklingError(f"{module}.{name} is not allowed in a result")
 
 
@@ -235,14 +235,14 @@ def _inside(value: Any) -> list[Any] | None:
 @cache
 def _fields_of(kind: type) -> tuple[str, ...] | None:
     if is_dataclass(kind):
-        return tuple(one.name for one in fields(kind))
+        return tuple(member.name for member in fields(kind))
     if hasattr(kind, "model_fields"):  # parts of a study file
         return tuple(kind.model_fields)
     return None
 
 
-def _name(what: type | FunctionType) -> str:
-    return f"{what.__module__}.{what.__qualname__}"
+def _name(definition: type | FunctionType) -> str:
+    return f"{definition.__module__}.{definition.__qualname__}"
 
 
 @cache
@@ -304,7 +304,7 @@ def _could_return(function: Callable[..., Any], value: object) -> bool:
         fits = isinstance(value, (int, kind) if kind is float else kind)
     except (NameError, TypeError):  # imported for the type checker only, no plain function, or no class
         fits = True
-    return fits and (not is_dataclass(value) or all(hasattr(value, one.name) for one in fields(value)))
+    return fits and (not is_dataclass(value) or all(hasattr(value, member.name) for member in fields(value)))
 
 
 class DeadlyPointError(TradestudyError):
@@ -382,9 +382,9 @@ class Steps:
         try:
             with (
                 heard_by(report),  # computed in this thread, if at all: one point after another
-                closing(executor.map_unordered(function, [points[i] for i in missing])) as found,
+                closing(executor.map_unordered(function, [points[i] for i in missing])) as outcomes,
             ):
-                for number, outcome in found:
+                for number, outcome in outcomes:
                     place = missing[number]
                     if isinstance(outcome, Raised):
                         failed[place] = outcome.error
@@ -393,6 +393,7 @@ class Steps:
                         if self.checkpoints is not None:
                             self.checkpoints.add(keys[place], outcome)
                         report()
+                    # Of several errors, that of the first point is raised, whatever the order of computation.
                     if failed and all(i in values for i in missing if i < min(failed)):
                         raise failed[min(failed)]
         except LostPointError as lost:
@@ -403,6 +404,6 @@ class Steps:
             ) from lost
         finally:
             before = self.counts.get(step, {"computed": 0, "taken up": 0})  # a step may be computed in several calls
-            now = {"computed": len(values) - taken, "taken up": taken}
-            self.counts[step] = {name: before[name] + now[name] for name in now}
+            added = {"computed": len(values) - taken, "taken up": taken}
+            self.counts[step] = {name: before[name] + added[name] for name in added}
         return [values[i] for i in range(len(points))]

@@ -185,7 +185,7 @@ class DepthScore:
         text = f"{name}: {share} of {self.seen} unoccluded points measured"
         if not self.measured:
             return f"{text}; none has a depth: {max(self.reasons, key=self.reasons.__getitem__)}"
-        bias, spread = (pretty(one, LENGTH) for one in (self.bias, self.spread))
+        bias, spread = (pretty(length, LENGTH) for length in (self.bias, self.spread))
         text += f"; error {bias} ± {spread} (median, half the central 68 % interval)"
         if math.isfinite(self.spread_px):
             text += f", {pretty(self.spread_px, PIXELS, 2)} of disparity"
@@ -199,7 +199,7 @@ class DepthScore:
 
 
 def score(
-    found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: float, calibration: Samples | float = 0.0
+    depth_map: DepthMap, truth: TrueDepth, predicted: Samples, window_px: float, calibration: Samples | float = 0.0
 ) -> DepthScore:
     """Compare a map with the truth.
 
@@ -214,32 +214,33 @@ def score(
     calibration
         Depth uncertainty from the errors of the calibration [m], if the pictures have them.
     """
-    measured = found.reason == Reason.MEASURED
-    both = measured & truth.measurable
-    surface = np.isfinite(truth.depth) & ~np.isin(found.reason, (Reason.NO_LIGHT, Reason.LESS_SHARP))
-    row, column = (np.arange(size) * _BLOCKS // size for size in both.shape)
+    measured = depth_map.reason == Reason.MEASURED
+    compared = measured & truth.measurable
+    surface = np.isfinite(truth.depth) & ~np.isin(depth_map.reason, (Reason.NO_LIGHT, Reason.LESS_SHARP))
+    row, column = (np.arange(size) * _BLOCKS // size for size in compared.shape)
     block = row[:, np.newaxis] * _BLOCKS + column  # the part of the map to which each pixel belongs
-    points, seen, filled = (
-        np.bincount(block[one], minlength=_BLOCKS**2) for one in (surface | truth.measurable, truth.measurable, both)
+    points, visible, filled = (
+        np.bincount(block[mask], minlength=_BLOCKS**2)
+        for mask in (surface | truth.measurable, truth.measurable, compared)
     )
-    shift = np.broadcast_to(calibration, both.shape)
-    of_errors = _Errors.of(found, truth, (predicted, shift), both, block)
-    neighbours = [_Pairs.of(found, truth, both, block, lag) for lag in (1, odd_window(window_px))]
+    shift = np.broadcast_to(calibration, compared.shape)
+    of_errors = _Errors.of(depth_map, truth, (predicted, shift), compared, block)
+    neighbours = [_Pairs.of(depth_map, truth, compared, block, lag) for lag in (1, odd_window(window_px))]
 
     def numbers(keep: BoolArray) -> dict[str, float]:
         return {
             **of_errors.numbers(keep),
-            "filled": _ratio(filled[keep].sum(), seen[keep].sum()),
-            "available": _ratio(seen[keep].sum(), points[keep].sum()),
+            "filled": _ratio(filled[keep].sum(), visible[keep].sum()),
+            "available": _ratio(visible[keep].sum(), points[keep].sum()),
             "neighbour_correlation": neighbours[0].correlation(keep),
             "window_correlation": neighbours[1].correlation(keep),
         }
 
     whole = numbers(np.ones(_BLOCKS**2, bool))
-    missing = found.reason[truth.measurable & ~measured]
+    missing = depth_map.reason[truth.measurable & ~measured]
     return DepthScore(
         points=int(points.sum()),
-        seen=int(seen.sum()),
+        seen=int(visible.sum()),
         measured=int(filled.sum()),
         measured_unseen=int(np.count_nonzero(measured & ~truth.measurable)),
         windows=float(filled.sum() / window_px**2),
@@ -267,42 +268,42 @@ class _Errors:
     @classmethod
     def of(
         cls,
-        found: DepthMap,
+        depth_map: DepthMap,
         truth: TrueDepth,
         predicted: tuple[Samples, Samples],
-        both: BoolArray,
+        compared: BoolArray,
         block: NDArray[np.intp],
     ) -> _Errors:
         return cls(
-            error=np.asarray((found.depth - truth.depth)[both], np.float64),
-            predicted=np.asarray(predicted[0][both], np.float64),
-            shift=np.asarray(predicted[1][both], np.float64),
-            own=np.asarray(found.deviation[both], np.float64),
-            own_px=np.asarray(found.disparity_deviation[both], np.float64),
-            block=block[both],
+            error=np.asarray((depth_map.depth - truth.depth)[compared], np.float64),
+            predicted=np.asarray(predicted[0][compared], np.float64),
+            shift=np.asarray(predicted[1][compared], np.float64),
+            own=np.asarray(depth_map.deviation[compared], np.float64),
+            own_px=np.asarray(depth_map.disparity_deviation[compared], np.float64),
+            block=block[compared],
         )
 
     def numbers(self, keep: BoolArray) -> dict[str, float]:
         """Statistics of some parts of the map."""
         among = keep[self.block]
-        error, predicted, own = self.error[among], self.predicted[among], self.own[among]
+        error, predicted, bound = self.error[among], self.predicted[among], self.own[among]
         shift = self.shift[among]
         with np.errstate(divide="ignore", invalid="ignore"):  # not finite if nothing is predicted
-            relative, over_bound = error / predicted, error / own
+            relative, over_bound = error / predicted, error / bound
         bias, spread = middle_and_spread(error)
         relative_bias, relative_spread = middle_and_spread(relative)
         bias_px, spread_px = middle_and_spread(over_bound * self.own_px[among])
         allowed = 3.0 * np.hypot(predicted, shift)
-        known = np.isfinite(relative)
+        finite = np.isfinite(relative)
         return {
             "bias": bias,
             "spread": spread,
-            "own": middle_and_spread(own)[0],
+            "own": middle_and_spread(bound)[0],
             "predicted": middle_and_spread(predicted)[0],
             "predicted_bias": middle_and_spread(shift)[0],
             "relative_bias": relative_bias,
             "relative_spread": relative_spread,
-            "within": _ratio(float(np.count_nonzero(np.abs(error[known]) <= allowed[known])), int(known.sum())),
+            "within": _ratio(float(np.count_nonzero(np.abs(error[finite]) <= allowed[finite])), int(finite.sum())),
             "bias_px": bias_px,
             "spread_px": spread_px,
             "over_bound": middle_and_spread(over_bound)[1],
@@ -318,13 +319,15 @@ class _Pairs:
     block: NDArray[np.intp]
 
     @classmethod
-    def of(cls, found: DepthMap, truth: TrueDepth, both: BoolArray, block: NDArray[np.intp], lag: int) -> _Pairs:
+    def of(
+        cls, depth_map: DepthMap, truth: TrueDepth, compared: BoolArray, block: NDArray[np.intp], lag: int
+    ) -> _Pairs:
         with np.errstate(divide="ignore", invalid="ignore"):
-            relative = np.where(both, (found.depth - truth.depth) / found.deviation, np.nan)
+            relative = np.where(compared, (depth_map.depth - truth.depth) / depth_map.deviation, np.nan)
         relative[~(np.abs(relative) <= _CLIPPED)] = np.nan
         left, right = relative[:, :-lag], relative[:, lag:]
-        known = np.isfinite(left) & np.isfinite(right)
-        return cls(left=left[known], right=right[known], block=block[:, :-lag][known])
+        finite = np.isfinite(left) & np.isfinite(right)
+        return cls(left=left[finite], right=right[finite], block=block[:, :-lag][finite])
 
     def correlation(self, keep: BoolArray) -> float:
         """Correlation of the pairs in some parts of the map; NaN for fewer than three pairs."""
@@ -345,7 +348,9 @@ def _jackknife(
     everything = np.arange(filled.size)
     without = [numbers(everything != part) for part in parts]
     return {
-        name: float(np.sqrt((n - 1) * np.var([one[name] for one in without]))) if math.isfinite(value) else math.nan
+        name: float(np.sqrt((n - 1) * np.var([statistics[name] for statistics in without])))
+        if math.isfinite(value)
+        else math.nan
         for name, value in whole.items()
     }
 
@@ -359,7 +364,7 @@ def middle_and_spread(values: Samples) -> tuple[float, float]:
     values = values[np.isfinite(values)]
     if not values.size:
         return math.nan, math.nan
-    low, middle, high = (float(one) for one in np.percentile(values, _CENTRAL))
+    low, middle, high = (float(percentile) for percentile in np.percentile(values, _CENTRAL))
     return middle, (high - low) / 2.0
 
 
@@ -391,15 +396,15 @@ class MatcherFit:
     @property
     def declaration(self) -> str:
         """The matcher as a line of a study file, with its standard errors as a comment."""
-        one = self.matcher
+        matcher = self.matcher
         return (
-            f"matcher: {{factor: {one.factor:.3g}, floor: {one.floor:.2g} px, "
-            f"false_matches: {one.false_matches * 100.0:.2g} %}}  # ± {self.factor_error:.2g}, "
+            f"matcher: {{factor: {matcher.factor:.3g}, floor: {matcher.floor:.2g} px, "
+            f"false_matches: {matcher.false_matches * 100.0:.2g} %}}  # ± {self.factor_error:.2g}, "
             f"± {self.floor_error:.1g} px, ± {self.false_matches_error * 100.0:.1g} %, from {self.windows:.0f} windows"
         )
 
 
-def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherFit:
+def fit_matcher(depth_map: DepthMap, truth: TrueDepth, window_px: float) -> MatcherFit:
     """Compare the errors of a map with the bound that follows from the texture of each window.
 
     Depth errors are scaled to disparity errors; the bound b of each window is the standard deviation that the map
@@ -418,13 +423,13 @@ def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherF
     OutOfRangeError
         There are too few windows, or the map has no disparities.
     """
-    both = (found.reason == Reason.MEASURED) & truth.measurable & (found.deviation > 0.0)
-    bound = found.disparity_deviation[both]
+    compared = (depth_map.reason == Reason.MEASURED) & truth.measurable & (depth_map.deviation > 0.0)
+    bound = depth_map.disparity_deviation[compared]
     windows = bound.size / window_px**2
     if not np.all(np.isfinite(bound)):
         raise OutOfRangeError("this camera measures no disparity")
     require_windows(windows)
-    return fit_errors((found.depth - truth.depth)[both] / found.deviation[both] * bound, bound, windows)
+    return fit_errors((depth_map.depth - truth.depth)[compared] / depth_map.deviation[compared] * bound, bound, windows)
 
 
 def require_windows(windows: float) -> None:
@@ -455,9 +460,9 @@ def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
     from scipy.optimize import nnls
 
     false, b2, variance = 0, np.empty(_BINS), np.empty(_BINS)
-    for k, one in enumerate(np.array_split(np.argsort(bound), _BINS)):
-        true = one[true_matches(error[one])]
-        false += one.size - true.size
+    for k, members in enumerate(np.array_split(np.argsort(bound), _BINS)):
+        true = members[true_matches(error[members])]
+        false += members.size - true.size
         b2[k], variance[k] = np.mean(np.square(bound[true])), np.var(error[true])
     share = false / bound.size
     spread = variance * np.sqrt(2.0 * _BINS / windows)

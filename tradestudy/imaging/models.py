@@ -136,16 +136,16 @@ def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoise
     less, the errors of neighbouring pixels are correlated and the bound is too optimistic.
     """
     n = np.asarray(electrons, dtype=np.float64)
-    read = np.full_like(n, sensor.read_noise_electrons**2)
+    read_noise = np.full_like(n, sensor.read_noise_electrons**2)
     match model:
         case "off":
             return np.zeros_like(n)
         case "shot":
             return n
         case "shot+read":
-            return n + read
+            return n + read_noise
         case "shot+read+quantisation":
-            return n + read + sensor.step_electrons**2 / 12.0
+            return n + read_noise + sensor.step_electrons**2 / 12.0
         case _:
             assert_never(model)
 
@@ -242,8 +242,8 @@ def neighbours_share(
     nu = cutoff * t
     unblurred = w / t * airy_transfer(nu, wavelength, N) * j1(2.0 * np.pi * R * nu) * j1(2.0 * np.pi * a * nu)
     unblurred = unblurred * j0(2.0 * np.pi * c * nu)
-    own = 2.0 * R / a * np.sum(unblurred * disc_transfer(nu, blur), axis=1, keepdims=True)
-    return np.broadcast_to(1.0 - own, (geometry.distance.size, 1))[:, 0]
+    own_light = 2.0 * R / a * np.sum(unblurred * disc_transfer(nu, blur), axis=1, keepdims=True)
+    return np.broadcast_to(1.0 - own_light, (geometry.distance.size, 1))[:, 0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -316,8 +316,8 @@ class Matcher:
         """The factor by which `error_px` changes if the bound changes by a given factor."""
         by_bound, by_rest = self._weights(bound)
         with np.errstate(invalid="ignore"):  # a zero bound changes by any factor
-            found = np.hypot(by_bound * np.asarray(factor, dtype=np.float64), by_rest)
-        return np.where(np.isinf(factor), np.inf, found)
+            combined = np.hypot(by_bound * np.asarray(factor, dtype=np.float64), by_rest)
+        return np.where(np.isinf(factor), np.inf, combined)
 
     def _weights(self, bound: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Parts of `error_px` due to the bound and to the rest, whose squares sum to 1; 1 and 0 if unknown."""

@@ -113,6 +113,7 @@ def kirchhoff_correction(
     terms = j0(2.0 * np.pi * np.outer(frequency, r)) * (weight * difference)
     correction = terms.sum(axis=1)
     outer = float(np.max(np.abs(terms[:, r > r[-1] / 2.0].sum(axis=1))))
+    # At frequency 0, a transfer function is 1; what is missing there lies beyond the radii of this sum.
     at_zero = 1.0 + float(correction[0])
     normalised = (fresnel + correction) / at_zero - fresnel
     normalised.setflags(write=False)
@@ -170,25 +171,25 @@ def kirchhoff_transfers(
     fresnel = fresnel_transfer(nu, wavelength, N, 8.0 * wavelength * N * np.abs(waves)[:, np.newaxis])
     share = wavelength * N * nu
     if not interpolated:
-        own = [
+        exact = [
             kirchhoff_correction(*_point(wavelength, aperture_diameter, f, b, w, lens_phase))
             for f, b, w in lengths[:, known].T.tolist()
         ]
-        value[known] = fresnel + correction_at(np.array([table for table, _ in own]), share)
-        error[known] = [off for _, off in own]
+        value[known] = fresnel + correction_at(np.array([table for table, _ in exact]), share)
+        error[known] = [off for _, off in exact]
         return value, error
-    found = [
+    lattice = [
         [kirchhoff_correction(*point) for point in _points_around(wavelength, aperture_diameter, f, b, w, lens_phase)]
         for f, b, w in lengths[:, known].T.tolist()
     ]
-    tables = np.array([[table for table, _ in around] for around in found])
+    tables = np.array([[table for table, _ in around] for around in lattice])
     place = _place(plane, waves)
     since_first = place - np.floor(place) + 1.0
     nodes = np.arange(_POINTS, dtype=np.float64)
     cubic = np.einsum("dp,dps->ds", lagrange_weights(nodes, since_first), tables)
     parabola = np.einsum("dp,dps->ds", lagrange_weights(nodes[:-1], since_first), tables[:, :-1])
     value[known] = fresnel + correction_at(cubic, share)
-    error[known] = np.array([max(off for _, off in around) for around in found]) + np.max(
+    error[known] = np.array([max(off for _, off in around) for around in lattice]) + np.max(
         np.abs(cubic - parabola), axis=1
     )
     return value, error
@@ -205,12 +206,12 @@ def lattice_points(
 ) -> tuple[LatticePoint, ...]:
     """Arguments of every `kirchhoff_correction` that `kirchhoff_transfers` needs for one lens, without duplicates."""
     lengths = np.stack(np.broadcast_arrays(focal_length, plane_distance, defocus_waves), axis=1)
-    found = {
+    points = {
         point: None
         for f, plane, waves in lengths[np.isfinite(lengths).all(axis=1)].tolist()
         for point in _points_around(wavelength, aperture_diameter, f, plane, waves, lens_phase)
     }
-    return tuple(found)
+    return tuple(points)
 
 
 def _points_around(
@@ -218,11 +219,11 @@ def _points_around(
 ) -> tuple[LatticePoint, ...]:
     """The lattice points between which a transfer function is interpolated, in order."""
     first = math.floor(_place(np.asarray(plane), np.asarray(waves))) - 1
-    found = []
+    points = []
     for j in range(first, first + _POINTS):
         b, w = (plane, j * _WAVES) if _is_fixed(np.asarray(waves)) else (math.exp(j * _LOG_PLANE), 0.0)
-        found.append(_point(wavelength, aperture, focal_length, b, w, lens_phase))
-    return tuple(found)
+        points.append(_point(wavelength, aperture, focal_length, b, w, lens_phase))
+    return tuple(points)
 
 
 def _point(
@@ -293,9 +294,9 @@ class LensTransfers:
             passed, off = self._at(wavelength, models)
             products.append(weight / total * passed)
             error += weight / total * off
-        transfer = np.zeros((error.size, max(one.shape[1] for one in products)))
-        for one in products:
-            transfer[:, : one.shape[1]] += one
+        transfer = np.zeros((error.size, max(product.shape[1] for product in products)))
+        for product in products:
+            transfer[:, : product.shape[1]] += product
         self._products[key] = transfer, error
         return transfer, error
 
@@ -375,6 +376,7 @@ def _stage_transfer(
             assert_never(model)
     if not np.any(by_rays):
         return value, error
+    # Where rays replace waves, the disc of rays blurs the spot that the lens would have in focus.
     spot_over_blur = wavelength * N / np.where(by_rays, blur, np.inf)
     return value * np.where(by_rays, disc_transfer(nu, blur), 1.0), error + 0.2 * np.sqrt(spot_over_blur)[:, 0]
 

@@ -153,9 +153,9 @@ def ring_weights(width: float) -> FloatArray:
     """Weights of the mean over the outermost alias radii and all directions, with the pixel's squared transfer."""
     radii = alias_radii()
     angle = np.linspace(0.0, np.pi / 2.0, 33)
-    seen = np.square(square_transfer(np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), width))
+    power = np.square(square_transfer(np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), width))
     ring = radii > REPLICAS
-    weights = np.where(ring, seen.mean(axis=1), 0.0) / np.count_nonzero(ring)
+    weights = np.where(ring, power.mean(axis=1), 0.0) / np.count_nonzero(ring)
     weights.setflags(write=False)
     return weights
 
@@ -165,25 +165,25 @@ _MOST_MULTIPLICATIONS: Final = 200_000
 
 def picture_electrons(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
     """Mean electrons per pixel, over distance."""
-    left = 1.0
+    illumination = 1.0
     if models.vignetting == "cos4":
-        left = field_illumination(
+        illumination = field_illumination(
             settings.field_angle,
             pupil_diameter=geometry.pupil_diameter,
             stop_separation=settings.stop_separation if geometry.compared.stops_dim else 0.0,
         )
-    return mean_electrons(settings.light, geometry.light_f_number, geometry.pixel_pitch, left)
+    return mean_electrons(settings.light, geometry.light_f_number, geometry.pixel_pitch, illumination)
 
 
 def matched_window(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> MatchedWindow:
     """The window over distance: the declared one, limited to the overlap of the compared pictures through the pupil."""
-    asked = settings.asked_window(geometry.magnification, geometry.sample_pitch)
+    requested = settings.asked_window(geometry.magnification, geometry.sample_pitch)
     width = 1.0
     if models.vignetting == "cos4":
         width = radial_pupil_width(
             settings.field_angle, pupil_diameter=geometry.pupil_diameter, stop_separation=settings.stop_separation
         )
-    return geometry.compared.through(width).window(asked)
+    return geometry.compared.through(width).window(requested)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -310,8 +310,8 @@ class TextureBand:
     @cached_property
     def _length(self) -> FloatArray:
         """The correlation length on the sensor [samples]."""
-        found = self.settings.texture.correlation_length * self.geometry.magnification / self.geometry.sample_pitch
-        return np.asarray(found[:, np.newaxis])
+        length = self.settings.texture.correlation_length * self.geometry.magnification / self.geometry.sample_pitch
+        return np.asarray(length[:, np.newaxis])
 
     @cached_property
     def _texture(self) -> FloatArray:

@@ -121,7 +121,7 @@ def bounds_and_errors_px(
     OutOfRangeError
         As for `disparity_error_px`.
     """
-    found = np.empty((len(variants), 2, geometry.distance.size))
+    bounds = np.empty((len(variants), 2, geometry.distance.size))
     for variant in variants:
         _require_possible(geometry, settings, variant.models)
     for chosen, along in _by_blur(geometry):
@@ -129,8 +129,8 @@ def bounds_and_errors_px(
         band = TextureBand(geometry=geometry.at(chosen), settings=settings, rules=rules)
         for k, variant in enumerate(variants):
             brighter = np.broadcast_to(variant.brighter, geometry.distance.shape)[chosen]
-            found[k, 0, chosen], found[k, 1, chosen] = _value_and_error(band.passed(variant.models, brighter))
-    return tuple((np.where(value > _NOTHING_KNOWN_PX, np.inf, value), error) for value, error in found)
+            bounds[k, 0, chosen], bounds[k, 1, chosen] = _value_and_error(band.passed(variant.models, brighter))
+    return tuple((np.where(value > _NOTHING_KNOWN_PX, np.inf, value), error) for value, error in bounds)
 
 
 def disparity_bound_px(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
@@ -330,8 +330,8 @@ def error_causes(
     value, error = np.stack(bounds_and_errors_px(geometry, settings, variants), axis=1)
     error = np.where(np.isfinite(value), error, np.nan)
     in_its_light = 1 + CHANGES.index("light of the brightest")
-    for found in (value, error):
-        found[in_its_light] = np.where(known, found[in_its_light], np.nan)
+    for array in (value, error):
+        array[in_its_light] = np.where(known, array[in_its_light], np.nan)
     return ErrorCauses(value=value[0], error=error[0], changed=value[1:], changed_error=error[1:])
 
 
@@ -376,9 +376,9 @@ class PictureDisparityError:
 
     def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
         """Estimated numerical error of `error_px` [samples]; NaN where that is NaN."""
-        found = self.at_field(camera, field).derived(camera, distance)
-        error = self.matcher.numerical_error_px(found.value, found.error)
-        return np.where(np.isfinite(found.value), error, np.nan).reshape(np.shape(distance))
+        derived = self.at_field(camera, field).derived(camera, distance)
+        error = self.matcher.numerical_error_px(derived.value, derived.error)
+        return np.where(np.isfinite(derived.value), error, np.nan).reshape(np.shape(distance))
 
     def at_field(self, camera: DepthCamera, field: float) -> PictureDisparityError:
         """The law at a field position; unchanged on the axis."""
@@ -399,8 +399,8 @@ class PictureDisparityError:
 
     def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """Smallest margin of the conditions of `limit`; negative where one is violated, NaN without a picture."""
-        found = matching_margin(camera.picture_geometry(np.ravel(distance)), self.settings, self.models)
-        return found.reshape(np.shape(distance))
+        margin = matching_margin(camera.picture_geometry(np.ravel(distance)), self.settings, self.models)
+        return margin.reshape(np.shape(distance))
 
     def broken_conditions(self, camera: DepthCamera, distance: float) -> tuple[str, ...]:
         """Conditions of `limit` that do not hold at a distance [m], in words."""
@@ -431,9 +431,9 @@ def at_bound(camera: DepthCamera) -> DepthCamera:
 
 @lru_cache(maxsize=_CACHED)
 def _bound_px(camera: DepthCamera, settings: PictureSettings, models: PictureModels, distance: bytes) -> FloatArray:
-    found = _picture(camera, settings, distance).bound_px(models)
-    found.setflags(write=False)
-    return found
+    bound = _picture(camera, settings, distance).bound_px(models)
+    bound.setflags(write=False)
+    return bound
 
 
 @lru_cache(maxsize=4)  # megabytes each

@@ -217,8 +217,8 @@ def _naive_midpoint(left: float, right: float, baseline: float) -> FloatArray:
     offset = np.array([baseline, 0.0, 0.0])
     a, b, c, d, e = u @ u, u @ v, v @ v, u @ offset, v @ offset
     along = (c * d - b * e) / (a * c - b * b)
-    other = (b * d - a * e) / (a * c - b * b)
-    return np.asarray((along + other) / 2.0)
+    along_other = (b * d - a * e) / (a * c - b * b)
+    return np.asarray((along + along_other) / 2.0)
 
 
 def _midpoint(left: float, right: float, baseline: float) -> FloatArray:
@@ -233,8 +233,8 @@ def _midpoint(left: float, right: float, baseline: float) -> FloatArray:
 MIDPOINT: Final = Law(name="midpoint of two lines of sight", naive=_naive_midpoint, ours=_midpoint)
 
 
-def _depth(name: str, disparity: float, **other: float) -> NumericCase:
-    return NumericCase(name=name, law=DEPTH, inputs={"disparity": disparity, **_RIG, **other})
+def _depth(name: str, disparity: float, **changed: float) -> NumericCase:
+    return NumericCase(name=name, law=DEPTH, inputs={"disparity": disparity, **_RIG, **changed})
 
 
 def _turned(name: str, disparity: float, angle: float) -> NumericCase:
@@ -363,10 +363,10 @@ def _far_in_words(far: float) -> str:
 
 
 def _more_diffraction_than_allowed() -> str:
-    found = diffraction_inclusive_depth_of_field(
+    limits = diffraction_inclusive_depth_of_field(
         0.15, 0.0125, 0.0125 / 22.0, 5.5e-6, wavelength=550e-9, measure="airy-diameter"
     )
-    return f"empty: {found.reason}" if found.empty else f"{found.near} … {found.far} m"
+    return f"empty: {limits.reason}" if limits.empty else f"{limits.near} … {limits.far} m"
 
 
 def _naive_diffraction() -> str:

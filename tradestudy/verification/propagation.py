@@ -47,7 +47,7 @@ def _joint(names: tuple[str, ...], means: FloatArray, covariance: FloatArray) ->
 def _propagate(
     response: Response, names: tuple[str, ...], means: FloatArray, covariance: FloatArray, *, inverse_depth: bool
 ) -> tuple[Propagated, str]:
-    found = propagate(
+    propagated = propagate(
         _model(response),
         _joint(names, means, covariance),
         _SAMPLING,
@@ -56,9 +56,9 @@ def _propagate(
         inverse_depth=inverse_depth,
     )
     failures = ", ".join(
-        f"{cause} {100.0 * share:g} %" for cause, share in zip(CAUSES, found.failed_fraction[:, 0], strict=True)
+        f"{cause} {100.0 * share:g} %" for cause, share in zip(CAUSES, propagated.failed_fraction[:, 0], strict=True)
     )
-    return found, f"status {found.status[0]}; failed draws: {failures}"
+    return propagated, f"status {propagated.status[0]}; failed draws: {failures}"
 
 
 def _normal(name: str, deviation: float) -> Source:
@@ -68,10 +68,10 @@ def _normal(name: str, deviation: float) -> Source:
 
 def _sobol(response: Response, names: tuple[str, ...], deviations: FloatArray) -> tuple[FloatArray, str]:
     groups = tuple(_normal(name, float(deviation)) for name, deviation in zip(names, deviations, strict=True))
-    found = sobol_indices(
+    indices = sobol_indices(
         _model(response), Sources(groups=groups), _SAMPLING, draws=_SOBOL_DRAWS, seed=0, point="hard case"
     )
-    return found.first[:, 0], found.refused[0]
+    return indices.first[:, 0], indices.refused[0]
 
 
 def _without_moments() -> tuple[NumericCase | OutcomeCase, ...]:
@@ -85,9 +85,9 @@ def _without_moments() -> tuple[NumericCase | OutcomeCase, ...]:
 
     def quantile(index: int) -> Callable[..., Stated]:
         def ours(distance: float, baseline: float, yaw: float) -> Stated:
-            found = propagated(distance, baseline, yaw)[0]
-            error = _CONFIDENCE * float(found.quantiles_error[index, 0])
-            return Stated(value=float(found.quantiles[index, 0]), error=error)
+            result = propagated(distance, baseline, yaw)[0]
+            error = _CONFIDENCE * float(result.quantiles_error[index, 0])
+            return Stated(value=float(result.quantiles[index, 0]), error=error)
 
         return ours
 
@@ -96,7 +96,7 @@ def _without_moments() -> tuple[NumericCase | OutcomeCase, ...]:
 
     def naive_spread() -> str:
         depths = [1.0 / (0.1 + np.random.default_rng(seed).normal(0.0, _YAW["yaw"], 10_000) / 0.1) for seed in range(6)]
-        spreads = [float(np.std(one)) for one in depths]
+        spreads = [float(np.std(draws)) for draws in depths]
         return f"{min(spreads):.3g} to {max(spreads):.3g} m over six seeds"
 
     def our_spread() -> str:
@@ -143,9 +143,9 @@ def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[...,
         if not monte_carlo:
             exact = linear(_model(model), _joint(names, means, covariance))
             return Stated(value=float(exact.standard_uncertainty[0]), error=math.nan)
-        found = _propagate(model, names, means, covariance, inverse_depth=False)[0]
-        error = _CONFIDENCE * float(found.half_width_error[0])
-        return Stated(value=float(found.half_width[0]), error=error)
+        result = _propagate(model, names, means, covariance, inverse_depth=False)[0]
+        error = _CONFIDENCE * float(result.half_width_error[0])
+        return Stated(value=float(result.half_width[0]), error=error)
 
     return naive, ours
 
@@ -168,12 +168,12 @@ def _singular() -> tuple[NumericCase, ...]:
 
     return tuple(
         NumericCase(
-            name=f"{what}, {tier}",
+            name=f"{case}, {tier}",
             law=law(name, weights, monte_carlo=sampled, rank=rank),
             inputs=values,
         )
         for sampled, tier in tiers
-        for what, name, weights, rank, values in (
+        for case, name, weights, rank, values in (
             ("x − y at correlation +1", "u(x − y), error relative to u(x)", (1.0, -1.0), "pair", plus),
             ("x + y at correlation −1", "u(x + y), error relative to u(x)", (1.0, 1.0), "pair", minus),
             ("x + y at correlation +1", "u(x + y)", (1.0, 1.0), "pair", plus),
@@ -200,21 +200,21 @@ def _scales() -> tuple[OutcomeCase, ...]:
         return lambda: f"standard deviation {np.std(draws):.3g}"
 
     def ours(scale: float) -> Callable[[], str]:
-        def asked() -> str:
-            found = _propagate(
+        def answer() -> str:
+            result = _propagate(
                 lambda values: scale * values["x"], ("x",), np.zeros(1), np.ones((1, 1)), inverse_depth=False
             )[0]
-            return f"half width {float(found.half_width[0]):.3g} ± {float(found.half_width_error[0]):.3g}"
+            return f"half width {float(result.half_width[0]):.3g} ± {float(result.half_width_error[0]):.3g}"
 
-        return lambda: _answer(asked)
+        return lambda: _answer(answer)
 
     def of_input(scale: float) -> Callable[[], str]:
-        def asked() -> str:
+        def answer() -> str:
             sources = Sources(groups=(_normal("x", scale),))
-            found = linear(_model(lambda values: values["x"]), sources)
-            return f"standard uncertainty {float(found.standard_uncertainty[0]):g}"
+            result = linear(_model(lambda values: values["x"]), sources)
+            return f"standard uncertainty {float(result.standard_uncertainty[0]):g}"
 
-        return lambda: _answer(asked)
+        return lambda: _answer(answer)
 
     words, of_one = ("outputs", "allowed", "unit"), ("standard deviation of x", "allowed", "unit")
     return (
@@ -259,8 +259,8 @@ def _failing() -> tuple[OutcomeCase, ...]:
             return np.where(x[0] > 2.5, np.nan, x[0] + 2.0 * x[1])
 
         normal: Any = norm()  # the stubs of scipy know too few distributions
-        found = sobol_indices(func=model, n=1024, dists=[normal, normal], rng=np.random.default_rng(0))
-        return f"first-order indices {np.array2string(found.first_order, precision=3)}"
+        indices = sobol_indices(func=model, n=1024, dists=[normal, normal], rng=np.random.default_rng(0))
+        return f"first-order indices {np.array2string(indices.first_order, precision=3)}"
 
     def our_sobol() -> str:
         first, refused = _sobol(
@@ -319,8 +319,8 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
     def stuck() -> str:
         from tradestudy.calibration.sampling import diagnose
 
-        found = diagnose(chains(), np.full(4, 0.3), ("p0",))
-        return f"not converged: {'; '.join(found.failures)}; stuck ensembles: {list(found.stuck_ensembles)}"
+        diagnostics = diagnose(chains(), np.full(4, 0.3), ("p0",))
+        return f"not converged: {'; '.join(diagnostics.failures)}; stuck ensembles: {list(diagnostics.stuck_ensembles)}"
 
     return (
         OutcomeCase(

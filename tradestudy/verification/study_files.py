@@ -196,10 +196,10 @@ def _checked(text: str) -> str:
         begin = time.perf_counter()
         answer = _check(path)
         seconds = time.perf_counter() - begin
-        left = sorted(entry.name for entry in Path(folder).iterdir() if entry != path)
+        left_behind = sorted(entry.name for entry in Path(folder).iterdir() if entry != path)
     if seconds > LONGEST_SECONDS:
         return f"slow: {seconds:.0f} s"
-    return f"wrote {', '.join(left)}" if left else _short(answer.replace(f"{folder}/", ""))
+    return f"wrote {', '.join(left_behind)}" if left_behind else _short(answer.replace(f"{folder}/", ""))
 
 
 def _check(path: Path) -> str:

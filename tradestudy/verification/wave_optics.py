@@ -38,7 +38,7 @@ def _naive(radius: float, f: float, a: float, x: float, z: float, wavelength: fl
 
 
 def _ours(radius: float, f: float, a: float, x: float, z: float, wavelength: float) -> Stated:
-    found = aperture_field(
+    field = aperture_field(
         source=PointSource(distance=a),
         lens=CircularLens(radius=radius, focal_length=f, lens_phase="perfect"),
         targets=TargetPoints(x=x, y=0.0, distance=z),
@@ -46,8 +46,8 @@ def _ours(radius: float, f: float, a: float, x: float, z: float, wavelength: flo
         method="kirchhoff",
         accuracy=FieldAccuracy(tolerance=_TOLERANCE),
     )
-    value = float(found.intensity[()])
-    return Stated(value=value, error=found.error.intensity * value)
+    value = float(field.intensity[()])
+    return Stated(value=value, error=field.error.intensity * value)
 
 
 INTENSITY: Final = Law(name="intensity behind a perfect lens or a bare hole", naive=_naive, ours=_ours)

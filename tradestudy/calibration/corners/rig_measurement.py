@@ -355,9 +355,8 @@ class RigMeasurement:
         size = np.array([*self.pixels, *(self.right_pixels or self.pixels)], dtype=np.float64)
         if environment is not None:
             images = (size - 1.0) / 2.0 + (images - (size - 1.0) / 2.0) / environment.scale_factor(errors)[..., None]
-        inside = np.all(
-            (images >= -0.5) & (images <= size - 0.5), axis=-1
-        )  # False for NaN, outside the field of a lens
+        # False for NaN, outside the field of a lens.
+        inside = np.all((images >= -0.5) & (images <= size - 0.5), axis=-1)
         left, right = self._noise_shares
         noise = value_of(errors, PIXEL_NOISE)[..., None] / self.pixel_pitch
         # Points that no picture shows are marked below; the middle of the picture stands in for them.

@@ -69,17 +69,17 @@ def nodes(count: int) -> Nodes:
     if count < LEAST_NODES:
         raise OutOfRangeError("samples of a pixel", value=str(count), limit=f"{LEAST_NODES} or more")
     turns = _turns(count - 1)
-    both = _spiral(count) if turns is None else _rings(count - 1, turns)
-    left = min(_FILTER / count, 0.5)
-    whole = np.sqrt(np.array([1.0, 1.0, 3.0, 3.0]) * (1.0 - left) / 12.0)
-    both -= both.mean(axis=0)
-    if count > both.shape[1]:  # fewer nodes cannot span both areas
+    places = _spiral(count) if turns is None else _rings(count - 1, turns)
+    part = min(_FILTER / count, 0.5)
+    whole = np.sqrt(np.array([1.0, 1.0, 3.0, 3.0]) * (1.0 - part) / 12.0)
+    places -= places.mean(axis=0)
+    if count > places.shape[1]:  # fewer nodes cannot span both areas
         # The smallest change that gives the required covariance: the symmetric square root.
-        values, vectors = np.linalg.eigh(np.cov(both.T, bias=True) / np.outer(whole, whole))
-        both = both / whole @ (vectors / np.sqrt(values)) @ vectors.T * whole
+        values, vectors = np.linalg.eigh(np.cov(places.T, bias=True) / np.outer(whole, whole))
+        places = places / whole @ (vectors / np.sqrt(values)) @ vectors.T * whole
     else:
-        both *= whole / both.std(axis=0)
-    return Nodes(pixel=both[:, :2], disc=both[:, 2:], pixel_spread=left / 12.0, disc_spread=left / 4.0)
+        places *= whole / places.std(axis=0)
+    return Nodes(pixel=places[:, :2], disc=places[:, 2:], pixel_spread=part / 12.0, disc_spread=part / 4.0)
 
 
 def _turns(ring: int) -> int | None:
@@ -206,7 +206,7 @@ def lit_area(cones: LightCones, pixel_width: float) -> FloatArray:
     contained = distance + reach <= np.abs(stop.radius - by_lens * r)
     area = np.where(contained, whole, 0.0)
     edge = np.flatnonzero(~contained & (distance - reach < stop.radius + by_lens * r))
-    scales = tuple(np.broadcast_to(one, distance.shape)[edge] for one in (by_pixel, by_lens))
+    scales = tuple(np.broadcast_to(scale, distance.shape)[edge] for scale in (by_pixel, by_lens))
     fine = bool(edge.size) and float(np.max(scales[0] / scales[1])) * pixel_width > r
     t, w = np.polynomial.legendre.leggauss(5 if fine else 2)
     for x, wx in zip(t, w, strict=True):
@@ -218,16 +218,16 @@ def lit_area(cones: LightCones, pixel_width: float) -> FloatArray:
 
 def _by_lens(stop: Stop) -> FloatArray:
     """Change of the place at the stop with that on the lens; tiny instead of 0 for an infinitely distant stop."""
-    found = np.asarray(stop.by_lens, stop.place.dtype)
-    return np.where(np.abs(found) < _SMALLEST_SCALE, stop.place.dtype.type(_SMALLEST_SCALE), found)
+    by_lens = np.asarray(stop.by_lens, stop.place.dtype)
+    return np.where(np.abs(by_lens) < _SMALLEST_SCALE, stop.place.dtype.type(_SMALLEST_SCALE), by_lens)
 
 
 def _overlap(distance: FloatArray, first: float, second: FloatArray) -> FloatArray:
     """Area of the overlap of two discs."""
     apart = np.maximum(distance, 1e-12 * first)
-    one = np.clip((apart**2 + first**2 - second**2) / (2.0 * apart * first), -1.0, 1.0)
-    other = np.clip((apart**2 + second**2 - first**2) / (2.0 * apart * second), -1.0, 1.0)
+    first_cosine = np.clip((apart**2 + first**2 - second**2) / (2.0 * apart * first), -1.0, 1.0)
+    second_cosine = np.clip((apart**2 + second**2 - first**2) / (2.0 * apart * second), -1.0, 1.0)
     return np.asarray(
-        first**2 * (np.arccos(one) - one * np.sqrt(1.0 - one * one))
-        + second**2 * (np.arccos(other) - other * np.sqrt(1.0 - other * other))
+        first**2 * (np.arccos(first_cosine) - first_cosine * np.sqrt(1.0 - first_cosine * first_cosine))
+        + second**2 * (np.arccos(second_cosine) - second_cosine * np.sqrt(1.0 - second_cosine * second_cosine))
     )

@@ -74,9 +74,10 @@ def sight(
     eta = (middle.low + np.maximum(middle.half, 0)) * middle.axis
     start, slope = _rays(cones, pose, 0.0, 0.0, eta)
     spread = _spread(scene, cones, pixel_width, tables)
-    found = [surface.approach(start, slope, spread) for surface in scene.surfaces]
-    depth, _ = _nearest([one for one, _ in found])
-    nearby = [beside for _, beside in found]
+    # One middle ray of each cone is followed all the way; where it goes tells all others where to begin.
+    approached = [surface.approach(start, slope, spread) for surface in scene.surfaces]
+    depth, _ = _nearest([depths for depths, _ in approached])
+    nearby = [beside for _, beside in approached]
     along = _along_axis(pose, start, slope, depth)
     bending = None if tables is None else tables.bending(cones, _depth_beside(along))
     # For every pattern, the mixture of levels whose filter covers the area that one node represents.
@@ -97,6 +98,7 @@ def sight(
         rays = _rays(cones, pose, x, y, eta, deflection)
         total += weight * _brightness(scene, *rays, nearby, mixtures, color)
         weights += weight
+    # A mean: the lit area gives the amount of light more precisely than the sum of these weights.
     return Sight(brightness=(total / weights).astype(float), depth=along)
 
 
@@ -148,8 +150,8 @@ def _rays(
     turned = np.stack([(xx * u + xy * v + xz) * ahead, (yx * u + yy * v + yz) * ahead])
     a, b = start
     z = zx * a + zy * b + REAL(pose.centre[2])
-    at = np.stack([xx * a + xy * b + REAL(pose.centre[0]), yx * a + yy * b + REAL(pose.centre[1])])
-    return at - z * turned, turned
+    origin = np.stack([xx * a + xy * b + REAL(pose.centre[0]), yx * a + yy * b + REAL(pose.centre[1])])
+    return origin - z * turned, turned
 
 
 def _along_axis(pose: Pose, start: FloatArray, slope: FloatArray, depth: FloatArray) -> FloatArray:
@@ -159,8 +161,8 @@ def _along_axis(pose: Pose, start: FloatArray, slope: FloatArray, depth: FloatAr
     met = np.where(np.isfinite(depth), depth, 0)
     axis = [row[2] for row in pose.rotation]
     x, y = start + met * slope
-    own = (x - pose.centre[0]) * axis[0] + (y - pose.centre[1]) * axis[1] + (met - pose.centre[2]) * axis[2]
-    return np.where(np.isfinite(depth), own, depth)
+    along = (x - pose.centre[0]) * axis[0] + (y - pose.centre[1]) * axis[1] + (met - pose.centre[2]) * axis[2]
+    return np.where(np.isfinite(depth), along, depth)
 
 
 def _nearest(depths: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.intp] | int]:
@@ -190,8 +192,8 @@ def _spread(scene: Scene, cones: LightCones, pixel_width: float, tables: Tables 
 
 def _depth_beside(depth: FloatArray) -> FloatArray:
     """Depths, or their median where the middle ray meets nothing but other rays may meet the edge of a surface."""
-    seen = np.isfinite(depth)
-    return np.where(seen, depth, np.median(depth[seen]) if seen.any() else REAL(1)).astype(REAL)
+    met = np.isfinite(depth)
+    return np.where(met, depth, np.median(depth[met]) if met.any() else REAL(1)).astype(REAL)
 
 
 def _finite(depth: FloatArray) -> FloatArray:
@@ -224,24 +226,24 @@ def _brightness(
     """Brightness of what each ray meets first."""
     depths = [surface.depth(start, slope, beside) for surface, beside in zip(scene.surfaces, nearby, strict=True)]
     depth, number = _nearest(depths)
-    there = np.isfinite(depth)
-    if isinstance(number, int) and there.all():
+    met = np.isfinite(depth)
+    if isinstance(number, int) and met.all():
         return _painted(scene, 0, start + depth * slope, depth, mixtures[0], color)
-    found = np.full(depth.size, scene.background, REAL)
+    brightness = np.full(depth.size, scene.background, REAL)
     for k in range(len(scene.surfaces)):
-        own = np.flatnonzero(there & (number == k))
-        if own.size:
-            at = start[:, own] + depth[own] * slope[:, own]
+        rays = np.flatnonzero(met & (number == k))
+        if rays.size:
+            points = start[:, rays] + depth[rays] * slope[:, rays]
             level, share = mixtures[k]
-            own_color = color if isinstance(color, int) else color[own]
-            found[own] = _painted(scene, k, at, depth[own], (level[own], share[own]), own_color)
-    return np.asarray(found)
+            ray_color = color if isinstance(color, int) else color[rays]
+            brightness[rays] = _painted(scene, k, points, depth[rays], (level[rays], share[rays]), ray_color)
+    return np.asarray(brightness)
 
 
 def _painted(
-    scene: Scene, k: int, at: FloatArray, depth: FloatArray, mixture: Mixture, color: NDArray[np.intp] | int
+    scene: Scene, k: int, points: FloatArray, depth: FloatArray, mixture: Mixture, color: NDArray[np.intp] | int
 ) -> FloatArray:
-    x, y = scene.surfaces[k].place(at, depth)
+    x, y = scene.surfaces[k].place(points, depth)
     return scene.patterns[k].brightness(x, y, *mixture, color)
 
 
@@ -263,26 +265,26 @@ def waves_of(exposure: Exposure, scene: SceneSource, wavelength: float) -> Waves
     places = np.meshgrid(x, y)
     cones = exposure.cones(places[0].ravel(), places[1].ravel())
     depth = sight(scene.build(), cones, exposure.pose, nodes(LEAST_NODES), sensor.pixel_pitch, GREY).depth
-    seen = depth[np.isfinite(depth)]
-    near, far = (float(np.min(seen)), float(np.max(seen))) if seen.size else scene.extent
+    depths = depth[np.isfinite(depth)]
+    near, far = (float(np.min(depths)), float(np.max(depths))) if depths.size else scene.extent
     ends = np.array([near, far]) * np.array([1.0 - _MORE, 1.0 + _MORE])
-    found, bent = [], 0.0
+    lenses, bent = [], 0.0
     types = np.broadcast_to(cones.lens_type, cones.pixel.shape)
-    for one in range(int(np.max(types)) + 1):
-        own = cones.only(np.flatnonzero(types == one))
-        apertures = _apertures(own, wavelength)
-        curvature = np.array([float(np.mean(paraxial_numbers(own, end)[2])) for end in ends])
+    for lens_type in range(int(np.max(types)) + 1):
+        of_type = cones.only(np.flatnonzero(types == lens_type))
+        apertures = _apertures(of_type, wavelength)
+        curvature = np.array([float(np.mean(paraxial_numbers(of_type, end)[2])) for end in ends])
         waves = np.sort((curvature - apertures.focused_curvature) * apertures.waves_per_curvature)
         lens = LensWaves(apertures=apertures, defocus=(float(waves[0]), float(waves[-1])))
-        found.append(lens)
-        if (stop := own.stop) is not None:
+        lenses.append(lens)
+        if (stop := of_type.stop) is not None:
             bent = max(bent, lens.margin / abs(float(np.mean(stop.by_pixel))))
-    return Waves(lenses=tuple(found), beyond=bent)
+    return Waves(lenses=tuple(lenses), beyond=bent)
 
 
 def _apertures(cones: LightCones, wavelength: float) -> TwoApertures:
     if (stop := cones.stop) is None:
         return TwoApertures(wavelength=wavelength, radius=cones.lens_radius)
     reach = float(np.mean(-np.asarray(cones.image_distance) * stop.by_pixel))
-    own = DiffractingStop(scale=float(np.mean(stop.by_lens)), reach=reach, radius=stop.radius)
-    return TwoApertures(wavelength=wavelength, radius=cones.lens_radius, stop=own)
+    diffracting = DiffractingStop(scale=float(np.mean(stop.by_lens)), reach=reach, radius=stop.radius)
+    return TwoApertures(wavelength=wavelength, radius=cones.lens_radius, stop=diffracting)

@@ -267,8 +267,8 @@ def expected_electrons(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
     rows, columns = np.mgrid[slice(*tile.rows), slice(*tile.columns)]
     for top, left in itertools.product(range(0, shape[0], _AT_ONCE[0]), range(0, shape[1], _AT_ONCE[1])):
         block = np.s_[top : top + _AT_ONCE[0], left : left + _AT_ONCE[1]]
-        found = electrons_at(tile, rows[block].ravel(), columns[block].ravel())
-        electrons[block], depth[block] = (one.reshape(rows[block].shape) for one in found)
+        computed = electrons_at(tile, rows[block].ravel(), columns[block].ravel())
+        electrons[block], depth[block] = (values.reshape(rows[block].shape) for values in computed)
     return electrons, depth
 
 
@@ -291,20 +291,21 @@ def electrons_at(
     color: NDArray[np.intp] | int = GREY
     scene = tile.scene.build()
     if recording.mosaic is not None:
-        own = recording.mosaic.colors(rows, columns)
-        gain = gain * np.asarray(recording.mosaic.response)[own]
-        color = own[cones.pixel]
+        colors = recording.mosaic.colors(rows, columns)
+        gain = gain * np.asarray(recording.mosaic.response)[colors]
+        color = colors[cones.pixel]
     brightness, seen_at = np.zeros(lit.size), np.full(lit.size, np.nan)
     share = lit / cones.light
-    for kept, samples in (
+    for chosen, samples in (
         (np.flatnonzero(share > _DIM), tile.samples),
         (np.flatnonzero((share > 0.0) & (share <= _DIM)), fewer(tile.samples)),
     ):
-        own_color = color if isinstance(color, int) else color[kept]
+        chosen_color = color if isinstance(color, int) else color[chosen]
         tables = None if waves is None else waves.tables(tile.samples)[samples]
-        seen = sight(scene, cones.only(kept), exposure.pose, nodes(samples), width, own_color, tables)
-        brightness[kept], seen_at[kept] = seen.brightness, seen.depth
+        view = sight(scene, cones.only(chosen), exposure.pose, nodes(samples), width, chosen_color, tables)
+        brightness[chosen], seen_at[chosen] = view.brightness, view.depth
     light: FloatArray = np.bincount(cones.pixel, weights=lit * brightness, minlength=x.size).astype(float)
+    # The depth of a pixel is that which the lens with the most light sees.
     brightest = np.zeros(x.size)
     np.maximum.at(brightest, cones.pixel, lit)
     depth = np.full(x.size, np.nan, np.float32)

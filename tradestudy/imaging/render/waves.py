@@ -78,7 +78,9 @@ def _place_of(share: FloatArray, density: FloatArray, edges: FloatArray) -> Floa
     """Positions with given fractions of a row's sum to their left, shape (rows, fractions)."""
     total = np.cumsum(density, axis=1)
     total = np.concatenate([np.zeros_like(total[:, :1]), total], axis=1)
-    return np.stack([np.interp(own * all_of[-1], all_of, edges) for own, all_of in zip(share, total, strict=True)])
+    return np.stack(
+        [np.interp(wanted * cumulative[-1], cumulative, edges) for wanted, cumulative in zip(share, total, strict=True)]
+    )
 
 
 def transfer(spread: Spread, band: float) -> FloatArray:
@@ -249,7 +251,7 @@ class Tables:
         if cones.stop is None:
             return np.ones(cones.start.shape[1], cones.start.dtype)
         offset, _ = self.towards_stop(cones, x, y)
-        place = offset / self.of_type(cones, [one.farthest for one in self.waves.lenses]) * (_SHARES - 1)
+        place = offset / self.of_type(cones, [lens.farthest for lens in self.waves.lenses]) * (_SHARES - 1)
         first = np.minimum(place.astype(np.intp), _SHARES - 2)
         row = np.asarray(cones.lens_type) * _SHARES + first
         low, high = self.shares.reshape(-1)[row], self.shares.reshape(-1)[row + 1]
@@ -271,12 +273,12 @@ class Tables:
         kind = cones.start.dtype.type
         scale, beta, curvature = paraxial_numbers(cones, depth)
         lenses = self.waves.lenses
-        focused = self.of_type(cones, [one.apertures.focused_curvature for one in lenses])
-        waves = (curvature - focused) * self.of_type(cones, [one.apertures.waves_per_curvature for one in lenses])
+        focused = self.of_type(cones, [lens.apertures.focused_curvature for lens in lenses])
+        waves = (curvature - focused) * self.of_type(cones, [lens.apertures.waves_per_curvature for lens in lenses])
         types = np.broadcast_to(cones.lens_type, waves.shape)
         low, high = np.arcsinh(self.knots[types, 0]), np.arcsinh(self.knots[types, -1])
-        at = (np.arcsinh(waves) - low) / (high - low) * kind(self.defoci - 1)
-        first = np.clip(at.astype(np.intp), 0, self.defoci - 2)
+        position = (np.arcsinh(waves) - low) / (high - low) * kind(self.defoci - 1)
+        first = np.clip(position.astype(np.intp), 0, self.defoci - 2)
         before, behind = self.knots[types, first], self.knots[types, first + 1]
         return Bending(
             tables=self,
@@ -339,12 +341,13 @@ class Bending:
         first, along = self.first, None
         if self.cones.stop is not None:
             first, along, direction = self._place(x, y)
+        # Where the rays of a cone have crossed, the mirrored nodes lie nearest to them and bend them least.
         side = np.where(self.scale < 0, 1, 0)
-        found = []
+        components = []
         for axis in (0, 1):
-            both = tables.places[:, node, axis]
-            found.append(self._between(both.reshape(-1), side * both.shape[1] + first, along))
-        across, beside = found
+            sides = tables.places[:, node, axis]
+            components.append(self._between(sides.reshape(-1), side * sides.shape[1] + first, along))
+        across, beside = components
         if self.cones.stop is not None:
             ax, ay = direction
             across, beside = across * ax - beside * ay, across * ay + beside * ax
@@ -360,10 +363,10 @@ class Bending:
     def _place(self, x: float, y: float) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
         tables = self.tables
         offset, direction = tables.towards_stop(self.cones, x, y)
-        farthest = tables.of_type(self.cones, [one.farthest for one in tables.waves.lenses])
-        at = np.minimum(offset / farthest, 1) * (tables.offsets - 1)
-        row = np.minimum(at.astype(np.intp), tables.offsets - 2)
-        return self.first + row * tables.defoci, (at - row).astype(self.share.dtype), direction
+        farthest = tables.of_type(self.cones, [lens.farthest for lens in tables.waves.lenses])
+        position = np.minimum(offset / farthest, 1) * (tables.offsets - 1)
+        row = np.minimum(position.astype(np.intp), tables.offsets - 2)
+        return self.first + row * tables.defoci, (position - row).astype(self.share.dtype), direction
 
     def _between(self, table: NDArray[np.float32], first: NDArray[np.intp], along: FloatArray | None) -> FloatArray:
         """Interpolate linearly over defocus and, with a stop, over its offset."""
@@ -380,12 +383,12 @@ class Bending:
 @lru_cache(maxsize=64)  # for all pictures of a study and their error estimates; a megabyte each
 def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
     lenses, fine = waves.lenses, waves.fineness
-    ends = np.arcsinh([one.defocus for one in lenses])
+    ends = np.arcsinh([lens.defocus for lens in lenses])
     defoci = max(2, math.ceil(fine * float(np.max(ends[:, 1] - ends[:, 0])) / _STEP) + 1)
     knots = np.sinh(np.linspace(ends[:, 0], ends[:, 1], defoci, axis=-1))
     offsets = 1
     if lenses[0].apertures.stop is not None:
-        edges = max(one.farthest / one.apertures.blur for one in lenses)
+        edges = max(lens.farthest / lens.apertures.blur for lens in lenses)
         offsets = math.ceil(fine * edges / waves.offset_step) + 1
     counts = sorted({samples, fewer(samples)})
     shares = {count: _shares(count) for count in counts}
@@ -400,10 +403,10 @@ def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
                 band = 2.0 * lens.apertures.lit_radius
                 whole = transfer(spread, band)
                 for count in counts:
-                    found = transported(spread, *shares[count])
-                    places[count][:, :, k, i, j] = found
-                    widths[count][k, i, j] = filter_width(whole, found[:count], band)
-    passed = np.asarray([one.shares for one in lenses], np.float32)
+                    moved_nodes = transported(spread, *shares[count])
+                    places[count][:, :, k, i, j] = moved_nodes
+                    widths[count][k, i, j] = filter_width(whole, moved_nodes[:count], band)
+    passed = np.asarray([lens.shares for lens in lenses], np.float32)
     return {
         count: Tables(
             waves=waves,
@@ -420,5 +423,6 @@ def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
 
 def _shares(count: int) -> tuple[FloatArray, FloatArray]:
     """`disc_quantiles` of the nodes and of their mirror images."""
-    both = [disc_quantiles(side * nodes(count).disc) for side in (1.0, -1.0)]
-    return np.concatenate([one[0] for one in both]), np.concatenate([one[1] for one in both])
+    mirrored = [disc_quantiles(side * nodes(count).disc) for side in (1.0, -1.0)]
+    left, above = (np.concatenate(parts) for parts in zip(*mirrored, strict=True))
+    return left, above

@@ -111,12 +111,12 @@ def _values(file: Path, least_bits: int = 1) -> FloatArray:
 
 def _array(file: Path) -> FloatArray:
     """The numbers of an NPY file, of which only the header is read before its size and type are known."""
-    found = np.load(file, mmap_mode="r", allow_pickle=False)
-    if not isinstance(found, np.ndarray) or found.dtype.kind not in "biuf":
-        kind = found.dtype if isinstance(found, np.ndarray) else "an archive"
+    array = np.load(file, mmap_mode="r", allow_pickle=False)
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
+        kind = array.dtype if isinstance(array, np.ndarray) else "an archive"
         raise OutOfRangeError("the type of an array", value=f"{kind} in {file}", limit="real numbers")
-    _require_size(file, found.size)
-    return np.array(found, np.float64)
+    _require_size(file, array.size)
+    return np.array(array, np.float64)
 
 
 def _image(file: Path, least_bits: int) -> FloatArray:
@@ -327,7 +327,7 @@ class Pattern:
         y -= top
         columns = self.columns >> level
         first, row = left.astype(np.intp), top.astype(np.intp)
-        first &= columns - 1
+        first &= columns - 1  # sizes are powers of two: the mask wraps positions around
         row &= (self.rows >> level) - 1
         columns += 1
         row *= columns
@@ -377,6 +377,7 @@ def pattern_of(finest: FloatArray, sample: float) -> Pattern:
         levels.append(
             (last[:, ::2, ::2] + last[:, 1::2, ::2] + last[:, ::2, 1::2] + last[:, 1::2, 1::2]) / np.float32(4)
         )
+    # Then every sample has a successor along both axes.
     padded = [np.pad(level, ((0, 0), (0, 1), (0, 1)), mode="wrap") for level in levels]
     values = np.concatenate([level.reshape(level.shape[0], -1) for level in padded], axis=1)
     return Pattern(values=values, columns=finest.shape[2], rows=finest.shape[1], sample=sample)
@@ -395,8 +396,8 @@ def _random_pattern(settings: RandomPattern) -> Pattern:
     amplitude = np.sqrt(power).astype(np.float32) * np.sinc(across)[None, :] * np.sinc(down)[:, None]
     amplitude[0, 0] = 0.0  # the mean is 1
     spectrum = fft.rfft2(rng.standard_normal((side, side), dtype=np.float32), workers=-1) * amplitude
-    found = fft.irfft2(spectrum, s=(side, side), workers=-1)
-    return pattern_of(np.maximum(1.0 + found, 0.0)[None], sample)
+    noise = fft.irfft2(spectrum, s=(side, side), workers=-1)
+    return pattern_of(np.maximum(1.0 + noise, 0.0)[None], sample)
 
 
 @lru_cache(maxsize=4)

@@ -172,8 +172,8 @@ class Scene:
 @lru_cache(maxsize=2)
 def _scene(source: SceneSource) -> Scene:
     return Scene(
-        surfaces=[one.build() for one in source.surfaces],
-        patterns=[one.pattern.build() for one in source.surfaces],
+        surfaces=[surface.build() for surface in source.surfaces],
+        patterns=[surface.pattern.build() for surface in source.surfaces],
         background=source.background,
     )
 

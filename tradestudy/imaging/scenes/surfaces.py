@@ -65,7 +65,7 @@ class Surface(Protocol):
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:
         """Depth at which rays first meet the surface [m], given what is known about them."""
 
-    def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def place(self, points: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions on the pattern, in its unit, of points given by lateral positions (2, points) and depths."""
 
     def pattern_scale(self, depth: FloatArray) -> FloatArray | float:
@@ -144,27 +144,27 @@ class Flat(ClosedForm):
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:  # noqa: ARG002 - as above
         """``n·(c − s)/n·(m, 1)``."""
         kind = start.dtype.type
-        nx, ny, nz = (kind(one) for one in self._normal)
+        nx, ny, nz = (kind(component) for component in self._normal)
         offset = kind(float(self._normal @ np.array(self.centre)))
         along = nx * slope[0] + ny * slope[1] + nz
         along = np.where(np.abs(along) < _EDGE_ON, kind(math.nan), along)
-        found = (offset - nx * start[0] - ny * start[1]) / along
-        met = found > 0
+        depth = (offset - nx * start[0] - ny * start[1]) / along
+        met = depth > 0
         if any(math.isfinite(size) for size in self.size):
-            u, v = self._coordinates(start + found * slope, found)
+            u, v = self._coordinates(start + depth * slope, depth)
             met &= (np.abs(u) <= self.size[0] / 2.0) & (np.abs(v) <= self.size[1] / 2.0)
-        return np.where(met, found, kind(math.inf))
+        return np.where(met, depth, kind(math.inf))
 
-    def _coordinates(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        kind = at.dtype.type
-        x, y, z = at[0] - kind(self.centre[0]), at[1] - kind(self.centre[1]), depth - kind(self.centre[2])
+    def _coordinates(self, points: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        kind = points.dtype.type
+        x, y, z = points[0] - kind(self.centre[0]), points[1] - kind(self.centre[1]), depth - kind(self.centre[2])
         u, v = (kind(vector[0]) * x + kind(vector[1]) * y + kind(vector[2]) * z for vector in (self.first, self.second))
         return u, v
 
-    def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def place(self, points: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Surface`."""
-        u, v = self._coordinates(at, depth)
-        return u + at.dtype.type(self.origin[0]), v + at.dtype.type(self.origin[1])
+        u, v = self._coordinates(points, depth)
+        return u + points.dtype.type(self.origin[0]), v + points.dtype.type(self.origin[1])
 
     def pattern_scale(self, depth: FloatArray) -> float:  # noqa: ARG002 - the same everywhere
         """Geometric mean of the scales in both directions, since a slanted face is longer along its slope."""
@@ -195,19 +195,19 @@ class Sphere(ClosedForm):
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:  # noqa: ARG002 - as above
         """The smaller root of ``|s + z (m, 1) − c| = r``, computed from the ray's point at the depth of the centre."""
         kind = start.dtype.type
-        x, y, z = (kind(one) for one in self.centre)
+        x, y, z = (kind(coordinate) for coordinate in self.centre)
         square = slope[0] * slope[0] + slope[1] * slope[1] + kind(1)
         # Relative to the centre, so that no digits are lost for a small, distant sphere.
         at_x, at_y = start[0] + z * slope[0] - x, start[1] + z * slope[1] - y
         half = (at_x * slope[0] + at_y * slope[1]) / square
         under = half * half - (at_x * at_x + at_y * at_y - kind(self.radius**2)) / square
-        found = z - half - np.sqrt(np.maximum(under, 0))
-        return np.where((under > 0) & (found > 0), found, kind(math.inf))
+        depth = z - half - np.sqrt(np.maximum(under, 0))
+        return np.where((under > 0) & (depth > 0), depth, kind(math.inf))
 
-    def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def place(self, points: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Surface`."""
-        kind = at.dtype.type
-        x, y = at[0] - kind(self.centre[0]), at[1] - kind(self.centre[1])
+        kind = points.dtype.type
+        x, y = points[0] - kind(self.centre[0]), points[1] - kind(self.centre[1])
         off_axis = np.hypot(x, y)
         arc = kind(self.radius) * np.arctan2(off_axis, kind(self.centre[2]) - depth)
         stretch = np.where(off_axis > 0, arc / np.where(off_axis > 0, off_axis, 1), 1)
@@ -274,22 +274,23 @@ class HeightField:
         near = self.extent[0]
         margin = self.steepest * spread / (self.step * (near if self.perspective else 1.0))
         begin = np.full(start.shape[1], near * (1.0 - 1e-6), start.dtype)
-        found, safe = self._march(start, slope, begin, margin)
-        close = found - safe <= _CLOSE * (margin + 1.0 / self._speed(start, slope))
-        return found, Nearby(safe=safe, met=found, direct=np.isfinite(found) & close)
+        depth, safe = self._march(start, slope, begin, margin)
+        close = depth - safe <= _CLOSE * (margin + 1.0 / self._speed(start, slope))
+        return depth, Nearby(safe=safe, met=depth, direct=np.isfinite(depth) & close)
 
     def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:
         """See `Surface`."""
         if nearby is None:
             return self.approach(start, slope, 0.0)[0]
+        # Two steps suffice for most rays near one whose depth is known; the others march from where they are safe.
         guess, near = nearby.met, nearby.direct
         if not near.all():
             guess = np.where(near, guess, nearby.safe)
-        found, left = self._directly(start, slope, guess)
-        far = np.flatnonzero(~near | (left > self.step * (self.extent[0] if self.perspective else 1.0) * _LEFT))
+        depth, remaining = self._directly(start, slope, guess)
+        far = np.flatnonzero(~near | (remaining > self.step * (self.extent[0] if self.perspective else 1.0) * _LEFT))
         if far.size:
-            found[far] = self._march(start[:, far], slope[:, far], nearby.safe[far], 0.0)[0]
-        return found
+            depth[far] = self._march(start[:, far], slope[:, far], nearby.safe[far], 0.0)[0]
+        return depth
 
     def _directly(self, start: FloatArray, slope: FloatArray, first: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where rays meet the surface, by a step across the gap at a first guess and a second one along the secant.
@@ -307,16 +308,16 @@ class HeightField:
         change = next_gap - gap
         steady = np.abs(change) > np.abs(gap) * start.dtype.type(0.1)
         third = np.where(steady, second - next_gap * gap / np.where(steady, change, 1), second + next_gap)
-        left = self._gap(start, slope, third)
-        return self._where_there_is_any(start, slope, third + left), np.abs(left)
+        remaining = self._gap(start, slope, third)
+        return self._where_there_is_any(start, slope, third + remaining), np.abs(remaining)
 
-    def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def place(self, points: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Surface`."""
         if self.pattern_in_samples:
-            i, j = self._grid(at, depth)
-            half = at.dtype.type(0.5)  # a sample of the pattern is centred half its size from its corner
+            i, j = self._grid(points, depth)
+            half = points.dtype.type(0.5)  # a sample of the pattern is centred half its size from its corner
             return i + half, j + half
-        return at[0], at[1]
+        return points[0], points[1]
 
     def pattern_scale(self, depth: FloatArray) -> FloatArray | float:
         """See `Surface`; the slopes of the surface itself are neglected."""
@@ -324,13 +325,13 @@ class HeightField:
             return 1.0
         return 1.0 / (self.step * depth) if self.perspective else 1.0 / self.step
 
-    def _grid(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _grid(self, points: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position of a point on the grid, in samples."""
-        kind = at.dtype.type
+        kind = points.dtype.type
         scale = kind(1.0 / self.step)
         if self.perspective:
-            at = at / depth
-        return (at[0] - kind(self.corner[0])) * scale, (at[1] - kind(self.corner[1])) * scale
+            points = points / depth
+        return (points[0] - kind(self.corner[0])) * scale, (points[1] - kind(self.corner[1])) * scale
 
     def _speed(self, start: FloatArray, slope: FloatArray) -> FloatArray:
         """Samples that rays cross per metre."""
@@ -375,15 +376,15 @@ class HeightField:
         safe, ray, z = begin.copy(), np.arange(begin.size), begin
         close = gap <= margin
         passed = []
-        here = start, slope
+        lines = start, slope
         while ray.size:
             # The margin matters only until the first nearby ray may meet the surface.
             reach = np.where(close, gap, gap - kind(margin)) / (kind(1) + kind(self.steepest) * speed)
             following = np.minimum(z + np.maximum(reach, kind(1) / speed), end)
-            next_gap = self._gap(*here, following)
+            next_gap = self._gap(*lines, following)
             met = next_gap <= 0
             if np.any(met):
-                passed.append([one[met] for one in (ray, z, gap, following, next_gap)])
+                passed.append([values[met] for values in (ray, z, gap, following, next_gap)])
             close |= next_gap <= margin
             going = ~close
             safe[ray[going]] = following[going]
@@ -391,13 +392,13 @@ class HeightField:
             if on.size < ray.size:
                 ray, close, speed = ray.take(on), close.take(on), speed.take(on)
                 following, next_gap = following.take(on), next_gap.take(on)
-                here = here[0].take(on, axis=1), here[1].take(on, axis=1)
+                lines = lines[0].take(on, axis=1), lines[1].take(on, axis=1)
             z, gap = following, next_gap
-        found = np.full(begin.size, math.inf, begin.dtype)
+        depth = np.full(begin.size, math.inf, begin.dtype)
         if passed:
             met, *bracket = (np.concatenate(parts) for parts in zip(*passed, strict=True))
-            found[met] = self._between(start.take(met, axis=1), slope.take(met, axis=1), *bracket)
-        return found, safe
+            depth[met] = self._between(start.take(met, axis=1), slope.take(met, axis=1), *bracket)
+        return depth, safe
 
     def _between(
         self,
@@ -424,5 +425,5 @@ class HeightField:
             return np.array(depth)
         i, j = self._grid(start + depth * slope, depth)
         rows, columns = self.depths.shape
-        there = (i >= -0.5) & (i <= columns - 0.5) & (j >= -0.5) & (j <= rows - 0.5)
-        return np.where(there, depth, start.dtype.type(math.inf))
+        within = (i >= -0.5) & (i <= columns - 0.5) & (j >= -0.5) & (j <= rows - 0.5)
+        return np.where(within, depth, start.dtype.type(math.inf))
