@@ -307,15 +307,15 @@ class DepthCamera(Camera):
         self, distance: FloatArray, field: Field, values: Mapping[str, FloatArray]
     ) -> MeasuredInverseDepth:
         """Inverse depths for draws of calibration and noise, by the exact model to which these belong."""
-        read = self.read if self.calibration.measurement is None else self.calibration.measurement
-        return read(distance, field, self.calibration.errors(values), self.calibration.environment)
+        measure = self.read if self.calibration.measurement is None else self.calibration.measurement
+        return measure(distance, field, self.calibration.errors(values), self.calibration.environment)
 
     def parameter(self, name: str) -> ErrorParameter:
         """Unit, class and part of one drawn parameter."""
-        known = self.error_vocabulary if self.calibration.vocabulary is None else self.calibration.vocabulary
+        vocabulary = self.error_vocabulary if self.calibration.vocabulary is None else self.calibration.vocabulary
         base = name.removeprefix(AGEING)
-        found = known[base] if base in known else SESSION_PARAMETERS[base]
-        return replace(found, part="ageing", error_class=ErrorClass.SESSION) if name != base else found
+        parameter = vocabulary[base] if base in vocabulary else SESSION_PARAMETERS[base]
+        return replace(parameter, part="ageing", error_class=ErrorClass.SESSION) if name != base else parameter
 
     def field_share(self, field: FieldPosition) -> float:
         """Distance of a position from the middle of the picture, as a fraction of half the diagonal."""
@@ -358,17 +358,17 @@ class DepthCamera(Camera):
         """The geometric conditions of the usable range that the criteria bound, at distances [m]."""
         a = np.asarray(distance, dtype=np.float64)
         imaged = self.modelled_distance(a)
-        found = {"real_image": Limit(value=imaged, bound=self.nearest_imaged, met=self.images(a))}
-        found |= self.limits_of_kind(a, criteria)
+        limits = {"real_image": Limit(value=imaged, bound=self.nearest_imaged, met=self.images(a))}
+        limits |= self.limits_of_kind(a, criteria)
         if criteria.blur_px is not None:
             value = self.estimator_blur_px(a)
-            found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
+            limits["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
         if criteria.disparity_step_px is not None:
             value = (self.disparity(a) - self.disparity_of_infinity(a)) / self.sample_pitch
-            found["last_disparity_step"] = Limit(
+            limits["last_disparity_step"] = Limit(
                 value=value, bound=criteria.disparity_step_px, met=value > criteria.disparity_step_px
             )
-        return found
+        return limits
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:  # noqa: ARG002 - used only by kinds that have some
         """The conditions that only cameras of this kind have."""

@@ -40,10 +40,10 @@ _STEPS: Final = 6  # of Newton's method, which doubles the digits from about thr
 
 def _distortion(errors: Errors) -> Rational:
     """Lateral distortion of the main lens."""
-    given = [name for name in _COEFFICIENTS if f"distortion_{name}" in errors]
-    if not given:  # a shortcut saves time in every measurement
+    present = [name for name in _COEFFICIENTS if f"distortion_{name}" in errors]
+    if not present:  # a shortcut saves time in every measurement
         return _UNDISTORTED
-    values = {name: value_of(errors, f"distortion_{name}") for name in given}
+    values = {name: value_of(errors, f"distortion_{name}") for name in present}
     if any(value.ndim for value in values.values()):
         return Rational(**values)
     return _kept(**{name: float(value) for name, value in values.items()})
@@ -249,12 +249,12 @@ class PlaceOnArray:
         """Distance [m] from an image at b' to that at b, by Newton's method; 0 for infinity. See `displaced`."""
         if not self._is_displacing:
             return np.zeros(())
-        known = np.where(np.isfinite(image), image, np.nan)
-        found = known
+        finite = np.where(np.isfinite(image), image, np.nan)
+        b = finite
         for _ in range(_STEPS):
-            seen, slope = self.displaced(found)
-            found = found - (seen - known) / slope
-        return np.where(np.isfinite(image), found - known, 0.0)
+            seen, slope = self.displaced(b)
+            b = b - (seen - finite) / slope
+        return np.where(np.isfinite(image), b - finite, 0.0)
 
     @property
     def ray(self) -> tuple[FloatArray, FloatArray]:
@@ -337,14 +337,14 @@ class MicrolensExposure:
     def centres(self, first: Indices, second: Indices) -> FloatArray:
         """Centres on the array [m], shape (2, …), of the microlenses with given numbers along both basis vectors."""
         basis = self._basis
-        found = np.stack([basis[k, 0] * first + basis[k, 1] * second for k in (0, 1)])
+        centres = np.stack([basis[k, 0] * first + basis[k, 1] * second for k in (0, 1)])
         scatter = value_of(self.errors, "microlens_center_scatter")
         if scatter.ndim == 2:
             rows, columns = lattice_counts(self.microlenses, self.sensor)
             number = np.clip(first + columns // 2, 0, columns - 1) * rows + np.clip(second + rows // 2, 0, rows - 1)
             # A warmer sensor may need one row more than the design, for which the scatter was drawn.
-            found = found + np.moveaxis(scatter[number % len(scatter)], -1, 0)
-        return found
+            centres = centres + np.moveaxis(scatter[number % len(scatter)], -1, 0)
+        return centres
 
     def place_of(self, centre: FloatArray) -> PlaceOnArray:
         """Places of microlenses at centres on the array [m], shape (2, …)."""
@@ -399,7 +399,7 @@ class MicrolensExposure:
         Micro-images of the pupil are ``narrower`` than the entrance pupil by this factor.
         """
         array, gap = self.microlenses, self.geometry.gap
-        blur = max(abs(gap / one - over - 1.0) for one in array.focal_lengths) * array.aperture_diameter / 2.0
+        blur = max(abs(gap / f - over - 1.0) for f in array.focal_lengths) * array.aperture_diameter / 2.0
         reach = self.main_lens.pupil_diameter / 2.0 * narrower + blur + self.sensor.pixel_pitch + beyond
         return reach / (1.0 + over) / array.pitch
 
@@ -433,13 +433,15 @@ class MicrolensExposure:
         to_pupil = self.geometry.pupil_distance(self.errors, z)
         slope = (centre - s) / gap
         meets = g * centre + to_pupil * slope
+        # Light passes where the ray through the centre of the microlens meets the stop, to within the sizes there of
+        # the microlens and of the pixel.
         widest = self.main_lens.pupil_diameter / 2.0 + np.abs(g + to_pupil * bend) * (
             self.microlenses.aperture_diameter / 2.0
         )
         widest = widest + to_pupil / gap * (self.sensor.pixel_pitch * math.sqrt(0.5) + beyond)
         lit = np.flatnonzero(np.sum(meets * meets, axis=0) < widest * widest)
         centre, slope, meets, bend = centre[:, lit], slope[:, lit], meets[:, lit], bend[lit]
-        gap, z, to_pupil = (np.broadcast_to(one, first.shape)[lit] for one in (gap, z, to_pupil))
+        gap, z, to_pupil = (np.broadcast_to(values, first.shape)[lit] for values in (gap, z, to_pupil))
         f = self._focal_length(centre)
         on_lens = centre + z * slope
         seen = on_lens / f - slope

@@ -136,9 +136,9 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
         f"distortion_{name}": ErrorParameter(
             unit="1",
             part=INTERIOR,
-            meaning=f"Coefficient {of} distortion of the main lens{where}.",
+            meaning=f"Coefficient {term} distortion of the main lens{where}.",
         )
-        for name, of, where in (
+        for name, term, where in (
             ("k1", "of r² in the radial", ", where r is the slope of a ray"),
             ("k2", "of r⁴ in the radial", ", where r is the slope of a ray"),
             ("k3", "of r⁶ in the radial", ", where r is the slope of a ray"),
@@ -386,6 +386,7 @@ class PlenopticCamera(DepthCamera):
 
         f, z, corner = self.main_lens.focal_length, self.geometry.mla_distance, self.sensor.diagonal / 2.0
         height = corner * np.linspace(0.0, 1.0, _FIELD_PLACES)
+        # The lens that moves an image at z to this distance has 1/f′ = 1/f − 1/z + 1/moved.
         moved = z + self.field_curvature * (height / corner) ** 2
         curved = FocalLengths(
             field_angles=np.arctan(height / z),
@@ -481,7 +482,7 @@ def array_contradictions(
         ("microlens gap", "microlens_gap", stated.microlens_gap if stated else None, array.gap),
         ("distance from main lens to array", "mla_distance", stated.mla_distance if stated else None, mla_distance),
     )
-    found = [
+    contradictions = [
         Contradiction(
             what=what,
             stated=show(value, LENGTH),
@@ -494,7 +495,7 @@ def array_contradictions(
     ]
     micro, main = array.gap / array.pitch, lens.principal_distance(mla_distance) / lens.pupil_diameter
     if not math.isclose(micro, main, rel_tol=_MATCHING_TOLERANCE):
-        found.append(
+        contradictions.append(
             Contradiction(
                 what="f-number matching of microlenses and main lens",
                 stated=f"main lens f/{main:.3g} on the image side",
@@ -505,7 +506,7 @@ def array_contradictions(
                 consequence=_mismatch(micro, main),
             )
         )
-    return [*found, *_unsharp(lens, array, mla_distance)]
+    return [*contradictions, *_unsharp(lens, array, mla_distance)]
 
 
 def _mismatch(micro: float, main: float) -> str:
@@ -527,7 +528,7 @@ def _unsharp(lens: Lens, array: MicrolensArray, mla_distance: float) -> Iterator
         return  # pinholes focus on nothing
     far = array.gap / (mla_distance - lens.focal_length) if mla_distance != lens.focal_length else math.inf
     # 1/v of real objects lies between 1/v of infinity and 0 if the array is within the focal length, else outside them.
-    in_focus = [array.gap / one - 1.0 for one in array.focal_lengths]
+    in_focus = [array.gap / focal_length - 1.0 for focal_length in array.focal_lengths]
     within = [max(far - inverse, inverse, 0.0) for inverse in in_focus]
     outside = [max(min(far - inverse, inverse), 0.0) for inverse in in_focus]
     least = min(within if far < 0.0 else outside)
@@ -535,7 +536,7 @@ def _unsharp(lens: Lens, array: MicrolensArray, mla_distance: float) -> Iterator
         yield Contradiction(
             what="gap against focal lengths of the microlenses",
             stated=f"gap {show(array.gap, LENGTH)}",
-            implied=f"focal lengths {', '.join(show(one, LENGTH) for one in array.focal_lengths)}",
+            implied=f"focal lengths {', '.join(show(focal_length, LENGTH) for focal_length in array.focal_lengths)}",
             used="both; every object is blurred",
             path=("microlenses", "focal_lengths"),
             consequence="its microlenses focus on no real object: at every distance, their blur is at least "

@@ -36,22 +36,23 @@ class Filters:
     baseline: Span | None = None
     field_of_view: Span | None = None
 
-    def keep(self, one: Listed) -> bool | None:
+    def keep(self, camera: Listed) -> bool | None:
         """Whether a camera passes; None if a value that decides it is unknown."""
-        checks: list[bool | None] = [self.kind is None or one.kind == self.kind]
+        checks: list[bool | None] = [self.kind is None or camera.kind == self.kind]
         if self.baseline is not None:
-            checks.append(one.baseline is not None and _within(one.baseline, self.baseline))
+            checks.append(camera.baseline is not None and _within(camera.baseline, self.baseline))
         if self.field_of_view is not None:
-            checks.append(_within(one.field_of_view, self.field_of_view))
+            checks.append(_within(camera.field_of_view, self.field_of_view))
         if self.distances is not None:
             near, far = self.distances
-            unknown = None if one.baseline is not None else False  # a camera that measures no depth never passes
-            checks.append(unknown if one.one_pixel is None else far <= one.one_pixel)
-            checks.append(unknown if one.nearest is None else one.nearest <= near)
+            unknown = None if camera.baseline is not None else False  # a camera that measures no depth never passes
+            checks.append(unknown if camera.one_pixel is None else far <= camera.one_pixel)
+            checks.append(unknown if camera.nearest is None else camera.nearest <= near)
         return False if False in checks else None if None in checks else True
 
 
 def _within(value: float, span: Span) -> bool:
+    # Rounding by conversions of units must not exclude a value that equals an end.
     return span[0] * (1.0 - 1e-9) <= value <= span[1] * (1.0 + 1e-9)
 
 
@@ -85,7 +86,7 @@ def filters(kind: str | None, distances: str | None, baseline: str | None, field
     OutOfRangeError
         A text is no range, or no camera of the catalogue is of this kind.
     """
-    kinds = sorted({one.kind for one in listed()})
+    kinds = sorted({camera.kind for camera in listed()})
     if kind is not None and kind not in kinds:
         close = nearest(kind, kinds)
         remedy = f"did you mean {close}?" if close else ""
@@ -100,33 +101,33 @@ def filters(kind: str | None, distances: str | None, baseline: str | None, field
     )
 
 
-def lines(asked: Filters) -> Iterator[str]:
+def lines(filters: Filters) -> Iterator[str]:
     """A table of the cameras that pass the filters; then which ones could not be judged."""
-    decided = [(one, asked.keep(one)) for one in listed()]
-    rows = [_HEAD, *(_row(one) for one, kept in decided if kept)]
+    decided = [(camera, filters.keep(camera)) for camera in listed()]
+    rows = [_HEAD, *(_row(camera) for camera, kept in decided if kept)]
     if len(rows) == 1:
         rows = [("no camera passes these filters",)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         yield "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
-    if unknown := list(dict.fromkeys(one.entry for one, kept in decided if kept is None)):
+    if unknown := list(dict.fromkeys(camera.entry for camera, kept in decided if kept is None)):
         yield f"not listed, because their nearest distance is unknown: {in_a_row(unknown)}"
-    if missing := [one.camera for one in wanted()]:
+    if missing := [entry.camera for entry in wanted()]:
         yield f"wanted, because no source was found for some values: {in_a_row(missing)}"
 
 
-def _row(one: Listed) -> tuple[str, ...]:
-    across, down = one.pixels
+def _row(camera: Listed) -> tuple[str, ...]:
+    across, down = camera.pixels
     return (
-        one.entry,
-        one.mode or "-",
-        one.kind,
+        camera.entry,
+        camera.mode or "-",
+        camera.kind,
         f"{across} × {down}",
-        f"{one.focal_length_px:.0f} px",
-        pretty(one.field_of_view, ANGLE, 3),
-        _length(one.baseline),
-        _length(one.nearest),
-        one.projector or "?",
+        f"{camera.focal_length_px:.0f} px",
+        pretty(camera.field_of_view, ANGLE, 3),
+        _length(camera.baseline),
+        _length(camera.nearest),
+        camera.projector or "?",
     )
 
 
@@ -134,15 +135,15 @@ def _length(value: float | None) -> str:
     return "-" if value is None else pretty(value, LENGTH, 3)
 
 
-def content(asked: Filters) -> dict[str, Any]:
+def content(filters: Filters) -> dict[str, Any]:
     """The same as plain data in SI units: cameras that pass, cameras that could not be judged, and wanted ones."""
-    decided: Sequence[tuple[Listed, bool | None]] = [(one, asked.keep(one)) for one in listed()]
+    decided: Sequence[tuple[Listed, bool | None]] = [(camera, filters.keep(camera)) for camera in listed()]
     return {
-        "cameras": [_plain(one) for one, kept in decided if kept],
-        "undecided": [_plain(one) for one, kept in decided if kept is None],
-        "wanted": [asdict(one) for one in wanted()],
+        "cameras": [_plain(camera) for camera, kept in decided if kept],
+        "undecided": [_plain(camera) for camera, kept in decided if kept is None],
+        "wanted": [asdict(entry) for entry in wanted()],
     }
 
 
-def _plain(one: Listed) -> dict[str, Any]:
-    return {**asdict(one), "field_of_view_deg": round(math.degrees(one.field_of_view), 3)}
+def _plain(camera: Listed) -> dict[str, Any]:
+    return {**asdict(camera), "field_of_view_deg": round(math.degrees(camera.field_of_view), 3)}

@@ -95,18 +95,18 @@ class DistributionPart(Part, Generic[Signed, Positive]):
     column: Text | None = Field(default=None, description="Name of the column of `file` that contains the draws.")
 
     def _mistakes(self) -> Iterator[MistakeAt]:
-        given = [key for key in self.spreads if getattr(self, key) is not None]
+        given_keys = [key for key in self.spreads if getattr(self, key) is not None]
         values = [getattr(self, key) for key in ("mean", *_WIDTHS)]
         if len({isinstance(value, InPixels) for value in values if value is not None}) > 1:
             yield MistakeAt((), "mixes pixels with lengths; write all values in one of the two")
         if self.shape is None:
-            self._require_one_spread(given)
+            self._require_one_spread(given_keys)
             return
         needed = _NEEDS[self.shape]
-        mistakes = [MistakeAt((), f"shape {self.shape} needs {key}") for key in needed if key not in given]
+        mistakes = [MistakeAt((), f"shape {self.shape} needs {key}") for key in needed if key not in given_keys]
         mistakes += [
             MistakeAt((key,), f"does not belong to shape {self.shape}, which takes {' and '.join(needed)}")
-            for key in given
+            for key in given_keys
             if key not in needed
         ]
         if self.shape == "empirical" and self.mean is not None:
@@ -117,14 +117,14 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         if mistakes:
             yield MistakeAt.several(mistakes)
 
-    def _require_one_spread(self, given: list[str]) -> None:
-        for key in given:
+    def _require_one_spread(self, given_keys: list[str]) -> None:
+        for key in given_keys:
             if key not in ("standard_deviation", "half_width"):
                 shapes = " or ".join(shape for shape, keys in _NEEDS.items() if key in keys)
                 raise MistakeAt((key,), f"needs shape: {shapes}")
-        if len(given) != 1:
-            both = ", not both" if given else ""
-            raise MistakeAt((), f"give standard_deviation (a normal error) or half_width (a uniform one){both}")
+        if len(given_keys) != 1:
+            hint = ", not both" if given_keys else ""
+            raise MistakeAt((), f"give standard_deviation (a normal error) or half_width (a uniform one){hint}")
 
     @property
     def resolved_shape(self) -> Shape:
@@ -153,9 +153,9 @@ class LengthOrPixelsDistribution(DistributionPart[LengthOrPixels, PositiveLength
 
     def in_lengths(self, pixel_pitch: float) -> LengthDistribution:
         """The same distribution for a pixel pitch [m], with no value in pixels."""
-        given = {name: getattr(self, name) for name in self.model_fields_set}
-        lengths = {name: one.pixels * pixel_pitch for name, one in given.items() if isinstance(one, InPixels)}
-        return LengthDistribution.model_construct(**(given | lengths))
+        values = {name: getattr(self, name) for name in self.model_fields_set}
+        lengths = {name: value.pixels * pixel_pitch for name, value in values.items() if isinstance(value, InPixels)}
+        return LengthDistribution.model_construct(**(values | lengths))
 
 
 class AngleDistribution(DistributionPart[Angle, PositiveAngle]):

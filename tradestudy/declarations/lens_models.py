@@ -71,28 +71,28 @@ class FittedLensModelPart(LensModelPart):
 
     def lens_model(self) -> LensModel:
         """The model in SI from which the fit starts: each coefficient as given, else from `STARTS`, else zero."""
-        given = {name: getattr(self, name) for name in self.family.coefficient_names()}
-        start = {name: value for name, value in given.items() if value is not None}
+        coefficients = {name: getattr(self, name) for name in self.family.coefficient_names()}
+        start = {name: value for name, value in coefficients.items() if value is not None}
         return self.family(**{**STARTS.get(self.family.name, {}), **start})
 
 
 def _meanings(family: type[LensModel]) -> dict[str, str]:
     """What each coefficient means, from the parameters in the docstring of its family, without units."""
     parameters = (inspect.getdoc(family) or "").partition("----------\n")[2].partition("\n\n")[0]
-    found = re.findall(r"^(\w.*)((?:\n +.*)+)", parameters, re.MULTILINE)
-    meanings = {names: " ".join(what.split()) for names, what in found}
-    return {name: re.sub(r" \[\w+\]", "", what) for names, what in meanings.items() for name in names.split(", ")}
+    entries = re.findall(r"^(\w.*)((?:\n +.*)+)", parameters, re.MULTILINE)
+    meanings = {names: " ".join(meaning.split()) for names, meaning in entries}
+    return {name: re.sub(r" \[\w+\]", "", meaning) for names, meaning in meanings.items() for name in names.split(", ")}
 
 
 def _coefficient(family: type[LensModel], name: str) -> Any:
     """The type of a coefficient; it says "of either sign" only if the family accepts negative values."""
     dimension = units.ANGLE if name in ANGLES else units.NUMBER
-    read, schema = quantity(dimension)
+    reader, schema = quantity(dimension)
     try:
         family(**{**STARTS.get(family.name, {}), name: -0.1})
     except OutOfRangeError:
         schema = WithJsonSchema({**(schema.json_schema or {}), "title": dimension.name})
-    return Annotated[float, read, schema]
+    return Annotated[float, reader, schema]
 
 
 def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
@@ -111,8 +111,8 @@ def _fitted_part_of(family: type[LensModel]) -> type[FittedLensModelPart]:
     for name in names:
         start = STARTS.get(family.name, {}).get(name, 0.0)
         default = f"{math.degrees(start):.3g} deg" if name in ANGLES else f"{start:g}"
-        what = Field(default=None, description=f"{meanings[name]} Default: {default}.")
-        fields[name] = (_coefficient(family, name) | None, what)
+        field = Field(default=None, description=f"{meanings[name]} Default: {default}.")
+        fields[name] = (_coefficient(family, name) | None, field)
     several = "coefficients below; those that `fitted` omits keep their values"
     made = create_model(
         f"Fitted{family.__name__}Part",
@@ -129,8 +129,8 @@ def _part_of(family: type[LensModel]) -> type[LensModelPart]:
     fields: dict[str, Any] = {"model": (Literal[family.name], Field(description=_MODEL))}
     optional, meanings = family.optional_names(), _meanings(family)
     for name in family.coefficient_names():
-        what = Field(default=0.0 if name in optional else ..., description=meanings[name])
-        fields[name] = (_coefficient(family, name), what)
+        field = Field(default=0.0 if name in optional else ..., description=meanings[name])
+        fields[name] = (_coefficient(family, name), field)
     made = create_model(f"{family.__name__}Part", __base__=LensModelPart, __doc__=f"{_ABOUT[family.name]}.", **fields)
     made.family = family
     return made
@@ -140,8 +140,8 @@ def fitted_words(part: FittedLensModelPart | None) -> str:
     """A lens model to be fitted to corners in words: its name, its fitted coefficients, and those that stay fixed."""
     if part is None:
         return lens_in_words()
-    given = {name: getattr(part, name) for name in part.family.coefficient_names() if name not in part.fitted}
-    fixed = "".join(f", {name} = {value:g}" for name, value in given.items() if value is not None)
+    unfitted = {name: getattr(part, name) for name in part.family.coefficient_names() if name not in part.fitted}
+    fixed = "".join(f", {name} = {value:g}" for name, value in unfitted.items() if value is not None)
     return lens_in_words(part.model, part.fitted, fixed)
 
 

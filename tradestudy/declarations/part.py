@@ -60,9 +60,9 @@ class Part(BaseModel):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         for keys in self.exactly_one:
-            given = sum(getattr(self, key) is not None for key in keys)
-            if given != 1:
-                remedy = " (null removes an inherited one)" if given else ""
+            count = sum(getattr(self, key) is not None for key in keys)
+            if count != 1:
+                remedy = " (null removes an inherited one)" if count else ""
                 raise MistakeAt((), f"give exactly one of {', '.join(keys[:-1])} and {keys[-1]}{remedy}")
         for low, high in pairwise(self.increasing):
             if not getattr(self, low) < getattr(self, high):

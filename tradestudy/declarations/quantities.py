@@ -100,8 +100,8 @@ def quantity(
 
 def _remembered(read: Callable[[object], _Read]) -> Callable[[object], _Read]:
     """The function, which remembers texts: solvers validate a camera again and again with all values but one."""
-    known = lru_cache(maxsize=64)(read)
-    return lambda value: known(value) if isinstance(value, str) else read(value)
+    cached = lru_cache(maxsize=64)(read)
+    return lambda value: cached(value) if isinstance(value, str) else read(value)
 
 
 def _limits(dimension: Dimension, *, above: float, at_least: float, at_most: float) -> str:
@@ -158,7 +158,7 @@ def _or_pixels(
     length: Annotations, pixels: Annotations, *examples: str
 ) -> tuple[PlainValidator, PlainSerializer, WithJsonSchema]:
     """A length or, counted in pixels, `InPixels`; a value that is neither is reported as a wrong length."""
-    as_length, as_pixels = (cast(Callable[[object], float], one[0].func) for one in (length, pixels))
+    as_length, as_pixels = (cast(Callable[[object], float], annotations[0].func) for annotations in (length, pixels))
 
     def read(value: object) -> float | InPixels:
         try:
@@ -170,7 +170,7 @@ def _or_pixels(
     schema = length[1].json_schema or {}
     return (
         PlainValidator(_remembered(read)),
-        PlainSerializer(lambda one: f"{one.pixels!r} px" if isinstance(one, InPixels) else one),
+        PlainSerializer(lambda value: f"{value.pixels!r} px" if isinstance(value, InPixels) else value),
         WithJsonSchema({**schema, "title": f"{schema['title']}, or a number of pixels", "examples": list(examples)}),
     )
 
@@ -267,7 +267,7 @@ _DIMENSIONS: tuple[Dimension, ...] = (
 def common_dimension(*texts: str) -> Dimension | None:
     """The first dimension in which all texts are valid, or None."""
     plain = not any("%" in text for text in texts)
-    for dimension in (one for one in _DIMENSIONS if not (plain and one is FRACTION)):
+    for dimension in (candidate for candidate in _DIMENSIONS if not (plain and candidate is FRACTION)):
         try:
             for text in texts:
                 parse(text, dimension)

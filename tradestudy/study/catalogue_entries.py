@@ -79,16 +79,17 @@ class Entry:
             reach = camera.one_pixel_distance
             if part.stated is None or math.isnan(reach) or not isinstance(part, DepthCameraDeclaration):
                 continue
-            for name, one in part.stated.accuracy.items():
-                if one.mode in (mode, "not stated"):
-                    implied = one.standard_deviation * reach / one.up_to**2
+            for name, accuracy in part.stated.accuracy.items():
+                if accuracy.mode in (mode, "not stated"):
+                    implied = accuracy.standard_deviation * reach / accuracy.up_to**2
                     declared = part.depth.declared_error_px or math.nan
-                    yield Claim(mode=mode, name=name, part=one, implied_px=implied, declared_px=declared)
+                    yield Claim(mode=mode, name=name, part=accuracy, implied_px=implied, declared_px=declared)
 
     def contradictions(self) -> list[tuple[str, Contradiction]]:
         """Inputs that contradict each other, each with its mode."""
         modes = dict(zip(self.definition.file.cameras, self.modes, strict=True))
-        return [(modes[camera], one) for camera, one in contradictions(PreparedStudy(self.definition))]
+        of_cameras = contradictions(PreparedStudy(self.definition))
+        return [(modes[camera], contradiction) for camera, contradiction in of_cameras]
 
 
 def entry_of(source: str) -> Entry:
@@ -138,31 +139,33 @@ def _modes(path: Path) -> tuple[str, ...]:
 
 def incomplete(entry: Entry) -> list[Problem]:
     """What an entry of the catalogue lacks: bases, sources and reasons of its values, and whether a projector is on."""
-    found: list[Problem] = []
+    problems: list[Problem] = []
     document = entry.definition.document
     for camera, part in entry.definition.file.cameras.items():
         above = ("cameras", camera)
         written = document.entry(above)
         assert written is not None
-        for path, one in walk(written, above):
-            if what := _lack(path[2:], one):
+        for path, value in walk(written, above):
+            if what := _lack(path[2:], value):
                 place = document.locate(path)
-                found.append(place.problem(path[2:], what))
+                problems.append(place.problem(path[2:], what))
         if isinstance(part, DepthCameraDeclaration) and (part.stated is None or part.stated.projector is None):
             place = document.locate((*above, "kind"))
-            found.append(place.problem(("stated", "projector"), "this key is missing; on, off or none is expected"))
+            problems.append(place.problem(("stated", "projector"), "this key is missing; on, off or none is expected"))
     for claim in entry.claims():
         if claim.part.gives == "disparity_error" and abs(claim.implied_px / claim.declared_px - 1.0) > _ROUNDING:
             where = ("depth", "disparity_error")
             place = document.locate(("cameras", f"m{entry.modes.index(claim.mode)}", *where))
             gives = pretty(claim.implied_px, PIXELS, 3)
-            found.append(place.problem(where, f"stated.accuracy.{claim.name}, from which it is derived, gives {gives}"))
-    return list(dict.fromkeys(found))
+            what = f"stated.accuracy.{claim.name}, from which it is derived, gives {gives}"
+            problems.append(place.problem(where, what))
+    return list(dict.fromkeys(problems))
 
 
 def _lack(path: tree.Path, entry: tree.Entry) -> str:
     """What a value lacks that stands at a path below its camera; empty if it needs nothing more."""
     in_list = any(isinstance(step, int) for step in path)
+    # A list has one basis for all of its items.
     if isinstance(entry, MappingEntry) or in_list or not path or path[0] in _WORDS:
         return ""
     if path[:2] == ("stated", "accuracy") and path[-1] in _OF_ACCURACY:
@@ -191,11 +194,12 @@ def lines(source: str) -> Iterator[str]:
     if lacking := incomplete(entry):
         raise StudyError(lacking)
     for mode, camera in entry.cameras:
-        one = index_row(source, mode, camera, entry)
-        near = "unknown nearest distance" if one.nearest is None else f"nearest {one.nearest:.3g} m"
-        yield f"{one.title}: {one.focal_length_px:.0f} px, {pretty(one.field_of_view, ANGLE, 3)}, {near}"
-    for mode, found in entry.contradictions():
-        yield f"contradiction{f' in mode {mode}' if mode else ''}: {found.what}: {found.stated}, but {found.implied}"
+        row = index_row(source, mode, camera, entry)
+        near = "unknown nearest distance" if row.nearest is None else f"nearest {row.nearest:.3g} m"
+        yield f"{row.title}: {row.focal_length_px:.0f} px, {pretty(row.field_of_view, ANGLE, 3)}, {near}"
+    for mode, contradiction in entry.contradictions():
+        head = f"contradiction{f' in mode {mode}' if mode else ''}: {contradiction.what}"
+        yield f"{head}: {contradiction.stated}, but {contradiction.implied}"
     for claim in entry.claims():
         of_mode = f" in mode {claim.mode}" if claim.mode else ""
         yield (

@@ -184,8 +184,9 @@ class Reading:
     @property
     def lines(self) -> tuple[str, ...]:
         """One line for each topic."""
-        of = {topic: "; ".join(words for about, words in self.said if about == topic) for topic in TOPICS}
-        return (f"{self.camera}: {of[TOPICS[0]]}", *(f"  {of[topic] or f'{topic}: none'}" for topic in TOPICS[1:]))
+        by_topic = {topic: "; ".join(words for about, words in self.said if about == topic) for topic in TOPICS}
+        further = (f"  {by_topic[topic] or f'{topic}: none'}" for topic in TOPICS[1:])
+        return (f"{self.camera}: {by_topic[TOPICS[0]]}", *further)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,6 +250,7 @@ class Document:
     def folder_of(self, path: Path) -> FilePath:
         """Folder of the files named in a part of the study: that of the file that contains the part."""
         file = FilePath(self.locate(path).file)
+        # A value from the command line or from Python is in no file.
         return (file if file.is_file() else FilePath(self.root.place.file)).parent
 
     def locate_key(self, path: str | Path) -> Place:
@@ -296,25 +298,25 @@ class Document:
 
         The basis of the study's own value is recorded with that value, since it does not apply to the new one.
         """
-        known = next((one for one in self.overrides if one.path == changed), None)
+        earlier = next((override for override in self.overrides if override.path == changed), None)
         after = replace(self, root=root)
         override = Override(
             path=changed,
             text=_with_basis(after.entry(changed)),
-            before=_with_basis(self.entry(changed)) if known is None else known.before,
-            kept_by=self._inheriting(changed, after) if known is None else known.kept_by,
+            before=_with_basis(self.entry(changed)) if earlier is None else earlier.before,
+            kept_by=self._inheriting(changed, after) if earlier is None else earlier.kept_by,
         )
-        others = tuple(one for one in self.overrides if one.path != changed)
-        return replace(after, overrides=(*others, override))
+        remaining = tuple(override for override in self.overrides if override.path != changed)
+        return replace(after, overrides=(*remaining, override))
 
     def with_texts(self, texts: Mapping[Path, str]) -> Document:
         """The document with other texts of existing single values, which keep their places, bases and overrides."""
         after = replace(self, root=cast(MappingEntry, _with_texts(self.root, (), texts)))
         overrides = (
-            replace(one, text=_with_basis(after.entry(one.path)))
-            if any(path[: len(one.path)] == one.path for path in texts)
-            else one
-            for one in self.overrides
+            replace(override, text=_with_basis(after.entry(override.path)))
+            if any(path[: len(override.path)] == override.path for path in texts)
+            else override
+            for override in self.overrides
         )
         return replace(after, overrides=tuple(overrides))
 
@@ -329,10 +331,10 @@ class Document:
             if self.entry(path) is not entry and not isinstance(self.entry(path), MappingEntry)
         ]
         return tuple(
-            other
-            for other in self.like
-            if str(changed[1]) in self._models_of(other)
-            and any(self.entry(path) is self.entry(("cameras", other, *path[2:])) for path in ends or [changed])
+            camera
+            for camera in self.like
+            if str(changed[1]) in self._models_of(camera)
+            and any(self.entry(path) is self.entry(("cameras", camera, *path[2:])) for path in ends or [changed])
         )
 
     def _models_of(self, camera: str) -> Iterator[str]:
@@ -412,11 +414,11 @@ def merged(below: Entry, above: Entry) -> Entry:
 
 def unanswered(members: Mapping[str, Member]) -> dict[str, Member]:
     """Members of a mapping without those that it asks for although another is given instead."""
-    given = {key for key, member in members.items() if not isinstance(member.entry, AskedEntry)}
+    given_keys = {key for key, member in members.items() if not isinstance(member.entry, AskedEntry)}
     return {
         key: member
         for key, member in members.items()
-        if not isinstance(member.entry, AskedEntry) or given.isdisjoint(member.entry.instead)
+        if not isinstance(member.entry, AskedEntry) or given_keys.isdisjoint(member.entry.instead)
     }
 
 

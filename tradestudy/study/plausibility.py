@@ -292,6 +292,7 @@ def _beside_the_spectrum(study: PreparedStudy) -> Iterator[Problem]:
     if study.file.effects.forced().get("spectrum") == OFF:  # the whole study is at the wavelength
         return
     lines = [line.wavelength for line in scene.picture.spectrum]
+    # Rounding by conversions of units must not exclude a value that equals an end; likewise below.
     if not min(lines) * (1.0 - 1e-9) <= scene.wavelength <= max(lines) * (1.0 + 1e-9):
         ends = " to ".join(pretty(end, LENGTH) for end in sorted({min(lines), max(lines)}))
         wavelength = pretty(scene.wavelength, LENGTH)

@@ -127,7 +127,8 @@ class PreparedStudy:
     @cached_property
     def readings(self) -> Mapping[str, PreparedStudy]:
         """The study under each of its other readings."""
-        return {name: replace(self.under(name), definition=one) for name, one in self.definition.readings.items()}
+        readings = self.definition.readings.items()
+        return {name: replace(self.under(name), definition=reading) for name, reading in readings}
 
     def under(self, name: str) -> PreparedStudy:
         """The study with the models for the reading or the inverse question of this name."""
@@ -153,6 +154,7 @@ class PreparedStudy:
         assert isinstance(design, DepthCamera)
         assert isinstance(declared, DepthCameraDeclaration)
         camera = _with_calibration(self.definition, name, part, design, case.cameras[name].propagation, None)
+        # An unchanged calibration was checked with the case.
         if part.calibration != declared.calibration:
             for what in impossible_errors(camera, _some(case.distance, 3)):
                 raise OutOfRangeError(what)
@@ -219,8 +221,9 @@ def _calibrated(
     assert isinstance(part, DepthCameraDeclaration)
     camera = _with_calibration(definition, name, part, design, propagation, posterior)
     path = ("cameras", name, "calibration")
-    if problems := [definition.document.problem(path, one) for one in impossible_errors(camera, _some(distance, 3))]:
+    if problems := [definition.document.problem(path, what) for what in impossible_errors(camera, _some(distance, 3))]:
         raise StudyError(problems)
+    # Otherwise an earlier call has registered the removal.
     if known is None:
         weakref.finalize(design, _CALIBRATED.pop, id(design), None)
     _CALIBRATED[id(design)] = propagation, posterior, camera
@@ -271,7 +274,7 @@ def _sharp(file: StudyFile, models: Models) -> dict[str, BlurCriterion]:
     """Criteria of sharpness, by name; without a diffraction spot if the models leave diffraction out."""
     if file.depth_of_field is None:
         return {}
-    sharp = {name: one.criterion(_wavelength(file)) for name, one in file.depth_of_field.criteria.items()}
+    sharp = {name: part.criterion(_wavelength(file)) for name, part in file.depth_of_field.criteria.items()}
     if models.get("main_lens_diffraction") == OFF:
         return {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
     return sharp
@@ -285,13 +288,13 @@ def _wavelength(file: StudyFile) -> float:
 def with_models(models: PictureModels, chosen: Models) -> PictureModels:
     """The models of a picture, with the chosen ones in place of those for the same effects."""
     slots = {field.name for field in fields(PictureModels)}
-    own = {slot: name for slot, name in chosen.items() if slot in slots}
-    return replace(models, **own)  # type: ignore[arg-type] # chosen models have the names that their effects list
+    replaced = {slot: model for slot, model in chosen.items() if slot in slots}
+    return replace(models, **replaced)  # type: ignore[arg-type] # chosen models have the names that their effects list
 
 
 def in_closed_form(chosen: Models) -> dict[SlotName, str]:
     """The same models, but Fresnel's transfer function instead of the almost equal integral of Kirchhoff's."""
-    return {slot: "fresnel" if name == "kirchhoff" else name for slot, name in chosen.items()}
+    return {slot: "fresnel" if model == "kirchhoff" else model for slot, model in chosen.items()}
 
 
 def complete_in_closed_form(camera: DepthCamera, law: PictureDisparityError) -> PictureModels:

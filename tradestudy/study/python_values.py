@@ -97,7 +97,7 @@ def _calibration(table: Any) -> Value:
     tied = np.clip(joint.correlation, -1.0, 1.0)
     deviations = np.sqrt(np.diag(joint.covariance)).tolist()
     return {
-        "errors": {name: {"standard_deviation": one} for name, one in zip(names, deviations, strict=True)},
+        "errors": {name: {"standard_deviation": deviation} for name, deviation in zip(names, deviations, strict=True)},
         "correlations": {
             name: {names[j]: float(tied[i, j]) for j in range(i + 1, len(names)) if tied[i, j] != 0.0}
             for i, name in enumerate(names)
@@ -145,8 +145,8 @@ def in_metres(distance: Any) -> FloatArray:
         raise OutOfRangeError("this is not a distance", value=f"{distance!r:.60}", remedy=str(error)) from None
     wrong = metres[~((metres > 0.0) & np.isfinite(metres))]
     if wrong.size:
-        given = "None" if texts.dtype.kind == "O" and None in texts.ravel().tolist() else f"{wrong[0]:g} m"
-        raise OutOfRangeError("distance", value=given, limit="positive and finite")
+        shown = "None" if texts.dtype.kind == "O" and None in texts.ravel().tolist() else f"{wrong[0]:g} m"
+        raise OutOfRangeError("distance", value=shown, limit="positive and finite")
     return metres
 
 

@@ -334,7 +334,7 @@ class _Composer:
     def source(self, entry: Entry, here: Path) -> Source | None:
         """Where a value was read; None after noting that this is incomplete."""
         members = entry.members if isinstance(entry, MappingEntry) else {}
-        said = {key: one.entry.text for key, one in members.items() if isinstance(one.entry, ScalarEntry)}
+        said = {key: member.entry.text for key, member in members.items() if isinstance(member.entry, ScalarEntry)}
         missing = [key for key in OF_SOURCE if key != "revision" and not said.get(key)]
         unknown = [key for key in members if key not in OF_SOURCE]
         if missing or unknown or len(said) < len(members):

@@ -55,15 +55,15 @@ def starter(
     """
     _require_name(name)
     folder = files("tradestudy.study")
-    known = {"": "starter.yaml"} | {
+    starters = {"": "starter.yaml"} | {
         file.name.removeprefix("starter_").removesuffix(".yaml"): file.name
         for file in folder.iterdir()
         if file.name.startswith("starter_")
     }
-    if kind not in known:
-        limit = ", ".join(sorted(filter(None, known)))
+    if kind not in starters:
+        limit = ", ".join(sorted(filter(None, starters)))
         raise OutOfRangeError("there is no starter of this kind", value=repr(kind), limit=limit)
-    file = "imported_starter.yaml" if calibration_files else known[kind]
+    file = "imported_starter.yaml" if calibration_files else starters[kind]
     text = folder.joinpath(file).read_text(encoding="utf-8").replace("NAME", name)
     named = ", ".join(f"'{str(path).replace(chr(39), 2 * chr(39))}'" for path in calibration_files)
     come_from = f"from: [{named}]" if len(calibration_files) > 1 else f"from: {named}"
@@ -101,36 +101,37 @@ def of_catalogue(name: str, cameras: Sequence[str]) -> str:
         it measures no depth.
     """
     _require_name(name)
-    rows = [_of_entry(one) for one in cameras]
+    rows = [_of_entry(camera) for camera in cameras]
     if len(rows) != 2 or rows[0] == rows[1]:
-        asked = ", ".join(cameras)
-        raise OutOfRangeError("new compares two cameras of the catalogue", value=asked, remedy="give --camera twice")
-    keys = [one.entry for one in rows]
-    keys = [f"{key}-{one.mode}" for key, one in zip(keys, rows, strict=True)] if keys[0] == keys[1] else keys
+        named = ", ".join(cameras)
+        raise OutOfRangeError("new compares two cameras of the catalogue", value=named, remedy="give --camera twice")
+    keys = [row.entry for row in rows]
+    # Two modes of one entry need different keys.
+    keys = [f"{key}-{row.mode}" for key, row in zip(keys, rows, strict=True)] if keys[0] == keys[1] else keys
     lines = [
-        f"  {key}: {{from: catalogue/{one.entry}{f', mode: {one.mode}' if one.mode else ''}}}"
-        for key, one in zip(keys, rows, strict=True)
+        f"  {key}: {{from: catalogue/{row.entry}{f', mode: {row.mode}' if row.mode else ''}}}"
+        for key, row in zip(keys, rows, strict=True)
     ]
     text = files("tradestudy.study").joinpath("catalogue_starter.yaml").read_text(encoding="utf-8")
     text = text.replace("  CAMERAS", "\n".join(lines)).replace("FIRST", keys[0]).replace("SECOND", keys[1])
-    return text.replace("TITLES", " or ".join(one.title for one in rows)).replace("NAME", name)
+    return text.replace("TITLES", " or ".join(row.title for row in rows)).replace("NAME", name)
 
 
 def _of_entry(text: str) -> Listed:
     """The row of the catalogue that a text such as ``ENTRY:MODE`` names."""
     entry, _, mode = text.removeprefix(PREFIX).partition(":")
-    rows = [one for one in listed() if one.entry == entry]
+    rows = [row for row in listed() if row.entry == entry]
     if not rows:
-        close = nearest(entry, [one.entry for one in listed()])
+        close = nearest(entry, [row.entry for row in listed()])
         remedy = f"did you mean {close}? " if close else ""
         raise OutOfRangeError("the catalogue has no such camera", value=entry, remedy=f"{remedy}`cameras` lists them")
-    found = next((one for one in rows if not mode or one.mode == mode), None)
-    if found is None:
-        limit = ", ".join(one.mode for one in rows if one.mode) or "no modes"
+    chosen = next((row for row in rows if not mode or row.mode == mode), None)
+    if chosen is None:
+        limit = ", ".join(row.mode for row in rows if row.mode) or "no modes"
         raise OutOfRangeError(f"{entry} has no such mode", value=mode, limit=limit)
-    if found.baseline is None:
+    if chosen.baseline is None:
         raise OutOfRangeError("this camera measures no depth", value=entry, remedy="choose one with a baseline")
-    return found
+    return chosen
 
 
 def _require_name(name: str) -> None:
@@ -206,4 +207,5 @@ def yaml_lines(said: Sequence[str]) -> list[str]:
 
 def _flow(key: str, value: Any) -> str:
     """A key and its value as YAML of one line."""
-    return f"{key}: " + (value if isinstance(value, str) else f"{{{', '.join(_flow(*one) for one in value.items())}}}")
+    text = value if isinstance(value, str) else f"{{{', '.join(_flow(*item) for item in value.items())}}}"
+    return f"{key}: {text}"

@@ -89,10 +89,10 @@ def sweep_points(study: PreparedStudy, axes: tuple[SweepAxis, ...]) -> list[Prep
 def calibrations_to_infer(study: PreparedStudy) -> dict[str, TargetToInfer | CornersToInfer]:
     """Calibrations to infer for the study, its readings and the designs of its sweep, by their `posterior_keys`."""
     declared = [study, *study.readings.values()]
-    if not any(one.definition.calibrations_to_infer() for one in declared):
+    if not any(variant.definition.calibrations_to_infer() for variant in declared):
         return {}
     variants = [*declared, *sweep_points(study, sweep_axes(study))]
-    return {key: one for variant in variants for key, one in variant.definition.calibrations_to_infer().items()}
+    return {key: request for variant in variants for key, request in variant.definition.calibrations_to_infer().items()}
 
 
 def point_labels(axes: tuple[SweepAxis, ...]) -> list[str]:
@@ -127,27 +127,27 @@ def _axis(path: str, values: tuple[ScalarEntry, ...], study: PreparedStudy) -> S
     declared = "" if entry is None else text_of(entry)
     texts = [value.text for value in values]
     dimension = common_dimension(*texts, *([declared] if declared else []))
-    given = texts if dimension is None else [parse(text, dimension) for text in texts]
-    if len(set(given)) < len(given):
-        twice = next(text for number, text in enumerate(texts) if given[number] in given[:number])
+    points = texts if dimension is None else [parse(text, dimension) for text in texts]
+    if len(set(points)) < len(points):
+        twice = next(text for number, text in enumerate(texts) if points[number] in points[:number])
         raise UnitError(f"{path}: {twice} is given twice; give each value once")
     if dimension is None:
         choices: dict[str, Entry] = dict(zip(texts, values, strict=True))
         if entry is not None and declared:
             choices.setdefault(declared, entry)
         return SweepAxis(path=path, values=tuple(choices.values()), labels=tuple(choices), units="", declared=declared)
-    labels: dict[float, Entry] = dict(zip(cast(list[float], given), values, strict=True))
-    own = parse(declared, dimension) if declared else math.nan
+    labels: dict[float, Entry] = dict(zip(cast(list[float], points), values, strict=True))
+    own_label = parse(declared, dimension) if declared else math.nan
     # Rounding can change the last digit of a range's ends; a value that close is the declared one.
-    if entry is not None and declared and not any(math.isclose(label, own, rel_tol=1e-12) for label in labels):
-        labels[own] = entry
+    if entry is not None and declared and not any(math.isclose(label, own_label, rel_tol=1e-12) for label in labels):
+        labels[own_label] = entry
     ordered = sorted(labels)
     return SweepAxis(
         path=path,
         values=tuple(labels[label] for label in ordered),
         labels=tuple(ordered),
         units=dimension.unit or "1",
-        declared=next((label for label in labels if math.isclose(label, own, rel_tol=1e-12)), ""),
+        declared=next((label for label in labels if math.isclose(label, own_label, rel_tol=1e-12)), ""),
         dimension=dimension,
     )
 

@@ -62,18 +62,19 @@ class FocusStackReader(DepthReader):
         stack = self._stack
         window = odd_window(self.search.window_px)
         sums, lit = [], np.ones(pictures[stack[0].name].values.shape, bool)
-        for one in stack:
-            picture = pictures[one.name]
-            scale = one.image_distance / stack[0].image_distance
+        for exposure in stack:
+            picture = pictures[exposure.name]
+            scale = exposure.image_distance / stack[0].image_distance
             seen = _scaled(_gradient_energy(np.where(picture.pure, picture.values, np.nan)), scale)
             lit &= np.isfinite(seen)
+            # A pixel without light would spoil every window that contains it; `lit` excludes the pixel itself.
+            energies = np.stack([seen, _scaled(_noise_energy(picture.variance), scale)])
+            energies[:, ~np.all(np.isfinite(energies), axis=0)] = 0.0
             # Magnification reduces gradients.
-            both = np.stack([seen, _scaled(_noise_energy(picture.variance), scale)])
-            both[:, ~np.all(np.isfinite(both), axis=0)] = 0.0
-            sums.append(window_sum(both, window) * (scale / window) ** 2)
+            sums.append(window_sum(energies, window) * (scale / window) ** 2)
         energy, noise = np.stack(sums, axis=1).astype(np.float64)
         signals = energy - noise
-        inverse = 1.0 / np.array([one.focus_distance for one in stack])
+        inverse = 1.0 / np.array([exposure.focus_distance for exposure in stack])
         best = np.argmax(signals, axis=0)
         middle = np.clip(best, 1, len(stack) - 2)
         three = middle + np.array([-1, 0, 1])[:, np.newaxis, np.newaxis]
@@ -103,7 +104,7 @@ class FocusStackReader(DepthReader):
         stack = self._stack
         first = stack[0].name
         depth = np.where(pure[first], depths[first], np.nan)
-        ends = sorted(one.focus_distance for one in stack)
+        ends = sorted(exposure.focus_distance for exposure in stack)
         return TrueDepth(depth=depth, measurable=lies_within(depth, ends[0], ends[-1]))
 
 
@@ -129,9 +130,9 @@ def _scaled(values: Samples, scale: float) -> Samples:
     if scale == 1.0:
         return values
     index = [np.rint((np.arange(n) + 0.5 - n / 2.0) * scale + n / 2.0 - 0.5).astype(np.intp) for n in values.shape]
-    inside = [(one >= 0) & (one < n) for one, n in zip(index, values.shape, strict=True)]
-    found = values[np.ix_(*(np.clip(one, 0, n - 1) for one, n in zip(index, values.shape, strict=True)))]
-    return np.where(inside[0][:, np.newaxis] & inside[1][np.newaxis, :], found, np.nan).astype(values.dtype)
+    inside = [(places >= 0) & (places < n) for places, n in zip(index, values.shape, strict=True)]
+    picked = values[np.ix_(*(np.clip(places, 0, n - 1) for places, n in zip(index, values.shape, strict=True)))]
+    return np.where(inside[0][:, np.newaxis] & inside[1][np.newaxis, :], picked, np.nan).astype(values.dtype)
 
 
 def _vertex(x: Samples, y: Samples) -> tuple[Samples, Samples, Samples]:

@@ -110,7 +110,7 @@ def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scali
     Light behind the array (Galilean) covers it up to a distance, and light in front (Keplerian) from a distance on,
     whatever the focal lengths of the microlenses.
     """
-    found = []
+    ranges = []
     for keplerian in (False, True):
         if not keplerian and 2.0 * PAIR_COVERING_RADIUS * array.pitch * lens.pupil_ratio > lens.pupil_diameter:
             continue
@@ -128,10 +128,10 @@ def _covered(lens: Lens, array: MicrolensArray, mla_distance: float, depth_scali
         if shift > 0.0:
             covering = depth_scaling.metric(object_distance(shift, lens.focal_length))
             distance = pretty(float(covering), LENGTH, 4)
-            found.append(f"from {distance}" if keplerian else f"up to {distance}")
+            ranges.append(f"from {distance}" if keplerian else f"up to {distance}")
         elif not keplerian:
             return "everywhere"
-    return " and ".join(found) or "nowhere"
+    return " and ".join(ranges) or "nowhere"
 
 
 def _counted(least_lit_share: float) -> str:
@@ -304,10 +304,10 @@ class FocusedPlenoptic(PlenopticCamera):
         v2 = self._virtual_depth_of(a) ** 2
         with np.errstate(divide="ignore", invalid="ignore"):  # v = 0: an image on the array
             baseline = self.estimator_baseline(distance)
-            found = (1.0 + focus_shift(a, f) / f) ** 2 * f * baseline / (self.microlenses.gap * v2)
+            equivalent = (1.0 + focus_shift(a, f) / f) ** 2 * f * baseline / (self.microlenses.gap * v2)
             if not self.depth_scaling.is_identity:
-                found *= np.square(np.asarray(distance) / a) / self.depth_scaling.slope(a)
-            return np.asarray(found)
+                equivalent *= np.square(np.asarray(distance) / a) / self.depth_scaling.slope(a)
+            return np.asarray(equivalent)
 
     def blur_px(self, distance: ArrayLike) -> FloatArray:
         """Geometric blur of each type's micro-image, ``D |1/v − 1/v₀|`` [px]; shape (types, …), D the lens diameter."""
@@ -323,13 +323,13 @@ class FocusedPlenoptic(PlenopticCamera):
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
         """Conditions on virtual depth and on availability; without enough microlenses there is no depth."""
         value, bound = self.availability(distance), criteria.availability or 0.0
-        found = {"availability": Limit(value=value, bound=bound, met=(value >= bound) & (value > 0.0))}
+        limits = {"availability": Limit(value=value, bound=bound, met=(value >= bound) & (value > 0.0))}
         if criteria.virtual_depth is not None:
             value = np.abs(self.virtual_depth(distance))
-            found["total_covering_plane"] = Limit(
+            limits["total_covering_plane"] = Limit(
                 value=value, bound=criteria.virtual_depth, met=value >= criteria.virtual_depth * (1.0 - 1e-9)
             )
-        return found
+        return limits
 
     def least_sharp_type(self, distance: ArrayLike) -> NDArray[np.intp]:
         """Index of the least sharp type that the estimator needs; for neighbours, the second sharpest."""
@@ -361,7 +361,7 @@ class FocusedPlenoptic(PlenopticCamera):
             relay=np.ones_like(modelled),
         )
         micro_image = min(array.pitch, pupil * array.gap / z)
-        found = PictureGeometry(
+        geometry = PictureGeometry(
             distance=modelled,
             magnification=image / from_pupil * relay,
             sample_pitch=pixel,
@@ -390,8 +390,8 @@ class FocusedPlenoptic(PlenopticCamera):
             micro_image_diameter=micro_image,
         )
         if self.depth_scaling.is_identity:
-            return found
-        return replace(found, distance=a, magnification=found.magnification * modelled / a)
+            return geometry
+        return replace(geometry, distance=a, magnification=geometry.magnification * modelled / a)
 
     @property
     def left_out(self) -> str:
@@ -419,7 +419,7 @@ class FocusedPlenoptic(PlenopticCamera):
         baseline = self.estimator_baseline(z)
         if not self.depth_scaling.is_identity:
             modelled = self.modelled_distance(z)
-            x, y, z = (np.asarray(one) * (modelled / np.asarray(z)) for one in (x, y, z))  # along the ray
+            x, y, z = (np.asarray(coordinate) * (modelled / np.asarray(z)) for coordinate in (x, y, z))  # along the ray
         errors, geometry = self.with_known(errors), self.geometry
         place = geometry.place_of(errors, x, y, z)
         a_L = geometry.microlens_object_distance(errors, place, z)
@@ -462,8 +462,8 @@ class FocusedPlenoptic(PlenopticCamera):
     def depth_at(self, inverse_virtual_depth: FloatArray, place: FloatArray, distance: FloatArray) -> FloatArray:
         """Depth [m] measured at places on the sensor (2, …) [m] from 1/v there, near distances [m]; see `believe`."""
         apart = self.estimator_baseline(distance) * (1.0 + inverse_virtual_depth)
-        read, valid = self.believe({}, (apart, place[0], place[1]), distance)
-        return depth_of_inverse(np.where(valid, read, np.nan))
+        inverse, valid = self.believe({}, (apart, place[0], place[1]), distance)
+        return depth_of_inverse(np.where(valid, inverse, np.nan))
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Disparity of the two micro-images of a corner, and their position on the array."""

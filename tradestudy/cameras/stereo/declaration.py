@@ -157,17 +157,18 @@ def _of_rig(rig: ImportedRig) -> Iterator[Stated]:
     if (pixels := rig.left.pixels or rig.right.pixels) is not None:
         key = (rig.left if rig.left.pixels else rig.right).keys["pixels"]
         yield Stated(path=("sensor", "pixels"), value=list(pixels), key=key)
-        if (other := rig.right.pixels) not in (None, pixels):
-            assert other is not None
-            yield Stated(path=("right_sensor", "pixels"), value=list(other), key=rig.right.keys["pixels"])
+        if (right_pixels := rig.right.pixels) not in (None, pixels):
+            assert right_pixels is not None
+            yield Stated(path=("right_sensor", "pixels"), value=list(right_pixels), key=rig.right.keys["pixels"])
     yield _pitch(rig.keys["translation"])
     yield from conventions_stated(rig.conventions)
-    said = [{(one.name, one.says) for one in camera.conventions} for camera in (rig.left, rig.right)]
+    said = [{(entry.name, entry.says) for entry in camera.conventions} for camera in (rig.left, rig.right)]
     shared = said[0] & said[1]
-    yield from conventions_stated(tuple(one for one in rig.left.conventions if (one.name, one.says) in shared))
+    of_both = tuple(entry for entry in rig.left.conventions if (entry.name, entry.says) in shared)
+    yield from conventions_stated(of_both)
     for side, camera in (("left", rig.left), ("right", rig.right)):
-        own = tuple(one for one in camera.conventions if (one.name, one.says) not in shared)
-        yield from conventions_stated(own, f"{side} ")
+        of_side = tuple(entry for entry in camera.conventions if (entry.name, entry.says) not in shared)
+        yield from conventions_stated(of_side, f"{side} ")
 
 
 def _pitch(key: str) -> Stated:
@@ -298,14 +299,14 @@ class StereoDeclaration(DepthCameraDeclaration):
             if not has_lens:
                 yield MistakeAt(("lenses",), "give exactly one of focal_length and field_of_view")
             return
-        given = "the geometry of the calibrated pair determines it; remove it, or remove the geometry (geometry: null)"
+        what = "the geometry of the calibrated pair determines it; remove it, or remove the geometry (geometry: null)"
         if has_lens:
-            name = "focal_length" if self.lenses.focal_length is not None else "field_of_view"
-            yield MistakeAt(("lenses", name), given)
+            key = "focal_length" if self.lenses.focal_length is not None else "field_of_view"
+            yield MistakeAt(("lenses", key), what)
         if self.baseline is not None:
-            yield MistakeAt(("baseline",), given)
+            yield MistakeAt(("baseline",), what)
         if "convergence_distance" in self.model_fields_set:
-            yield MistakeAt(("convergence_distance",), given)
+            yield MistakeAt(("convergence_distance",), what)
         if self.principal_distance == "focused":
             yield MistakeAt(("principal_distance",), "a calibration in pixels determines it; remove it")
 
@@ -322,12 +323,12 @@ class StereoDeclaration(DepthCameraDeclaration):
     @model_validator(mode="after")
     def _lens_model_of_the_import(self) -> Self:
         fitted, corners = self.read_as.get(FITTED_LENS), self.calibration.corners
-        if fitted and corners is not None and (own := fitted_words(corners.lens_model)) != fitted:
+        if fitted and corners is not None and (declared := fitted_words(corners.lens_model)) != fitted:
             raise MistakeAt(
                 ("calibration", "corners", "lens_model"),
-                f"is {own}, but the focal length, the baseline and the disparity error of this camera come from a fit "
-                f"of {fitted}; import the corners with from: in the same camera of the study file that declares the "
-                "lens model",
+                f"is {declared}, but the focal length, the baseline and the disparity error of this camera come from a "
+                f"fit of {fitted}; import the corners with from: in the same camera of the study file that declares "
+                "the lens model",
             )
         return self
 
@@ -339,9 +340,9 @@ class StereoDeclaration(DepthCameraDeclaration):
             )
         if self.distortion is not None and self.lenses.field_of_view is not None:
             raise MistakeAt(("lenses", "field_of_view"), "for lenses with distortion, give a focal_length instead")
-        both = () if self.geometry is None else (self.geometry.left.distortion, self.geometry.right.distortion)
-        given = (self.distortion, *both)
-        without = [one.model for one in given if one and not {*RADIAL} <= {*one.family.coefficient_names()}]
+        pair = () if self.geometry is None else (self.geometry.left.distortion, self.geometry.right.distortion)
+        lenses = (self.distortion, *pair)
+        without = [lens.model for lens in lenses if lens and not {*RADIAL} <= {*lens.family.coefficient_names()}]
         fitted = None if self.calibration.corners is None else self.calibration.corners.lens_model
         without += [fitted.model] if fitted and not {*RADIAL} <= {*fitted.fitted} else []
         errors = {"errors": self.calibration.errors, "ageing": self.calibration.stability.ageing}
@@ -355,6 +356,8 @@ class StereoDeclaration(DepthCameraDeclaration):
     def _of_an_unequal_pair(self) -> Self:
         said, right = self.read_as.get(RIGHT_SIZE), self.right_sensor
         size = "" if right is None else size_words(right.pixels)
+        # A vertical pair states its size as taken and then as rotated, which counts. With the space, 1640 × 400 does
+        # not end like 640 × 400.
         if said and not f" {said}".endswith(f" {size or '?'}"):
             raise MistakeAt(
                 ("right_sensor", "pixels"),
@@ -384,15 +387,15 @@ class StereoDeclaration(DepthCameraDeclaration):
             for name, error in part.given().items():
                 values = [getattr(error, key) for key in error.model_fields_set & _OF_LENGTH]
                 is_of_right = isinstance(error, LengthOrPixelsDistribution) and not name.startswith("left_")
-                if is_of_right and not all(isinstance(one, InPixels) for one in values):
+                if is_of_right and not all(isinstance(value, InPixels) for value in values):
                     raise MistakeAt(
                         ("calibration", *where, name), "the two cameras have different pixels; give this error in px"
                     )
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """As for every part, except what the geometry of a calibrated pair determines."""
-        known = () if self.geometry is None else (("convergence_distance",), ("distortion",))
-        yield from (one for one in super().assumed() if one[0] not in known)
+        determined = () if self.geometry is None else (("convergence_distance",), ("distortion",))
+        yield from (assumption for assumption in super().assumed() if assumption[0] not in determined)
 
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
@@ -406,15 +409,15 @@ class StereoDeclaration(DepthCameraDeclaration):
         A calibrated pair measures depth with its own geometry. Its design has the `common_focal_length`, the lens
         model of its left camera and, if the axes converge by more than a twentieth of the field of view, their angle.
         """
-        sensor, geometry, other = self.sensor.sensor(), self.geometry, self.right_sensor
+        sensor, geometry, right_part = self.sensor.sensor(), self.geometry, self.right_sensor
         right = (
             None
-            if other is None
+            if right_part is None
             else replace(
                 sensor,
-                columns=other.pixels[0],
-                rows=other.pixels[1],
-                pixel_pitch=other.pixel_pitch or sensor.pixel_pitch,
+                columns=right_part.pixels[0],
+                rows=right_part.pixels[1],
+                pixel_pitch=right_part.pixel_pitch or sensor.pixel_pitch,
             )
         )
         calibrated = None if geometry is None else geometry.pair

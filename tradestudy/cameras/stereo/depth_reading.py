@@ -83,6 +83,7 @@ def row_alignment(left: Samples, right: Samples, steps: range, library: Any) -> 
         return np.asarray(base @ coefficients - offsets)
 
     fit = least_squares(residuals, start, loss="cauchy", f_scale=_SCATTER_PX)
+    # The standard deviation of normal residuals, which outliers hardly change.
     scatter = 1.4826 * float(np.median(np.abs(fit.fun)))
     agreeing = float(np.mean(np.abs(fit.fun) < _AGREEMENT_PX))
     border = _basis(np.stack(np.meshgrid(*np.linspace(hull[0], hull[1], 5).T), axis=-1).reshape(-1, 2), left.shape)
@@ -101,7 +102,7 @@ def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple
     """Patches of the left picture that are found in the right one: their row and column there, and row offset [px]."""
     reach = max(_LEAST_REACH_PX, math.ceil(_LARGEST_OFFSET * max(left.shape)))
     high, wide = _HALF_PATCH + reach, _HALF_PATCH
-    first, second = (np.nan_to_num(one).astype(np.float32) for one in (left, right))
+    first, second = (np.nan_to_num(picture).astype(np.float32) for picture in (left, right))
     lit = np.isfinite(left), np.isfinite(right)
     rows, columns = left.shape
     places, offsets = [], []
@@ -116,6 +117,7 @@ def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple
             down, along = map(int, np.unravel_index(int(np.argmax(alike)), alike.shape))
             if alike[down, along] < _LEAST_CORRELATION or not _is_lone_peak(alike.max(axis=1)):
                 continue
+            # The vertex of the parabola through three correlations; a lone peak has neighbours on both sides.
             above, peak, below = alike[down - 1 : down + 2, along].astype(float)
             places.append((row, start + wide + along))
             offsets.append(down - reach + 0.5 * (above - below) / (above - 2.0 * peak + below))
@@ -159,8 +161,8 @@ def _interpolated(picture: Samples, place: Samples, *, order: Literal[1, 3]) -> 
     from scipy.ndimage import map_coordinates
 
     missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
-    found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=order, mode="nearest")
-    return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
+    values = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=order, mode="nearest")
+    return np.where(missing > 0.0, np.nan, values).astype(picture.dtype)
 
 
 _LEAST_SHARE: Final = 0.5  # of a window that both pictures must show
@@ -202,7 +204,7 @@ class PairReader(DepthReader):
     @cached_property
     def _exposures(self) -> Mapping[str, SingleLensExposure]:
         """The geometry of both pictures, which does not depend on the distance in focus."""
-        return {one.name: one for one in self.camera.exposures(self.search.far, {}, None, 0.0)}
+        return {exposure.name: exposure for exposure in self.camera.exposures(self.search.far, {}, None, 0.0)}
 
     @cached_property
     def _pinhole(self) -> tuple[float, float, float]:
@@ -212,9 +214,9 @@ class PairReader(DepthReader):
         both sensors see in their middle.
         """
         sensor, seen = self._grid, []
-        for one in self._exposures.values():
-            cones = one.cones(np.zeros(1), np.zeros(1))
-            x, y, z = np.array(one.pose.rotation) @ np.append(cones.slope[:, 0], 1.0)
+        for exposure in self._exposures.values():
+            cones = exposure.cones(np.zeros(1), np.zeros(1))
+            x, y, z = np.array(exposure.pose.rotation) @ np.append(cones.slope[:, 0], 1.0)
             seen.append((x / z, y / z))
         scales = [self._scale_of(side) for side in SIDES]
         c = min(scales) if self.camera.unequal else float(np.mean(scales))
@@ -228,8 +230,8 @@ class PairReader(DepthReader):
 
     def _scale_of(self, side: str) -> float:
         """Scale of a picture on the axis [px]."""
-        one = self._exposures[side]
-        return math.sqrt(math.prod(one.scales)) * one.distortion.scale_on_axis / one.sensor.pixel_pitch
+        exposure = self._exposures[side]
+        return math.sqrt(math.prod(exposure.scales)) * exposure.distortion.scale_on_axis / exposure.sensor.pixel_pitch
 
     @property
     def _scale(self) -> float:
@@ -285,10 +287,11 @@ class PairReader(DepthReader):
         disparity, deviation = np.full_like(left, np.nan), np.full_like(left, np.nan)
         reason = np.zeros(left.shape, np.uint8)
         for top, begin in itertools.product(range(0, left.shape[0], _TILE), range(0, left.shape[1], _TILE)):
-            own = (slice(top, top + _TILE), slice(begin, begin + _TILE))
-            found = self._tile((left, noise[0]), (right, noise[1]), start, own)
-            disparity[own], deviation[own], reason[own] = found.disparity, found.deviation, found.reason
+            tile = (slice(top, top + _TILE), slice(begin, begin + _TILE))
+            matches = self._tile((left, noise[0]), (right, noise[1]), start, tile)
+            disparity[tile], deviation[tile], reason[tile] = matches.disparity, matches.deviation, matches.reason
         unknown = ~np.isfinite(start)
+        # Where even the smallest disparity leads out of the right picture.
         unseen = ~np.isfinite(_moved(right, self._steps[0], (0, left.shape[1])))
         reason[unknown] = np.where(unseen[unknown], Reason.NO_PARTNER, Reason.NO_MATCH)
         reason[np.isnan(left)] = Reason.NO_LIGHT
@@ -309,24 +312,24 @@ class PairReader(DepthReader):
         left: tuple[Samples, Samples],
         right: tuple[Samples, Samples],
         start: Samples,
-        own: tuple[slice, slice],
+        tile: tuple[slice, slice],
     ) -> Matches:
         """Disparity in a part of the left picture, to fractions of a pixel, from both pictures and their variances.
 
         Only steps near those of semi-global matching are computed, which are few in so small a part.
         """
         window = odd_window(self.search.window_px)
-        low, high = (max(0, one.start - window) for one in own), (one.stop + window for one in own)
+        low, high = (max(0, part.start - window) for part in tile), (part.stop + window for part in tile)
         rows, columns = (slice(*ends) for ends in zip(low, high, strict=True))
-        picture, variance, start = (one[rows, columns] for one in (*left, start))
+        picture, variance, start = (values[rows, columns] for values in (*left, start))
         across = (columns.start, columns.start + picture.shape[1])
-        other, other_variance = (one[rows] for one in right)
+        right_picture, right_variance = (values[rows] for values in right)
 
         def difference(step: int) -> tuple[Samples, Samples, BoolArray]:
-            found = _moved(other, step, across) - picture
-            return found, variance + _moved(other_variance, step, across), np.isfinite(found)
+            change = _moved(right_picture, step, across) - picture
+            return change, variance + _moved(right_variance, step, across), np.isfinite(change)
 
-        found = match_windows(
+        wider = match_windows(
             [PairOfPictures(gradient=gradient_along(picture, (-1.0, 0.0)), difference=difference)],
             self._near(start),
             window=window,
@@ -334,9 +337,9 @@ class PairReader(DepthReader):
             largest_deviation=self.search.largest_deviation_px,
             start=start,
         )
-        first = [one.start - part.start for one, part in zip(own, (rows, columns), strict=True)]
+        first = [wanted.start - part.start for wanted, part in zip(tile, (rows, columns), strict=True)]
         inner = tuple(slice(k, k + _TILE) for k in first)
-        return Matches(disparity=found.disparity[inner], deviation=found.deviation[inner], reason=found.reason[inner])
+        return Matches(disparity=wider.disparity[inner], deviation=wider.deviation[inner], reason=wider.reason[inner])
 
     def _near(self, start: Samples) -> range:
         """The disparities to search [px] around those known in advance: at least six."""
@@ -355,40 +358,41 @@ class PairReader(DepthReader):
         """
         cv2 = _opencv()
         steps = self._steps
-        both = np.concatenate([left.ravel(), right.ravel()])
-        dark, bright = np.nanpercentile(both, (1.0, 99.0))
+        values = np.concatenate([left.ravel(), right.ravel()])
+        dark, bright = np.nanpercentile(values, (1.0, 99.0))
         scale = (_GREYS[1] - _GREYS[0]) / max(float(bright - dark), 1e-12)
         count = -(-len(steps) // _OPENCV_STEP) * _OPENCV_STEP
         # OpenCV skips pixels so close to the left edge that some disparities would leave the right picture.
         margin = max(0, steps[0] + count)
         greys = [
             np.pad(
-                np.clip(np.nan_to_num(_GREYS[0] + (one - dark) * scale), 0, 255).astype(np.uint8),
+                np.clip(np.nan_to_num(_GREYS[0] + (picture - dark) * scale), 0, 255).astype(np.uint8),
                 ((0, 0), (margin, 0)),
             )
-            for one in (left, right)
+            for picture in (left, right)
         ]
         block = min(odd_window(self.search.window_px), _LARGEST_BLOCK)
         matcher = cv2.StereoSGBM_create(
             minDisparity=steps[0],
             numDisparities=count,
             blockSize=block,
+            # As OpenCV recommends for pictures with one channel.
             P1=8 * block**2,
             P2=32 * block**2,
             disp12MaxDiff=1,
             uniquenessRatio=5,
         )
-        found = np.asarray(matcher.compute(*greys), np.float32)[:, margin:] / _OPENCV_STEP
-        return np.where(found >= steps[0], found, np.nan)
+        disparity = np.asarray(matcher.compute(*greys), np.float32)[:, margin:] / _OPENCV_STEP
+        return np.where(disparity >= steps[0], disparity, np.nan)
 
     @cached_property
     def _needs_no_rectification(self) -> bool:
         """Whether the pictures are rectified as taken."""
         rectified = {
-            one.pose.rotation == AT_ORIGIN.rotation and one.distortion == IDEAL and one.principal_point == (0.0, 0.0)
-            for one in self._exposures.values()
+            view.pose.rotation == AT_ORIGIN.rotation and view.distortion == IDEAL and view.principal_point == (0.0, 0.0)
+            for view in self._exposures.values()
         }
-        scales = {scale for one in self._exposures.values() for scale in one.scales}
+        scales = {scale for view in self._exposures.values() for scale in view.scales}
         return rectified == {True} and len(scales) == 1
 
     def _parallel(self, picture: Samples, side: str, order: Literal[1, 3] = 3) -> Samples:
@@ -414,6 +418,7 @@ class PairReader(DepthReader):
         spread = (ratio * ratio - 1.0) / 12.0
         reach = math.ceil(4.0 * math.sqrt(spread))
         kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1)) / spread)
+        # Variances of independent noise add with the squares of the weights.
         kernel = np.power(kernel / kernel.sum(), power)
         for axis in (0, 1):
             picture = correlate1d(picture, kernel, axis=axis, mode="nearest")

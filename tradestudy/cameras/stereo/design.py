@@ -226,12 +226,12 @@ class StereoRig(DepthCamera):
     @property
     def coarser(self) -> tuple[Lens, Sensor]:
         """Lens and sensor of the camera with the wider pixels in angle, which limits what both can match."""
-        return min(self.unequal, key=lambda one: one[0].focal_length / one[1].pixel_pitch, default=self._design)
+        return min(self.unequal, key=lambda own: own[0].focal_length / own[1].pixel_pitch, default=self._design)
 
     @property
     def _blurred_most(self) -> tuple[Lens, Sensor]:
         """Lens and sensor of the camera with the larger blur [px], which grows as f²/(N p)."""
-        return max(self.unequal, key=lambda one: one[0].focal_length ** 2 / one[1].pixel_pitch, default=self._design)
+        return max(self.unequal, key=lambda own: own[0].focal_length ** 2 / own[1].pixel_pitch, default=self._design)
 
     @property
     def _design(self) -> tuple[Lens, Sensor]:
@@ -262,10 +262,10 @@ class StereoRig(DepthCamera):
     @property
     def _edges(self) -> PictureEdges:
         """The edges of the left camera's picture."""
-        known, sensor = self.measured_pair, self.sensor
-        if known is None:
+        pair, sensor = self.measured_pair, self.sensor
+        if pair is None:
             return PictureEdges.of(self.distortion, sensor, (self.principal_distance,) * 2)
-        left = known.cameras[0]
+        left = pair.cameras[0]
         return PictureEdges.of(left.lens, sensor, *left.on_sensor(sensor))
 
     @property
@@ -309,9 +309,9 @@ class StereoRig(DepthCamera):
 
     def exported(self, fitted: CalibratedPair | None = None) -> ImportedRig:
         """The fitted pair, else the calibrated one, else that of the design."""
-        found = self.measured_pair if fitted is None else fitted
-        if found is not None:
-            return rig_of_calibration(found, (self.sensor.columns, self.sensor.rows), self.right_pixels)
+        pair = self.measured_pair if fitted is None else fitted
+        if pair is not None:
+            return rig_of_calibration(pair, (self.sensor.columns, self.sensor.rows), self.right_pixels)
         return rig_of_design(self.pair, self.sensor)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
@@ -369,8 +369,8 @@ class StereoRig(DepthCamera):
         z, moved = np.broadcast_arrays(
             np.asarray(distance, dtype=np.float64), np.asarray(disparity) - self.disparity(distance)
         )
-        read = self.calibration.measurement(z.ravel(), 0.0, {PIXEL_NOISE: moved.reshape(1, -1)}, None)
-        return np.where(read.no_overlap | read.out_of_range, np.nan, read.inverse_depth).reshape(z.shape)
+        measured = self.calibration.measurement(z.ravel(), 0.0, {PIXEL_NOISE: moved.reshape(1, -1)}, None)
+        return np.where(measured.no_overlap | measured.out_of_range, np.nan, measured.inverse_depth).reshape(z.shape)
 
     def overlap(self, distance: ArrayLike) -> FloatArray:
         """Share of each picture's width at a distance that the other camera also sees; see `shared_view`.
@@ -399,11 +399,11 @@ class StereoRig(DepthCamera):
         if self.calibration.measurement is not None:  # of equal parallel cameras, both see the axis if views overlap
             means = {name: np.full((1, 1), mean) for name, mean in self.calibration.means.items()}
             met &= ~self.measured_depth(distance.ravel(), 0.0, means).no_overlap.reshape(distance.shape)
-        found = {"overlap": Limit(value=value, bound=bound, met=met)}
+        limits = {"overlap": Limit(value=value, bound=bound, met=met)}
         if (largest := self.disparity_range_px) is not None:
             disparity = (self.disparity(distance) - self.disparity_of_infinity(distance)) / self.sample_pitch
-            found["disparity_range"] = Limit(value=disparity, bound=largest, met=disparity <= largest)
-        return found
+            limits["disparity_range"] = Limit(value=disparity, bound=largest, met=disparity <= largest)
+        return limits
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """The picture through one lens, equal for both or the coarser; the window may be as large as the sensor."""
@@ -519,15 +519,15 @@ class StereoRig(DepthCamera):
         """Whether each corner lies on the sensor, for both of its coordinates alike."""
         half = np.array([self.sensor.columns, self.sensor.rows] * 2) / 2.0
         inside = np.abs(observed_px) <= half
-        each = np.stack([np.all(inside[..., :2], axis=-1), np.all(inside[..., 2:], axis=-1)], axis=-1)
-        return np.repeat(each, 2, axis=-1)
+        in_pictures = np.stack([np.all(inside[..., :2], axis=-1), np.all(inside[..., 2:], axis=-1)], axis=-1)
+        return np.repeat(in_pictures, 2, axis=-1)
 
     def properties(self) -> Properties:
         """Lens, sensor and baseline; the principal distance and the thin-lens image distance."""
         focus, lens, pair = self.focus_distance, self.lens, self.calibrated_pair
         lenses = [(self.distortion, "lens model")]
         if pair is not None:
-            lenses = [(own, f"{side} lens model") for own, side in zip(pair.lenses, SIDES, strict=True)]
+            lenses = [(model, f"{side} lens model") for model, side in zip(pair.lenses, SIDES, strict=True)]
         return (
             ("focal length", DerivedValue(lens.focal_length, LENGTH)),
             ("principal distance", DerivedValue(self.principal_distance, LENGTH)),
@@ -559,16 +559,18 @@ class StereoRig(DepthCamera):
 
         The two differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its noise.
         """
-        found = lens_contradictions(self.lens, self.sensor, stated, self._edges.fields_of_view, "lenses")
+        contradictions = lens_contradictions(self.lens, self.sensor, stated, self._edges.fields_of_view, "lenses")
         if stated is not None and stated.nearest_distance is not None and self.disparity_range_px is not None:
-            found += nearest_contradictions(stated.nearest_distance, self.nearest_distance, self.disparity_range_px)
+            contradictions += nearest_contradictions(
+                stated.nearest_distance, self.nearest_distance, self.disparity_range_px
+            )
         focus = self.focus_distance
         if self.principal_distance_rule != "focal_length" or focus is None or math.isinf(focus):
-            return found
+            return contradictions
         if self.calibrated_pair is not None:
-            return found  # the calibration gives the principal distance itself
+            return contradictions  # the calibration gives the principal distance itself
         focused = self.lens.principal_distance(self.sensor_distance(focus))
-        return found + focus_contradictions(self.lens.focal_length, focused, focus, tolerance)
+        return contradictions + focus_contradictions(self.lens.focal_length, focused, focus, tolerance)
 
     @property
     def one_pixel_distance(self) -> float:

@@ -164,7 +164,7 @@ def pair_poses(pair: Pair, errors: Errors) -> tuple[Pose, Pose]:
 
 def pair_interior(pair: Pair, errors: Errors, side: str) -> tuple[float, tuple[float, float], LensModel]:
     """Principal distance [m], principal point [m] and lens model of one camera for one value of each error."""
-    principal_distance, x, y = (float(one) for one in _interior(pair, errors, side))
+    principal_distance, x, y = (float(value) for value in _interior(pair, errors, side))
     return principal_distance, (x, y), _distortion(pair, errors, side)
 
 
@@ -352,13 +352,13 @@ class View:
 
 def views_of_design(pair: Pair, errors: Errors) -> tuple[View, ...]:
     """Both cameras of a designed pair that deviates from its design by one value of each error."""
-    found = []
+    views = []
     for side, pose in zip(SIDES, pair_poses(pair, errors), strict=True):
         distance, point, distortion = pair_interior(pair, errors, side)
-        found.append(
+        views.append(
             View(pose=pose, principal_distances=(distance, distance), principal_point=point, distortion=distortion)
         )
-    return tuple(found)
+    return tuple(views)
 
 
 def views_of_calibration(pair: CalibratedPair, sensors: tuple[Sensor, Sensor]) -> tuple[View, ...]:
@@ -383,7 +383,7 @@ def views_of_calibration(pair: CalibratedPair, sensors: tuple[Sensor, Sensor]) -
     sine = float(np.linalg.norm(across))
     turn = Rotation.from_rotvec(across / sine * math.atan2(sine, to_right[0]) if sine > 0.0 else np.zeros(3))
     views = []
-    for side, own, camera, sensor, relative in zip(
+    for side, half_turn, camera, sensor, relative in zip(
         (-1.0, 1.0),
         (half, half.inv()),
         pair.cameras,
@@ -394,7 +394,7 @@ def views_of_calibration(pair: CalibratedPair, sensors: tuple[Sensor, Sensor]) -
         distances, point = camera.on_sensor(sensor)
         views.append(
             View(
-                pose=pose_of(np.array([side * baseline / 2.0, 0.0, 0.0]), (turn * own).as_matrix()),
+                pose=pose_of(np.array([side * baseline / 2.0, 0.0, 0.0]), (turn * half_turn).as_matrix()),
                 principal_distances=distances,
                 principal_point=point,
                 distortion=camera.lens,

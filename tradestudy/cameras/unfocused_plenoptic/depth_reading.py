@@ -97,22 +97,22 @@ class ViewsReader(DepthReader):
         pixel = place * camera.microlenses.gap / camera.principal_distance / camera.sensor.pixel_pitch
         values = np.where(picture.pure, picture.values, np.float32(np.nan))
         row, column, shape = self._places
-        found = np.full(shape, np.nan, np.float32)
-        found[row, column] = sampled(values, grid.image_centre + pixel[:, np.newaxis])
-        return self._straightened(found)
+        view = np.full(shape, np.nan, np.float32)
+        view[row, column] = sampled(values, grid.image_centre + pixel[:, np.newaxis])
+        return self._straightened(view)
 
-    def _straightened(self, found: Samples) -> Samples:
+    def _straightened(self, view: Samples) -> Samples:
         """Rows that the lattice shifts by half a sample, interpolated onto the regular grid by cubics."""
         skew, _ = LATTICES[self.camera.microlenses.layout].second_vector
         if skew == 0.0:
-            return found
-        odd = np.flatnonzero((np.arange(found.shape[0]) + self._grid.low[1]) % 2 == 1)
-        wide = np.pad(found[odd], ((0, 0), (2, 1)), constant_values=np.nan)
-        weights = cubic_weights(0.5).astype(found.dtype)
-        columns = found.shape[1]
+            return view
+        odd = np.flatnonzero((np.arange(view.shape[0]) + self._grid.low[1]) % 2 == 1)
+        wide = np.pad(view[odd], ((0, 0), (2, 1)), constant_values=np.nan)
+        weights = cubic_weights(0.5).astype(view.dtype)
+        columns = view.shape[1]
         # Sample j of an odd row lies at j + ½, so position j lies between samples j − 1 and j.
-        found[odd] = sum(weights[k] * wide[:, k : k + columns] for k in range(4))
-        return found
+        view[odd] = sum(weights[k] * wide[:, k : k + columns] for k in range(4))
+        return view
 
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
         """Depth at every microlens with enough views."""
@@ -123,17 +123,17 @@ class ViewsReader(DepthReader):
         pairs = [self._pair(picture, template, u) for u in self._half_pairs]
         ends = np.sort(camera.disparity_px(np.array([self.search.near, self.search.far])) * self._baseline_ratio)
         steps = range(math.floor(ends[0]) - 2, math.floor(ends[1]) + 4)
-        found = match_windows(
+        matches = match_windows(
             pairs,
             steps,
             window=odd_window(self.search.window_px),
             least_share=_LEAST_SHARE,
             largest_deviation=self.search.largest_deviation_px * min(1.0, self._baseline_ratio),
         )
-        reason = found.reason
+        reason = matches.reason
         reason[np.isnan(middle)] = Reason.NO_LIGHT
-        disparity = np.where(reason == Reason.MEASURED, found.disparity, np.nan) / self._baseline_ratio
-        deviation = np.where(reason == Reason.MEASURED, found.deviation, np.nan) / self._baseline_ratio
+        disparity = np.where(reason == Reason.MEASURED, matches.disparity, np.nan) / self._baseline_ratio
+        deviation = np.where(reason == Reason.MEASURED, matches.deviation, np.nan) / self._baseline_ratio
         depth = self._depth(disparity * camera.sample_pitch)
         reason[(reason == Reason.MEASURED) & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
         depth = np.where(reason == Reason.MEASURED, depth, np.nan)
@@ -153,13 +153,13 @@ class ViewsReader(DepthReader):
         row, column, shape = self._places
         x, y = np.full((2, *shape), np.nan)
         x[row, column], y[row, column] = self._grid.on_sensor(self._grid.centre)
-        seen = [np.asarray(one, np.float64) for one in (disparity, self._straightened(x), self._straightened(y))]
-        read, valid = camera.believe({}, (seen[0], seen[1], seen[2]), self.search.far)
-        return depth_of_inverse(np.where(valid, read, np.nan))
+        seen = [np.asarray(values, np.float64) for values in (disparity, self._straightened(x), self._straightened(y))]
+        inverse, valid = camera.believe({}, (seen[0], seen[1], seen[2]), self.search.far)
+        return depth_of_inverse(np.where(valid, inverse, np.nan))
 
     def _pair(self, picture: FlatPicture, template: Samples, place: Samples) -> PairOfPictures:
         """The views through a position on the pupil and the opposite one."""
-        first, second = (_ShiftableView.of(self._view(picture, one)) for one in (-place, place))
+        first, second = (_ShiftableView.of(self._view(picture, position)) for position in (-place, place))
         # The noise varies so slowly over the picture that it need not be shifted with the views.
         noisy = replace(picture, values=picture.variance)
         variance = self._view(noisy, -place) + self._view(noisy, place)
@@ -168,8 +168,8 @@ class ViewsReader(DepthReader):
         gradient = gradient_along(template, (-2.0 * float(per_step[0]), -2.0 * float(per_step[1])))
 
         def difference(step: int) -> tuple[Samples, Samples, BoolArray]:
-            found = second.at(-per_step * step) - first.at(per_step * step)
-            return found, variance, first.seen & second.seen
+            change = second.at(-per_step * step) - first.at(per_step * step)
+            return change, variance, first.seen & second.seen
 
         return PairOfPictures(gradient=gradient, difference=difference)
 
@@ -181,9 +181,9 @@ class ViewsReader(DepthReader):
         x, y = np.rint(self._grid.image_centre).astype(np.intp)
         raw = np.where(pure["raw"], depths["raw"], np.nan)
         inside = (x >= 0) & (y >= 0) & (x < raw.shape[1]) & (y < raw.shape[0])
-        found = np.full(shape, np.nan)
-        found[row[inside], column[inside]] = raw[y[inside], x[inside]]
-        depth = self._straightened(found)
+        on_grid = np.full(shape, np.nan)
+        on_grid[row[inside], column[inside]] = raw[y[inside], x[inside]]
+        depth = self._straightened(on_grid)
         within = self.search.includes(depth)
         disparity = self.camera.disparity_px(np.where(within, depth, self.search.far)) * self._baseline_ratio
         smooth = maximum_filter(disparity, 3) - minimum_filter(disparity, 3) <= _SAME_SURFACE_PX
@@ -214,16 +214,16 @@ class _ShiftableView:
         from scipy import fft
         from scipy.ndimage import binary_erosion, distance_transform_edt
 
-        there = np.isfinite(view)
-        if np.any(there):
-            nearest = distance_transform_edt(~there, return_distances=False, return_indices=True)
+        present = np.isfinite(view)
+        if np.any(present):
+            nearest = distance_transform_edt(~present, return_distances=False, return_indices=True)
             view = view[nearest[0], nearest[1]]
         even = np.concatenate([view, view[::-1]])
         even = np.concatenate([even, even[:, ::-1]], axis=1)
         across, down = fft.rfftfreq(even.shape[1]), fft.fftfreq(even.shape[0])[:, np.newaxis]
         passed = np.exp(-2.0 * np.square(np.pi * _SMOOTHING) * (np.square(across) + np.square(down)))
         spectrum = fft.rfft2(even.astype(np.float32)) * passed.astype(np.float32)
-        return cls(spectrum=spectrum, seen=binary_erosion(there, np.ones((3, 3), bool)))
+        return cls(spectrum=spectrum, seen=binary_erosion(present, np.ones((3, 3), bool)))
 
     def at(self, move: Samples) -> Samples:
         """The view shifted by (x, y) [samples]: each position takes the value at that offset."""
@@ -232,5 +232,5 @@ class _ShiftableView:
         rows, columns = self.seen.shape
         across, down = (fft.rfftfreq(2 * columns), fft.fftfreq(2 * rows))
         turn = np.exp(2j * np.pi * move[1] * down)[:, np.newaxis] * np.exp(2j * np.pi * move[0] * across)
-        found = fft.irfft2(self.spectrum * turn.astype(np.complex64), s=(2 * rows, 2 * columns))
-        return np.asarray(found[:rows, :columns], np.float32)
+        shifted = fft.irfft2(self.spectrum * turn.astype(np.complex64), s=(2 * rows, 2 * columns))
+        return np.asarray(shifted[:rows, :columns], np.float32)

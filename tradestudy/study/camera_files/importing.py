@@ -120,8 +120,8 @@ def recognised(path: Path, content: str | bytes, label: str) -> CameraFile | Non
             return None  # studies and their cameras are YAML too; their reader reports mistakes in them
     fitting = _fitting(file)
     if len(fitting) > 1:
-        names = " and ".join(f"{one.name} (by {', '.join(_signs_in(file, one)) or 'its form'})" for one in fitting)
-        raise file.top.fail(f"the file fits several formats, {names}; remove the keys of all but one")
+        names = [f"{format_.name} (by {', '.join(_signs_in(file, format_)) or 'its form'})" for format_ in fitting]
+        raise file.top.fail(f"the file fits several formats, {' and '.join(names)}; remove the keys of all but one")
     if not fitting and file.syntax != "yaml":
         raise file.top.fail(f"this is not a calibration file of a known format ({known_formats()}){nearest(file.root)}")
     return file if fitting else None
@@ -133,19 +133,19 @@ def nearest(root: Entry) -> str:
     if not names:
         return ""
     keys = {dotted(path) for path, _ in islice(walk(root, ()), _MOST_KEYS)} | {*names}
-    shared = {one: [sign for sign in one.signs if sign in keys] for one in FORMATS}
-    near = sorted((one for one in FORMATS if shared[one]), key=lambda one: -len(shared[one]))[:2]
-    given = f"; it has the keys {', '.join(names[:8])}{', …' if len(names) > 8 else ''}"
+    shared = {format_: [sign for sign in format_.signs if sign in keys] for format_ in FORMATS}
+    near = sorted((format_ for format_ in FORMATS if shared[format_]), key=lambda format_: -len(shared[format_]))[:2]
+    missing = {format_: [sign for sign in format_.signs if sign not in keys] for format_ in near}
+    first_keys = f"; it has the keys {', '.join(names[:8])}{', …' if len(names) > 8 else ''}"
     lacking = (
-        f"{one.name} (has {', '.join(shared[one])}; lacks {', '.join(s for s in one.signs if s not in keys)})"
-        for one in near
+        f"{format_.name} (has {', '.join(shared[format_])}; lacks {', '.join(missing[format_])})" for format_ in near
     )
-    return given + (f"; nearest: {' and '.join(lacking)}" if near else "")
+    return first_keys + (f"; nearest: {' and '.join(lacking)}" if near else "")
 
 
 def known_formats() -> str:
     """Names of all formats, for messages."""
-    return ", ".join(one.name for one in FORMATS)
+    return ", ".join(format_.name for format_ in FORMATS)
 
 
 _SHOWN: Final = {
@@ -181,11 +181,11 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
     formats = [_format_of(file) for file in files]
     first = formats[0]
     assert first is not None  # they were recognised
-    for one, file in zip(formats, files, strict=True):
-        if one is not first:
-            assert one is not None
+    for format_, file in zip(formats, files, strict=True):
+        if format_ is not first:
+            assert format_ is not None
             raise file.top.fail(
-                f"the files have different formats, {first.name} and {one.name}; one format is expected"
+                f"the files have different formats, {first.name} and {format_.name}; one format is expected"
             )
     if first.whole and len(files) > 1:
         raise files[1].top.fail(f"{first.whole}; give one file")
@@ -193,42 +193,42 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
         allowed = (*first.options, "fitted_lens", "pixels")
         if option.name not in allowed and getattr(request, option.name) != option.default:
             raise files[0].top.fail(f"{option.name} does not apply to the format {first.name}; remove it")
-    found = first.read(files, request)
-    kind = next(kind for kind in KINDS if isinstance(found, kind.imports))
-    stated = [*kind.stated_by(found), *conventions_stated(tuple(_further(found, files, request)))]
+    camera = first.read(files, request)
+    kind = next(kind for kind in KINDS if isinstance(camera, kind.imports))
+    stated = [*kind.stated_by(camera), *conventions_stated(tuple(_further(camera, files, request)))]
     names = " and ".join(dict.fromkeys(file.label for file in files))
-    read_as = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
+    read_as = {statement.path[1]: str(statement.value) for statement in stated if statement.path[0] == "read_as"}
     said = (
         ("format", f"{names}: {first.name}"),
-        *_lens_and_baseline(found),
+        *_lens_and_baseline(camera),
         *((topic, label + read_as[name]) for name, (topic, label) in _SHOWN.items() if name in read_as),
-        *((("cameras", ONE_CAMERA),) if isinstance(found, ImportedCamera) else ()),
+        *((("cameras", ONE_CAMERA),) if isinstance(camera, ImportedCamera) else ()),
     )
     return _tree(stated, {key: place for file in files for key, place in file.places.items()}, files[0]), said
 
 
-def _further(found: Imported, files: Sequence[CameraFile], request: Request) -> Iterator[Convention]:
+def _further(camera: Imported, files: Sequence[CameraFile], request: Request) -> Iterator[Convention]:
     """The size of the pictures, inexact rotations, doubts about a single camera, and the keys that are not used."""
-    if isinstance(found, ImportedPlenoptic | ImportedCamera | ImportedParts) and found.pixels is not None:
-        yield size_convention(found)
+    if isinstance(camera, ImportedPlenoptic | ImportedCamera | ImportedParts) and camera.pixels is not None:
+        yield size_convention(camera)
     if inexact := {key: says for file in files for key, says in file.inexact.items()}:
         yield Convention(name=INEXACT_ROTATION, says="; ".join(inexact.values()), key=next(iter(inexact)))
-    if isinstance(found, ImportedCamera):
+    if isinstance(camera, ImportedCamera):
         doubts = {
-            UNUSUAL_MATRIX: unusual_matrix(found),
-            OFF_CENTRE: off_centre({found.name: (found.centre, found.pixels)}),
+            UNUSUAL_MATRIX: unusual_matrix(camera),
+            OFF_CENTRE: off_centre({camera.name: (camera.centre, camera.pixels)}),
         }
         for name, says in doubts.items():
             if says:
-                yield Convention(name=name, says=says, key=found.keys["centre"])
-    yield from unused_keys(files, request, found)
+                yield Convention(name=name, says=says, key=camera.keys["centre"])
+    yield from unused_keys(files, request, camera)
 
 
-def _lens_and_baseline(found: Imported) -> Iterator[tuple[str, str]]:
+def _lens_and_baseline(camera: Imported) -> Iterator[tuple[str, str]]:
     """Lens models, field of view and baseline in words."""
-    cameras = [found] if isinstance(found, ImportedCamera) else []
-    if isinstance(found, ImportedRig):
-        cameras = [found.left, found.right]
+    cameras = [camera] if isinstance(camera, ImportedCamera) else []
+    if isinstance(camera, ImportedRig):
+        cameras = [camera.left, camera.right]
     words = [_lens_words(camera) for camera in cameras]
     if len({*words}) == 1:
         yield "lens model", f"lens model {words[0]}"
@@ -236,16 +236,16 @@ def _lens_and_baseline(found: Imported) -> Iterator[tuple[str, str]]:
         yield "lens model", f"lens models {words[0]} (left) and {words[1]} (right)"
     if angle := _field_of_view(cameras[0]) if cameras else "":
         yield "lens model", f"field of view {angle}"
-    if isinstance(found, ImportedRig | ImportedCorners):
-        baseline = found.baseline if isinstance(found, ImportedCorners) else math.hypot(*found.translation)
+    if isinstance(camera, ImportedRig | ImportedCorners):
+        baseline = camera.baseline if isinstance(camera, ImportedCorners) else math.hypot(*camera.translation)
         yield "lengths", f"baseline {pretty(baseline, LENGTH)}"
 
 
 def _lens_words(camera: ImportedCamera) -> str:
     names = {"rational": "pinhole", "kannala-brandt": "fisheye (Kannala–Brandt)"}
-    name = names.get(camera.lens_model, camera.lens_model)
-    given = " ".join(key for key, value in camera.coefficients.items() if value)
-    return f"{name} with {given}" if given else f"{name} without distortion"
+    model = names.get(camera.lens_model, camera.lens_model)
+    coefficients = " ".join(key for key, value in camera.coefficients.items() if value)
+    return f"{model} with {coefficients}" if coefficients else f"{model} without distortion"
 
 
 def _field_of_view(camera: ImportedCamera) -> str:
@@ -262,35 +262,35 @@ def _field_of_view(camera: ImportedCamera) -> str:
         directions = lens.unproject(edges)
         off_axis = np.arctan2(directions[:, axis], directions[:, 2])
         angles.append(float(off_axis[1] - off_axis[0]))
-    return " × ".join("beyond the lens model" if math.isnan(one) else pretty(one, ANGLE) for one in angles)
+    return " × ".join("beyond the lens model" if math.isnan(angle) else pretty(angle, ANGLE) for angle in angles)
 
 
 def _fitting(file: CameraFile) -> list[Format]:
     """The formats that a file fits; the first general one if it fits no other."""
-    fitting = [one for one in FORMATS if one.recognises(file)]
-    return [one for one in fitting if not one.is_general] or fitting[:1]
+    fitting = [format_ for format_ in FORMATS if format_.recognises(file)]
+    return [format_ for format_ in fitting if not format_.is_general] or fitting[:1]
 
 
 def _format_of(file: CameraFile) -> Format | None:
     return next(iter(_fitting(file)), None)
 
 
-def _signs_in(file: CameraFile, one: Format) -> list[str]:
-    return [sign for sign in one.signs if file.top.has(sign)]
+def _signs_in(file: CameraFile, format_: Format) -> list[str]:
+    return [sign for sign in format_.signs if file.top.has(sign)]
 
 
 def _tree(stated: Sequence[Stated], places: Mapping[str, Place], file: CameraFile) -> MappingEntry:
     """A tree of entries from values with paths."""
     top = file.root.place
     members: dict[str, Member] = {}
-    for one in stated:
-        place = places.get(one.key, top)
-        note = f"{one.key}; {one.note}" if one.note else one.key
-        if one.value is None:
-            _put(members, one.path, Member(place, AskedEntry(place=place, instead=one.instead)))
+    for statement in stated:
+        place = places.get(statement.key, top)
+        note = f"{statement.key}; {statement.note}" if statement.note else statement.key
+        if statement.value is None:
+            _put(members, statement.path, Member(place, AskedEntry(place=place, instead=statement.instead)))
             continue
-        entry = _entry(one.value, place, Annotation(basis=one.basis, note=note))
-        _put(members, one.path, Member(place, entry))
+        entry = _entry(statement.value, place, Annotation(basis=statement.basis, note=note))
+        _put(members, statement.path, Member(place, entry))
     return MappingEntry(place=top, members=members)
 
 

@@ -75,12 +75,14 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     first, second = pair
     if first == second:
         raise top.fail(f"pair: {first} occurs twice; two cameras are expected")
+    # A file may relate the cameras in several ways, which must agree.
     is_chain = any(top.need(name).find(_TRANSFORM) is not None for name in (first, second))
     relations = [*([_between(top, names, pair)] if is_chain else []), *_by_body(top, first, second)]
+    # Without any, this fails at the transform that is missing.
     relations = relations or [_between(top, names, pair)]
     rotation, translation, where = relations[0]
-    for other in relations[1:]:
-        _refuse_contradiction(relations[0], other)
+    for relation in relations[1:]:
+        _refuse_contradiction(relations[0], relation)
     metre, unit = request.metres(where, stated="m", why="the definition of Kalibr's camchain")
     conventions = (
         Convention(name="format", says="Kalibr camchain", key=where.key),
@@ -126,14 +128,14 @@ def _by_body(top: Located, first: str, second: str) -> Iterator[_Relation]:
         yield total[:3, :3], total[:3, 3], values[1]
 
 
-def _refuse_contradiction(read: _Relation, other: _Relation) -> None:
+def _refuse_contradiction(used: _Relation, other: _Relation) -> None:
     """Refuse a second relation of two cameras that differs by more than 1 mrad, or 1 % of the baseline."""
-    baseline, moved = (float(np.linalg.norm(one)) for one in (read[1], other[1] - read[1]))
-    turned = float(np.linalg.norm(other[0] - read[0], 2))
+    baseline, moved = (float(np.linalg.norm(vector)) for vector in (used[1], other[1] - used[1]))
+    turned = float(np.linalg.norm(other[0] - used[0], 2))
     if moved > _AGREES_IN_BASELINE * baseline or turned > _AGREES_IN_ANGLE:
         raise other[2].fail(
             f"by {other[2].last}, the second camera is {moved:.3g} (of a baseline of {baseline:.3g}) and "
-            f"{np.degrees(turned):.2g}° from where {read[2].last} places it; remove the wrong transforms"
+            f"{np.degrees(turned):.2g}° from where {used[2].last} places it; remove the wrong transforms"
         )
 
 
@@ -167,27 +169,27 @@ def _between(top: Located, names: Sequence[str], pair: Sequence[str]) -> tuple[F
 def _camera(value: Located, request: Request) -> ImportedCamera:
     """One camera of the chain."""
     named, intrinsics = value.need("camera_model"), value.need("intrinsics")
-    name = named.text()
-    if name not in _OWN:
-        raise named.fail(f"the camera model '{name[:40]}' is unknown; one of {', '.join(_OWN)} is expected")
-    if request.lens_model and name != "pinhole":
+    camera_model = named.text()
+    if camera_model not in _OWN:
+        raise named.fail(f"the camera model '{camera_model[:40]}' is unknown; one of {', '.join(_OWN)} is expected")
+    if request.lens_model and camera_model != "pinhole":
         raise named.fail(
-            f"the camera model {name} includes its own lens model; remove lens_model: {request.lens_model}"
+            f"the camera model {camera_model} includes its own lens model; remove lens_model: {request.lens_model}"
         )
-    model, own = _OWN[name]
-    numbers = intrinsics.numbers(len(own) + 4)
-    projection, coefficients = pinhole(intrinsics, *numbers[len(own) :]), dict(zip(own, numbers, strict=False))
+    model, leading = _OWN[camera_model]
+    numbers = intrinsics.numbers(len(leading) + 4)
+    projection, coefficients = pinhole(intrinsics, *numbers[len(leading) :]), dict(zip(leading, numbers, strict=False))
     distortion_model, distortion = value.find("distortion_model"), value.find("distortion_coeffs")
-    lens, names = _distortion(value, name, request)
+    lens, names = _distortion(value, camera_model, request)
     if lens is None and distortion is not None and any(distortion.numbers()):
-        known = [one for one in _WITH.get(name, ()) if one != "none"]
-        remedy = f"name their model there, {' or '.join(known)}, or " if known else ""
+        possible = [kind for kind in _WITH.get(camera_model, ()) if kind != "none"]
+        remedy = f"name their model there, {' or '.join(possible)}, or " if possible else ""
         raise distortion.fail(
             f"coefficients are given, but distortion_model is {'missing' if distortion_model is None else 'none'}; "
             f"{remedy}write zeros"
         )
     if lens is not None:
-        model = lens if name == "pinhole" else model
+        model = lens if camera_model == "pinhole" else model
         distortion = value.need("distortion_coeffs")
         numbers = distortion.numbers()
         if len(numbers) < len(names) or any(numbers[len(names) :]):
@@ -199,7 +201,7 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
         model,
         coefficients,
         matrix=intrinsics,
-        lens=intrinsics if own or distortion is None else distortion,
+        lens=intrinsics if leading or distortion is None else distortion,
         size=value.need("resolution"),
         says=model,
         named=distortion_model or named,
@@ -210,17 +212,17 @@ def _camera(value: Located, request: Request) -> ImportedCamera:
 def _distortion(value: Located, camera: str, request: Request) -> tuple[LensModelName | None, tuple[str, ...]]:
     """Lens model and coefficient names of ``distortion_model``; None without distortion."""
     named = value.find("distortion_model")
-    name = "none" if named is None else named.text()
+    model = "none" if named is None else named.text()
     if named is None and request.lens_model == "fisheye":
-        name = "equidistant"
-    if named is not None and name not in (known := _WITH.get(camera, ("none",))):
+        model = "equidistant"
+    if named is not None and model not in (possible := _WITH.get(camera, ("none",))):
         raise named.fail(
-            f"the distortion model '{name[:40]}' cannot be combined with the camera model {camera}; one of "
-            f"{', '.join(known)} is expected"
+            f"the distortion model '{model[:40]}' cannot be combined with the camera model {camera}; one of "
+            f"{', '.join(possible)} is expected"
         )
     if named is not None:
-        request.refuse_other_lens(named, "fisheye" if name in ("equidistant", "fov") else "pinhole")
-    return (None, ()) if name == "none" else _DISTORTION[name]
+        request.refuse_other_lens(named, "fisheye" if model in ("equidistant", "fov") else "pinhole")
+    return (None, ()) if model == "none" else _DISTORTION[model]
 
 
 def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
@@ -229,11 +231,11 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     for camera in (rig.left, rig.right):
         if camera.pixels is None:
             raise UnsupportedLensError(["a camera without the size of its pictures"])
-        model, own, distortion = _written_lens(camera)
+        model, leading, distortion = _written_lens(camera)
         cameras.append(
             {
                 "camera_model": model,
-                "intrinsics": [*own, *camera.focal_lengths, *camera.centre],
+                "intrinsics": [*leading, *camera.focal_lengths, *camera.centre],
                 **distortion,
                 "resolution": [*camera.pixels],
             }
@@ -250,17 +252,17 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
 
 def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...], dict[str, Any]]:
     """Camera model, the parameters before the focal lengths, and the distortion."""
-    for name, (model, own) in _OWN.items():
+    for name, (model, leading) in _OWN.items():
         if model == camera.lens_model and name != "pinhole":
-            names = (*own, *_DISTORTION["radtan"][1]) if name == "omni" else own
-            values = coefficients_of(camera, names, of=model)
+            names = (*leading, *_DISTORTION["radtan"][1]) if name == "omni" else leading
+            values = coefficients_of(camera, names, model=model)
             lens: dict[str, Any] = {"distortion_model": "none", "distortion_coeffs": []}
             if name == "omni":
                 lens = {"distortion_model": "radtan", "distortion_coeffs": [*values[1:]]}
-            return name, values[: len(own)], lens
+            return name, values[: len(leading)], lens
     for name, (model, names) in _DISTORTION.items():
         if model == camera.lens_model:
-            coefficients = [*coefficients_of(camera, names, of=model)]
+            coefficients = [*coefficients_of(camera, names, model=model)]
             return "pinhole", (), {"distortion_model": name, "distortion_coeffs": coefficients}
     raise UnsupportedLensError([f"the lens model {camera.lens_model}"])
 

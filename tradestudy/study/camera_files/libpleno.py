@@ -175,7 +175,7 @@ class _Poses:
         turned: bool,
     ) -> _Poses:
         """Read the poses of the mesh and the sensor; ``turned`` for neighbours along columns instead of rows."""
-        (array, start), (plane, corner) = (_pose(one) for one in (mesh, sensor))
+        (array, start), (plane, corner) = (_pose(part) for part in (mesh, sensor))
         upright = -plane[:2, :2].T
         middle = (size - sensor.need("scale").number()) / 2.0  # pixel centres lie at whole numbers
         across = upright @ array[:2, 0]
@@ -186,6 +186,7 @@ class _Poses:
         first = upright @ (start[:2] + half * array[:2, 0]) + axis
         offset = first - nearest_node(first, pitch, layout, rotation)
         slope = array[:2, 2] / array[2, 2]
+        # Either sign of z is read, as array and sensor lie behind the lens in any case.
         away = math.copysign(1.0, start[2])
         on_axis = away * (start[2] + slope @ start[:2])
         tilt = -away * (upright @ slope)
@@ -203,18 +204,18 @@ class _Poses:
 
     def known(self, metre: float) -> dict[str, float]:
         """Known values of the pose, in SI."""
-        found = {"array_rotation": self.rotation}
+        values = {"array_rotation": self.rotation}
         for index, axis in enumerate("xy"):
-            found[f"array_tilt_{axis}"] = float(self.tilt[index])
-            found[f"array_offset_{axis}"] = float(self.offset[index]) * metre
-            found[f"principal_point_{axis}"] = float(self.axis[index]) * metre
-        return found
+            values[f"array_tilt_{axis}"] = float(self.tilt[index])
+            values[f"array_offset_{axis}"] = float(self.offset[index]) * metre
+            values[f"principal_point_{axis}"] = float(self.axis[index]) * metre
+        return values
 
 
 def _pose(value: Located) -> tuple[FloatArray, FloatArray]:
     """Rotation and translation of a pose; without a rotation, none."""
     pose = value.need("pose")
-    turned, moved = pose.find("rotation"), np.array([one.number() for one in _translation(value)])
+    turned, moved = pose.find("rotation"), np.array([component.number() for component in _translation(value)])
     return np.eye(3) if turned is None else rotation_of(turned, turned.numbers(9)).T, moved
 
 
@@ -227,14 +228,16 @@ def _distortion(value: Located, poses: _Poses, corner: float, metre: float) -> d
         Depth distortion has another model than that of Heinze.
     """
     parts = {name: part.numbers() for name in ("radial", "tangential", "depth") if (part := value.find(name))}
+    # A file may omit the last coefficients.
     padded = {name: (*numbers, 0.0, 0.0, 0.0) for name, numbers in parts.items()}
-    found = {}
+    values = {}
     z = poses.mla_distance
+    # On the array, a length of the image is a slope times z.
     for power, coefficient in enumerate(padded.get("radial", ())[:3], start=1):
-        found[f"distortion_k{power}"] = coefficient * z ** (2 * power)
+        values[f"distortion_k{power}"] = coefficient * z ** (2 * power)
     if "tangential" in padded:
         p2, p1 = poses.upright @ np.array(padded["tangential"][:2]) * z
-        found |= {"distortion_p1": float(p1), "distortion_p2": float(p2)}
+        values |= {"distortion_p1": float(p1), "distortion_p2": float(p2)}
     model = value.find("model")
     number = _HEINZE if model is None else int(model.number())
     if "depth" in padded and any(padded["depth"]) and number:
@@ -244,12 +247,12 @@ def _distortion(value: Located, poses: _Poses, corner: float, metre: float) -> d
                 "write zeros"
             )
         d0, d1, d2 = padded["depth"][:3]
-        found |= {
+        values |= {
             "depth_distortion_d0": -d0 * z,
             "depth_distortion_d1": -d1 * corner**2 * metre,
             "depth_distortion_d2": -d2 * corner**4 * metre,
         }
-    return found
+    return values
 
 
 def _compare_distances(top: Located, array: float, sensor: float) -> None:
@@ -280,15 +283,15 @@ def _refuse_moved_lens(lens: Located) -> None:
 
 def _ignored(top: Located, poses: _Poses) -> Iterator[Convention]:
     """The values of this camera that would change its pictures and are not used."""
-    found = []
+    ignored = []
     for inverse in [top.need(name) for name in _INVERSES if top.find(name) is not None]:
         inverse.use()
         if not top.has("distortions"):
-            found.append(f"the distortion of the main lens, given only by its inverse, {inverse.last}")
+            ignored.append(f"the distortion of the main lens, given only by its inverse, {inverse.last}")
     if poses.leaning > _ROUNDING:
-        found.append(f"the tilt of the sensor by {pretty(poses.leaning, ANGLE)}")
-    if found:
-        yield Convention(name=IGNORED, says=" and ".join(found), key=top.key)
+        ignored.append(f"the tilt of the sensor by {pretty(poses.leaning, ANGLE)}")
+    if ignored:
+        yield Convention(name=IGNORED, says=" and ".join(ignored), key=top.key)
 
 
 def _depth(value: Located) -> Located:

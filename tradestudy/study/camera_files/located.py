@@ -125,17 +125,17 @@ class Located:
         """
         members = self.entry.members if isinstance(self.entry, MappingEntry) else {}
         written = {name: members[name].entry for name in names if name in members}
-        given = [
+        values = [
             Located(file=self.file, entry=entry, path=(*self.path, name))
             for name, entry in written.items()
             if not (isinstance(entry, ScalarEntry) and entry.value is None)
         ]
-        for other in given[1:]:
-            if _content(other.entry) != _content(given[0].entry):
-                what = f"{given[0].last} and {other.last} mean the same, but their values differ; remove the wrong one"
+        for other in values[1:]:
+            if _content(other.entry) != _content(values[0].entry):
+                what = f"{values[0].last} and {other.last} mean the same, but their values differ; remove the wrong one"
                 raise other.fail(what)
             other.use()
-        return given[0] if given else None
+        return values[0] if values else None
 
     def need(self, *names: str) -> Located:
         """The value under any of these keys, which are names of one quantity.
@@ -145,10 +145,10 @@ class Located:
         CameraFileError
             None of them has a value, or two have different ones.
         """
-        found = self.find(*names)
-        if found is None:
+        value = self.find(*names)
+        if value is None:
             raise self.fail(f"the key {' or '.join(names)} is missing")
-        return found
+        return value
 
     def use(self) -> None:
         """Note that the whole value has been used."""
@@ -224,6 +224,7 @@ class Located:
         if value is None or isinstance(value, bool):
             raise self.fail(f"'{shown[:40]}' is not a number")
         try:
+            # A whole number may have so many digits that no float can hold it.
             number = float(value)
         except OverflowError:
             number = math.inf
@@ -240,11 +241,11 @@ class Located:
 
     def numbers(self, *counts: int) -> tuple[float, ...]:
         """The numbers of a list or of its rows; if counts are given, the list must have one of these lengths."""
-        found = [*self._numbers()]
+        numbers = [*self._numbers()]
         self.use()
-        if counts and len(found) not in counts:
-            raise self.fail(f"{len(found)} numbers are given; {' or '.join(map(str, counts))} are expected")
-        return tuple(found)
+        if counts and len(numbers) not in counts:
+            raise self.fail(f"{len(numbers)} numbers are given; {' or '.join(map(str, counts))} are expected")
+        return tuple(numbers)
 
     def _numbers(self) -> Iterator[float]:
         for item in self.items():
@@ -260,17 +261,19 @@ def _unused(value: Located, partly: set[Path]) -> Iterator[Located]:
         return
     below: list[Located] = []
     if isinstance(value.entry, MappingEntry):
-        below = [replace(value, entry=one.entry, path=(*value.path, key)) for key, one in value.entry.members.items()]
+        members = value.entry.members.items()
+        below = [replace(value, entry=member.entry, path=(*value.path, key)) for key, member in members]
     elif isinstance(value.entry, ListEntry):
         below = [*value.items()]
     elif value.entry.value is None:  # an empty value states nothing
         return
     if value.path not in partly:
+        # An empty list or mapping states nothing.
         if below or isinstance(value.entry, ScalarEntry):
             yield value
     elif isinstance(value.entry, MappingEntry) or _has_mapping(value.entry):
-        for one in below:
-            yield from _unused(one, partly)
+        for inner in below:
+            yield from _unused(inner, partly)
 
 
 def _content(entry: Entry) -> object:
@@ -432,7 +435,7 @@ class UnsupportedLensError(Exception):
         self.names = tuple(names)
 
 
-def coefficients_of(camera: ImportedCamera, names: Sequence[str], *, of: str = "rational") -> tuple[float, ...]:
+def coefficients_of(camera: ImportedCamera, names: Sequence[str], *, model: str = "rational") -> tuple[float, ...]:
     """The coefficients of a lens in the order of a format.
 
     Raises
@@ -440,7 +443,7 @@ def coefficients_of(camera: ImportedCamera, names: Sequence[str], *, of: str = "
     UnsupportedLensError
         The lens has another model, or nonzero coefficients that are not among the names.
     """
-    if camera.lens_model != of:
+    if camera.lens_model != model:
         raise UnsupportedLensError([f"the lens model {camera.lens_model}"])
     if beyond := [name for name, value in camera.coefficients.items() if value != 0.0 and name not in names]:
         raise UnsupportedLensError(beyond)
@@ -469,7 +472,7 @@ def wrong_request(key: str, value: object) -> str:
         except UnitError as error:
             return str(error)
     elif key == "pair":
-        if not (isinstance(value, list) and len(value) == 2 and all(type(one) in (str, int) for one in value)):
+        if not (isinstance(value, list) and len(value) == 2 and all(type(name) in (str, int) for name in value)):
             return "the names of the left and the right camera are expected, such as [cam0, cam1]"
     elif value not in (choices := {"pictures": ("raw", "rectified"), "lens_model": ("fisheye", "pinhole")}[key]):
         corners = "; calibration.corners.lens_model declares a model to fit to corners"

@@ -49,7 +49,7 @@ def frame_metadata(file: BinaryIO, size: int) -> bytes:
     ContainerError
         A section is damaged or ends beyond the end of the file, or not exactly one contains the metadata of a frame.
     """
-    found, position = [], 0
+    contents, position = [], 0
     for _ in range(_MOST):
         file.seek(position)
         header = file.read(_HEADER)
@@ -65,18 +65,19 @@ def frame_metadata(file: BinaryIO, size: int) -> bytes:
                 "again"
             )
         position = begin + length
+        # The pixels are in longer sections.
         if 0 < length <= _LONGEST and (content := _json(file, length)):
-            found.append(content)
+            contents.append(content)
         file.seek(position)
         padding = file.read(_HEADER)
         position += len(padding) - len(padding.lstrip(b"\0"))
     else:
         raise ContainerError(f"it has more than {_MOST} sections, so it is not a raw picture from the camera")
-    if len(found) != 1:
+    if len(contents) != 1:
         raise ContainerError(
-            f"it contains metadata of {len(found)} frames; one is expected, as in a raw picture from the camera"
+            f"it contains metadata of {len(contents)} frames; one is expected, as in a raw picture from the camera"
         )
-    return found[0]
+    return contents[0]
 
 
 def _json(file: BinaryIO, length: int) -> bytes:
@@ -102,16 +103,16 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:  # noqa: AR
         A value is invalid, or the tiling of the array is unknown.
     """
     top = files[0].top
-    frame = next(one for path in _PATHS if (one := _below(top, path)) is not None and _is_frame(one))
-    for one in _levels(top, frame):
-        one.set_aside()
+    frame = next(value for path in _PATHS if (value := _below(top, path)) is not None and _is_frame(value))
+    for level in _levels(top, frame):
+        level.set_aside()
     image, devices = frame.need("image"), frame.need("devices")
     lens, array, sensor = (devices.need(name) for name in ("lens", "mla", "sensor"))
-    for one in (image, devices, lens, array, sensor):
-        one.set_aside()
+    for part in (image, devices, lens, array, sensor):
+        part.set_aside()
     parts = Parts(top)
     focal_length, number = lens.find("focalLength"), lens.find("fNumber")
-    f, n = (None if one is None else _positive(one) for one in (focal_length, number))
+    f, n = (None if value is None else _positive(value) for value in (focal_length, number))
     parts.length("main_lens.focal_length", f, focal_length)
     parts.give("main_lens.f_number", n, number)
     pixel_pitch = sensor.find("pixelPitch")
@@ -135,7 +136,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:  # noqa: AR
     else:
         a = f + f**2 / behind if behind else math.inf
         parts.give("focus.distance", f"{a!r} m" if behind else "infinity", lens.need("infinityLambda"), derived=True)
-        pupil = None if (one := lens.find("exitPupilOffset")) is None else one.find("z")
+        pupil = None if (exit_pupil := lens.find("exitPupilOffset")) is None else exit_pupil.find("z")
         if pupil is not None:
             parts.length("main_lens.exit_pupil", f + behind - _positive(pupil), pupil, derived=True)
         conventions.append(_focus(a, behind, lens))
@@ -164,8 +165,8 @@ def _is_frame(value: Located) -> bool:
 def _levels(top: Located, frame: Located) -> Iterator[Located]:
     """The mappings that lead from the whole file to the metadata of its frame."""
     for count in range(len(frame.path) + 1):
-        if (one := _below(top, frame.path[:count])) is not None and one.names():
-            yield one
+        if (level := _below(top, frame.path[:count])) is not None and level.names():
+            yield level
 
 
 def _positive(value: Located) -> float:
@@ -207,7 +208,7 @@ def _shift(image: Located, sensor: Located, pixels: tuple[int, int], pixel_pitch
     if origin is None or None in full:
         return np.zeros(2)
     first = [origin.need(axis).number() for axis in "xy"]
-    whole = [one.count() for one in full if one is not None]
+    whole = [extent.count() for extent in full if extent is not None]
     return np.array([w / 2.0 - x - n / 2.0 for w, x, n in zip(whole, first, pixels, strict=True)]) * pixel_pitch
 
 
@@ -243,6 +244,6 @@ FORMAT: Final = Format(
     name="Lytro metadata",
     whole="the file of a picture contains the whole camera",
     signs=("devices", "image", "frames", "picture", "master"),
-    recognises=lambda file: any((one := _below(file.top, path)) is not None and _is_frame(one) for path in _PATHS),
+    recognises=lambda file: any((value := _below(file.top, path)) is not None and _is_frame(value) for path in _PATHS),
     read=read,
 )

@@ -147,7 +147,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
 def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
     for name, (model, names) in _MODELS.items():
         if model == camera.lens_model != "rational":
-            return name, coefficients_of(camera, names, of=model)
+            return name, coefficients_of(camera, names, model=model)
     lens = shortest_coefficients(camera, _OPENCV, (4, 5, 8, 12))
     return f"LENSMODEL_OPENCV{len(lens)}", lens
 

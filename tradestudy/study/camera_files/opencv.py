@@ -438,7 +438,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
         (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
         matrices[f"M{side}"] = ((3, 3), (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0))
         if all(fisheye):
-            lens = coefficients_of(camera, _ORDER_FISHEYE, of="kannala-brandt")
+            lens = coefficients_of(camera, _ORDER_FISHEYE, model="kannala-brandt")
         else:
             lens = shortest_coefficients(camera, _ORDER, (5, 8, 12, 14))
         matrices[f"D{side}"] = ((1, len(lens)), lens)

@@ -104,10 +104,10 @@ def rigid_of(value: Located, numbers: tuple[float, ...]) -> tuple[FloatArray, Fl
 
 def inverse(transform: FloatArray) -> FloatArray:
     """The inverse of a rigid 4 × 4 transform."""
-    found: FloatArray = np.eye(4)
-    found[:3, :3] = transform[:3, :3].T
-    found[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
-    return found
+    inverted: FloatArray = np.eye(4)
+    inverted[:3, :3] = transform[:3, :3].T
+    inverted[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
+    return inverted
 
 
 _SHORTEST, _LONGEST = 5e-4, 20.0  # baselines [m]; beyond these, the unit of length is certainly wrong
@@ -183,7 +183,7 @@ def paired(
         backwards; or the baseline indicates a wrong unit of length.
     """
     at = where[1]
-    x, y, z = (float(one) for one in translation)
+    x, y, z = (float(component) for component in translation)
     baseline = float(np.linalg.norm(translation))
     if not baseline > 0.0:
         raise at.fail("both cameras are at the same place; a baseline is expected")
@@ -206,15 +206,15 @@ def paired(
         conventions = (*conventions, Convention(name=UNUSUAL_BASELINE, says=says + otherwise, key=key))
     pair = (first, second)
     doubts = {name: "; ".join(filter(None, map(words, pair))) for name, words in _DOUBTS.items()}
-    doubts[OFF_CENTRE] = off_centre(
-        {one.name: (one.centre, one.pixels or other.pixels) for one, other in zip(pair, pair[::-1], strict=True)}
-    )
+    couples = zip(pair, pair[::-1], strict=True)
+    centres = {camera.name: (camera.centre, camera.pixels or other.pixels) for camera, other in couples}
+    doubts[OFF_CENTRE] = off_centre(centres)
     if not is_vertical and _side_in(first.name) == "right" and _side_in(second.name) == "left":
         doubts[EXCHANGED_NAMES] = f"by the geometry, {first.name} is the left camera, and {second.name} the right one"
     for name, says in doubts.items():
         if says:
             conventions = (*conventions, Convention(name=name, says=says, key=key))
-    sizes = [size_convention(one, is_vertical) for one in pair if one.pixels is not None]
+    sizes = [size_convention(camera, is_vertical) for camera in pair if camera.pixels is not None]
     conventions = (*conventions, *sizes[:1])
     if len(sizes) == 2 and sizes[0].says != sizes[1].says:
         conventions = (*conventions, replace(sizes[1], name=RIGHT_SIZE))
@@ -333,9 +333,9 @@ def checked_camera(
         a pinhole.
     """
     if not (min(map(abs, pinhole[:2])) >= _LEAST_FOCAL_PX and max(map(abs, pinhole)) <= _MOST_PX):
-        given = ", ".join(f"{value:g}" for value in pinhole)
+        shown = ", ".join(f"{value:g}" for value in pinhole)
         raise matrix.fail(
-            f"focal lengths and principal point of {given} px belong to no camera (allowed: focal lengths of "
+            f"focal lengths and principal point of {shown} px belong to no camera (allowed: focal lengths of "
             f"{_LEAST_FOCAL_PX:g} px or more, nothing beyond {_MOST_PX:g} px); correct them"
         )
     if lens_model in FAMILIES:
@@ -477,7 +477,7 @@ def as_filed(rig: ImportedRig, is_reversed: bool = False) -> ImportedRig:
         Whether the files give the right camera first; the result then leads from right to left.
     """
     rotation, translation, cameras = np.array(rig.rotation), np.array(rig.translation), (rig.left, rig.right)
-    if any(one.name == _ORDER and one.says.startswith(f"{rig.left.name} {_UPPER}") for one in rig.conventions):
+    if any(entry.name == _ORDER and entry.says.startswith(f"{rig.left.name} {_UPPER}") for entry in rig.conventions):
         rotation, translation = _QUARTER.T @ rotation @ _QUARTER, _QUARTER.T @ translation
         cameras = _turned_back(rig.left), _turned_back(rig.right)
     if is_reversed:

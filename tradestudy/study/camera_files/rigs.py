@@ -88,15 +88,15 @@ def rig(
         metre=metre,
         where=(where, where),
         exchanged=exchanged or f"left and right are exchanged; give pair: [{second.name}, {first.name}] beside from:",
-        conventions=(*(Convention(name=name, says=one, key=where.key) for name, one in says.items()), unit, *others),
+        conventions=(*(Convention(name=name, says=text, key=where.key) for name, text in says.items()), unit, *others),
     )
 
 
 def transform_of(rotation: FloatArray, translation: Sequence[float] | FloatArray) -> FloatArray:
     """A 4 × 4 transform."""
-    found: FloatArray = np.eye(4)
-    found[:3, :3], found[:3, 3] = rotation, translation
-    return found
+    transform: FloatArray = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = rotation, translation
+    return transform
 
 
 def chosen(names: Sequence[str], request: Request, at: Located) -> tuple[str, str]:
@@ -165,8 +165,8 @@ def keyed(
 
 def given(value: Located, names: Sequence[str], keys: Sequence[str] = ()) -> dict[str, float]:
     """The coefficients that have keys in a mapping; keys are names unless given."""
-    found = {name: value.find(key) for name, key in zip(names, keys or names, strict=True)}
-    return {name: one.number() for name, one in found.items() if one is not None}
+    coefficients = {name: value.find(key) for name, key in zip(names, keys or names, strict=True)}
+    return {name: coefficient.number() for name, coefficient in coefficients.items() if coefficient is not None}
 
 
 def only(names: Sequence[str], numbers: Sequence[float], lens: Located) -> dict[str, float]:

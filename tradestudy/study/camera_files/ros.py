@@ -118,7 +118,7 @@ def _offset(projection: Located) -> float:
 
 def _between(projections: list[Located]) -> FloatArray:
     """Position of the first rectified camera in the frame of the second one, both relative to a common origin."""
-    first, second = (translation_of_projection(one, _numbers(one, 12)) for one in projections)
+    first, second = (translation_of_projection(projection, _numbers(projection, 12)) for projection in projections)
     moved: FloatArray = second - first
     if moved.any():
         return moved
@@ -155,7 +155,7 @@ def _unusual_sign(projections: list[Located]) -> tuple[Convention, ...]:
 
 def _unset_rotations(tops: list[Located]) -> tuple[Convention, ...]:
     unset = [top.find(*_RECTIFICATION) for top in tops if _is_unset(top)]
-    key = next((one.key for one in unset if one is not None), "")
+    key = next((value.key for value in unset if value is not None), "")
     says = "all 0, which means unset: the cameras are taken to be parallel"
     return (Convention(name="rectification", says=says, key=key, is_assumed=True),) if key else ()
 
@@ -244,12 +244,12 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
         if camera.pixels is None:
             raise UnsupportedLensError(["a camera without the size of its pictures"])
         (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
-        f, (x, y) = focal_length, (float(one) for one in centre)
+        f, (x, y) = focal_length, (float(coordinate) for coordinate in centre)
         model, lens = _written_lens(camera)
         matrices = {
             "camera_matrix": (3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
             "distortion_coefficients": (1, len(lens), [*lens]),
-            "rectification_matrix": (3, 3, [float(one) for one in turn.ravel()]),
+            "rectification_matrix": (3, 3, [float(number) for number in turn.ravel()]),
             "projection_matrix": (3, 4, [f, 0.0, x, f * moved, 0.0, f, y, 0.0, 0.0, 0.0, 1.0, 0.0]),
         }
         lines = [f"image_width: {camera.pixels[0]}", f"image_height: {camera.pixels[1]}", f"camera_name: {side}"]
@@ -273,7 +273,7 @@ def _rectifying(rig: ImportedRig) -> tuple[FloatArray, FloatArray]:
 
 def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
     if camera.lens_model == "kannala-brandt":
-        return "equidistant", coefficients_of(camera, _MODELS["equidistant"][1], of="kannala-brandt")
+        return "equidistant", coefficients_of(camera, _MODELS["equidistant"][1], model="kannala-brandt")
     lens = shortest_coefficients(camera, _MODELS["rational_polynomial"][1][:8], (5, 8))
     return ("plumb_bob" if len(lens) == 5 else "rational_polynomial"), lens
 

@@ -23,7 +23,7 @@ _NOT_FINITE: Final = "a number is not finite, or too large; correct it, or remov
 
 
 def translation_problem(
-    lengths: Sequence[float], words: Collection[str], read: Vector, *, is_parallel: bool = False
+    lengths: Sequence[float], words: Collection[str], translation: Vector, *, is_parallel: bool = False
 ) -> str:
     """How a translation, one of its components, or a baseline contradicts the translation that is read.
 
@@ -33,21 +33,21 @@ def translation_problem(
         Three components, or one of them or the baseline [m].
     words
         Words of the key.
-    read
+    translation
         Translation from the first to the second camera of the files [m].
     is_parallel
         One of the two holds for rectified cameras, whose rotation is unknown: lengths and their signs are compared.
     """
-    baseline, given = math.hypot(*read), math.hypot(*lengths)
-    if not math.isfinite(given):
+    baseline, length = math.hypot(*translation), math.hypot(*lengths)
+    if not math.isfinite(length):
         return _NOT_FINITE
     axis = next(("xyz".index(word[-1]) for word in words if word in ("tx", "x", "y", "z")), None)
-    expected: tuple[float, ...] = read
+    expected: tuple[float, ...] = translation
     if len(lengths) == 1 and axis is not None and "baseline" not in words:
-        expected = (read[axis],)
-    elif abs(given - baseline) > _AGREES * baseline:
+        expected = (translation[axis],)
+    elif abs(length - baseline) > _AGREES * baseline:
         return (
-            f"{pretty(given, LENGTH)} contradicts the baseline that is read, {pretty(baseline, LENGTH)}; correct the "
+            f"{pretty(length, LENGTH)} contradicts the baseline that is read, {pretty(baseline, LENGTH)}; correct the "
             "wrong one, or its unit"
         )
     elif len(lengths) == 1:
@@ -67,7 +67,7 @@ def _shown(lengths: Sequence[float]) -> str:
     return text if len(lengths) == 1 else f"({text})"
 
 
-def rotation_problem(numbers: Sequence[float], words: Collection[str], read: FloatArray) -> tuple[str, bool]:
+def rotation_problem(numbers: Sequence[float], words: Collection[str], rotation: FloatArray) -> tuple[str, bool]:
     """How a rotation contradicts the one that is read, and whether it agrees; neither if its convention is unknown.
 
     Parameters
@@ -76,17 +76,18 @@ def rotation_problem(numbers: Sequence[float], words: Collection[str], read: Flo
         A matrix, a quaternion, a rotation vector, or one or three angles [rad, or degrees if the key says so].
     words
         Words of the key.
-    read
+    rotation
         Rotation from the first to the second camera of the files.
     """
     if not math.hypot(*numbers) <= _LARGEST:
         return _NOT_FINITE, False
     if _DEGREES & {*words} and len(numbers) in (1, 3):
         numbers = [math.radians(angle) for angle in numbers]
-    given, by = [*_rotations_of(numbers, words)], _angle_of(read)
-    angles = [_angle_of(rotation) for rotation in given]
-    if given:
-        differ, inverse = (min(float(np.linalg.norm(one - to, 2)) for one in given) for to in (read, read.T))
+    rotations, by = [*_rotations_of(numbers, words)], _angle_of(rotation)
+    angles = [_angle_of(turn) for turn in rotations]
+    if rotations:
+        ways = (rotation, rotation.T)
+        differ, inverse = (min(float(np.linalg.norm(turn - way, 2)) for turn in rotations) for way in ways)
     elif len(numbers) in (1, 3):  # of one angle, such as the yaw, the others are unknown
         angles = [math.hypot(*numbers)]
         differ, inverse = abs(angles[0] - by) if len(numbers) == 3 else max(angles[0] - by, 0.0), math.inf
@@ -94,7 +95,7 @@ def rotation_problem(numbers: Sequence[float], words: Collection[str], read: Flo
         return "", False
     limit = _ANGLE_AGREES + _AGREES * by
     if differ <= limit:
-        return "", bool(given)
+        return "", bool(rotations)
     is_as_large = min(abs(angle - by) for angle in angles) <= limit
     how = " the other way, like the inverse pose," if inverse <= limit else " about another axis" if is_as_large else ""
     return (
@@ -123,15 +124,15 @@ def epipolar_problem(
     """
     if not math.hypot(*numbers) <= _LARGEST**2:
         return _NOT_FINITE, False
-    expected, given = np.cross(translation, rotation, axisb=0, axisc=0), np.array(numbers).reshape(3, 3)
-    ways = (given, given.T)
+    expected, matrix = np.cross(translation, rotation, axisb=0, axisc=0), np.array(numbers).reshape(3, 3)
+    ways = (matrix, matrix.T)
     if matrices:
-        ways = (matrices[1].T @ given @ matrices[0], matrices[1].T @ given.T @ matrices[0])
+        ways = (matrices[1].T @ matrix @ matrices[0], matrices[1].T @ matrix.T @ matrices[0])
     large, middle, small = np.linalg.svd(ways[0], compute_uv=False)
     if large == 0.0 or small > _AGREES * large or (not matrices and middle < (1.0 - _AGREES) * large):
         return "", False
-    expected, *units = (one / np.linalg.norm(one) for one in (expected, *ways))
-    differ, inverse = (min(float(np.linalg.norm(one - to)) for to in (expected, -expected)) for one in units)
+    expected, *units = (way / np.linalg.norm(way) for way in (expected, *ways))
+    differ, inverse = (min(float(np.linalg.norm(unit - to)) for to in (expected, -expected)) for unit in units)
     if differ <= _ANGLE_AGREES:
         return "", True
     how = "is that of the inverse pose, and " if inverse <= _ANGLE_AGREES else ""

@@ -63,7 +63,7 @@ def parsed(path: Path, text: str, syntax: str, label: str) -> CameraFile:
 
 def _opencv_yaml(path: Path, text: str) -> Entry:
     """YAML with tags, a header that other parsers refuse, and no space after keys; ``Camera.fx`` is fx in Camera."""
-    text = _OPENCV_HEAD.sub(lambda found: "#" + found.group()[1:], text, count=1)
+    text = _OPENCV_HEAD.sub(lambda head: "#" + head.group()[1:], text, count=1)
     root = _yaml(path, re.sub(r"^(\s*data:)\[", r"\1 [", text, flags=re.MULTILINE), tags=True)
     if not isinstance(root, MappingEntry):
         return root
@@ -181,15 +181,15 @@ class _XmlBuilder:
         stated = {key: value for key, value in attributes.items() if key not in _STORAGE_ATTRIBUTES}
         if self.open and (number := stated.pop("id", None)) is not None:
             name = f"{name}_{number}"
-        own: dict[str, Member] = {}
+        members: dict[str, Member] = {}
         if self.open and name == "_" and stated:
             raise self.fail(f"the attribute {next(iter(stated))} of a list's element is not supported; remove it")
-        beside, prefix = (self.open[-1][2], f"{name}_") if self.open else (own, "")
+        beside, prefix = (self.open[-1][2], f"{name}_") if self.open else (members, "")
         for key, value in stated.items():
             if prefix + key in beside:
                 raise self.fail(f"the attribute {key} and another value are both called {prefix}{key}; remove one")
             beside[prefix + key] = Member(self.place, self.value(self.place, value.strip()))
-        self.open.append((self.place, name, own, [], []))
+        self.open.append((self.place, name, members, [], []))
 
     def characters(self, text: str) -> None:
         """Collect the text of an element."""

@@ -154,7 +154,7 @@ def unused_keys(files: Sequence[CameraFile], request: Request, imported: Importe
         Files whose values have been read.
     request
         How they were read: rectified pictures have no distortion, and no other camera matrix than that of their file.
-    found
+    imported
         What was read.
 
     Raises

@@ -49,10 +49,11 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     turned = [stereo.need(f"{axis}_{name}").number() for axis in ("RX", "CV", "RZ")]
     moved = [stereo.need("Baseline", "BaseLine").number()]
     moved += [stereo.need(f"{axis}_{name}", axis).number() for axis in ("TY", "TZ")]
-    for one in stereo.names():
-        if one.rpartition("_")[2] in _SIZES and one.rpartition("_")[2] != name:
-            stereo.set_aside(one)
-    rights = {one: value for one in cameras if (value := top.find(f"RIGHT_CAM_{one}")) is not None}
+    for key in stereo.names():
+        if key.rpartition("_")[2] in _SIZES and key.rpartition("_")[2] != name:
+            stereo.set_aside(key)
+    # Both sides have the same resolutions, so that those of one side say which are not used.
+    rights = {size: value for size in cameras if (value := top.find(f"RIGHT_CAM_{size}")) is not None}
     return rig(
         _camera(left, _SIZES[name], request),
         _camera(right, _SIZES[name], request),
@@ -61,7 +62,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         where=stereo,
         request=request,
         exchanged="Baseline is negative; correct its sign in the file",
-        others=tuple(one for side in (cameras, rights) for one in other_cameras(side, (name,)))[:1],
+        others=tuple(convention for side in (cameras, rights) for convention in other_cameras(side, (name,)))[:1],
     )
 
 

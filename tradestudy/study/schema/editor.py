@@ -74,8 +74,8 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
         pattern: {"anyOf": [camera, *starts]} for pattern, camera in cameras["patternProperties"].items()
     }
     uses = Counter(re.findall(r'"#/\$defs/(v\d+)"', json.dumps(opened)))
-    single = {name: one for name, one in opened["$defs"].items() if uses[name] == 1}
-    opened["$defs"] = {name: one for name, one in opened["$defs"].items() if name not in single}
+    single = {name: definition for name, definition in opened["$defs"].items() if uses[name] == 1}
+    opened["$defs"] = {name: definition for name, definition in opened["$defs"].items() if name not in single}
     return {"$schema": _DIALECT, **_inlined(opened, single)}
 
 
@@ -86,8 +86,8 @@ def _inlined(schema: Any, single: Mapping[str, Any]) -> Any:
     if not isinstance(schema, dict):
         return schema
     if (definition := single.get(str(schema.get("$ref")).rpartition("/")[2])) is not None:
-        return _inlined({**definition, **{name: of for name, of in schema.items() if name != "$ref"}}, single)
-    return {name: _inlined(of, single) for name, of in schema.items()}
+        return _inlined({**definition, **{key: value for key, value in schema.items() if key != "$ref"}}, single)
+    return {key: _inlined(value, single) for key, value in schema.items()}
 
 
 def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
@@ -104,7 +104,7 @@ def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, A
         possible = [below for below in schema.get("anyOf", ()) if below.get("type") != "null"]
         return meaning(possible[0] if len(possible) == 1 else part)
 
-    described = {name: of for name, of in part.items() if name != "title"}  # the name of a class
+    described = {key: value for key, value in part.items() if key != "title"}  # the name of a class
     if "properties" in part:
         described["properties"] = {
             key: _telling(below) if {*below} == {"$ref"} else {**_telling(below), "description": meaning(below)}
@@ -116,17 +116,19 @@ def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, A
 def _telling(schema: Mapping[str, Any]) -> dict[str, Any]:
     """Drop what does not help an editor: titles that pydantic derives from keys, and defaults that say nothing."""
     is_quantity = "pattern" in schema and "examples" in schema  # whose title states its limits
-    return {name: of for name, of in schema.items() if (name != "title" or is_quantity) and not _is_empty(name, of)}
+    return {
+        key: value for key, value in schema.items() if (key != "title" or is_quantity) and not _is_empty(key, value)
+    }
 
 
-def _is_empty(name: str, of: Any) -> bool:
+def _is_empty(key: str, value: Any) -> bool:
     """Whether this is a default of null, or one of a mapping whose keys all are null or empty."""
-    return name == "default" and (of is None or (isinstance(of, Mapping) and not any(of.values())))
+    return key == "default" and (value is None or (isinstance(value, Mapping) and not any(value.values())))
 
 
 def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any], values: dict[str, str]) -> dict[str, Any]:
     """Let every value below a schema have a basis; ``values`` collects the names of repeated definitions."""
-    opened = {name: of for name, of in schema.items() if name != "discriminator"}  # OpenAPI, which no editor reads
+    opened = {key: value for key, value in schema.items() if key != "discriminator"}  # OpenAPI, which no editor reads
     for place in ("properties", "patternProperties"):
         if place in schema:
             opened[place] = {name: _with_basis(below, parts, values) for name, below in schema[place].items()}

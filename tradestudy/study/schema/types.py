@@ -25,13 +25,13 @@ def key_names(model: type[BaseModel]) -> list[str]:
 
 def tags(kind: Any, discriminator: str) -> list[str]:
     """List the values of the key that selects a model in a union."""
-    found: list[str] = []
+    values: list[str] = []
     for member in map(bare, get_args(bare(kind))):
         if get_origin(member) in (Union, UnionType):  # an optional union
-            found += tags(member, discriminator)
+            values += tags(member, discriminator)
         elif is_model(member):
-            found += map(str, get_args(member.model_fields[discriminator].annotation))
-    return found
+            values += map(str, get_args(member.model_fields[discriminator].annotation))
+    return values
 
 
 def keys_of_value(kind: Any) -> list[str]:
@@ -116,5 +116,5 @@ def _models(kind: Any) -> list[type[BaseModel]]:
     """The model that a type is, or the members of a union that are models."""
     kind = bare(kind)
     if get_origin(kind) in (Union, UnionType):
-        return [found for member in get_args(kind) for found in _models(member)]
+        return [model for member in get_args(kind) for model in _models(member)]
     return [kind] if is_model(kind) else []
